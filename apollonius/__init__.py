@@ -1,0 +1,60 @@
+"""Apollonius learns, solves and plays pursuit-evasion games between mobile robots among obstacles.
+
+The public names are imported when they are first used, so that `import apollonius` and `apollonius --help` are quick.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from apollonius.agents.catalogue import find_agent as find_agent
+    from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
+    from apollonius.agents.greedy import Greedy as Greedy
+    from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
+    from apollonius.agents.policy import solo as solo
+    from apollonius.agents.policy import stack as stack
+    from apollonius.agents.store import load_agent as load_agent
+    from apollonius.agents.store import save_agent as save_agent
+    from apollonius.evaluate.match import play_match as play_match
+    from apollonius.game.arena import Arena as Arena
+    from apollonius.game.arena import Disc as Disc
+    from apollonius.game.dynamics import Unicycle as Unicycle
+    from apollonius.game.game import Game as Game
+    from apollonius.game.game import reset_batch as reset_batch
+    from apollonius.game.presets import make_game as make_game
+    from apollonius.game.reward import Reward as Reward
+    from apollonius.game.starts import Starts as Starts
+    from apollonius.game.types import GameState as GameState
+    from apollonius.game.types import Outcome as Outcome
+    from apollonius.game.types import RobotState as RobotState
+    from apollonius.game.types import Role as Role
+    from apollonius.rollout import collect as collect
+    from apollonius.rollout import play_out as play_out
+
+_HOMES = {
+    "agents.catalogue": ("find_agent",),
+    "agents.greedy": ("EpsilonGreedy", "Greedy"),
+    "agents.policy": ("AbstractPolicy", "solo", "stack"),
+    "agents.store": ("load_agent", "save_agent"),
+    "evaluate.match": ("play_match",),
+    "game.arena": ("Arena", "Disc"),
+    "game.dynamics": ("Unicycle",),
+    "game.game": ("Game", "reset_batch"),
+    "game.presets": ("make_game",),
+    "game.reward": ("Reward",),
+    "game.starts": ("Starts",),
+    "game.types": ("GameState", "Outcome", "RobotState", "Role"),
+    "rollout": ("collect", "play_out"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'apollonius' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"apollonius.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

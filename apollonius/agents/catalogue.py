@@ -1,0 +1,57 @@
+"""Agents by name: the built-in players, the zoo that ships with the package, and files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from apollonius.agents.classical import Still
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.store import AgentHeader, load_agent
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.game.types import Role
+
+ZOO = Path(__file__).parent.parent / "zoo"
+"""Where the trained agents that ship with the package lie."""
+
+BUILT_IN: dict[str, Callable[[], AbstractPolicy]] = {"random": Uniform, "still": Still}
+"""Players that need no file and play either side."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A player, what it is called, and the header of its file if it has one."""
+
+    name: str
+    policy: AbstractPolicy
+    header: AgentHeader | None = None
+
+
+def zoo_names() -> list[str]:
+    """Names of the agents that ship with the package."""
+    return sorted(path.stem for path in ZOO.glob("*.safetensors"))
+
+
+def find_agent(name: str, role: Role) -> Named:
+    """The player of this name: built in, in the zoo, or a file; greedy if it was trained.
+
+    Raises:
+        InvalidInput: when there is none, its file is bad, or it was trained for the other side.
+    """
+    if name in BUILT_IN:
+        return Named(name, BUILT_IN[name]())
+    if name in zoo_names():
+        path = ZOO / f"{name}.safetensors"
+    elif Path(name).suffix == ".safetensors" or Path(name).exists():
+        path = Path(name)
+    else:
+        known = ", ".join([*BUILT_IN, *zoo_names()])
+        raise InvalidInput(f"no agent is called '{name}': choose one of {known}, or give a .safetensors file.")
+    agent = load_agent(path)
+    if agent.header.role != role.name.lower():
+        raise InvalidInput(
+            f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
+            "the evader second."
+        )
+    return Named(path.stem, Greedy(agent.network), agent.header)

@@ -1,0 +1,40 @@
+"""Players that act by a network's action values: the best action, or now and then a random one."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt32
+
+from apollonius.agents.network import QNetwork
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.uniform import uniform_action
+from apollonius.game.types import Scalar
+
+
+class Greedy(AbstractPolicy):
+    """The action of highest value; among equals, the lowest index."""
+
+    network: QNetwork
+
+    @property
+    def observation(self) -> str:
+        """The network's observation profile."""
+        return self.network.observation
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        return jnp.argmax(self.network(observation)).astype(jnp.int32)
+
+
+class EpsilonGreedy(AbstractPolicy):
+    """With probability `epsilon` (to 1.5e-5) a uniformly random action, otherwise the greedy one."""
+
+    network: QNetwork
+    epsilon: Scalar
+
+    @property
+    def observation(self) -> str:
+        """The network's observation profile."""
+        return self.network.observation
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        best = jnp.argmax(self.network(observation)).astype(jnp.int32)
+        explore = (word & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
+        return jnp.where(explore, uniform_action(word), best)

@@ -1,0 +1,64 @@
+"""What every player is: an observation and a random word in, an action out."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt32
+
+
+class AbstractPolicy(eqx.Module):
+    """A player of one side. Unbatched; batching is the caller's `vmap`."""
+
+    @property
+    @abstractmethod
+    def observation(self) -> str:
+        """Profile of the observation it expects (`apollonius.game.observation`)."""
+
+    @abstractmethod
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        """The action (0..8) for an observation.
+
+        Args:
+            observation: what the player's side sees, in the policy's profile.
+            word: 32 random bits, fresh for every step; consumed. One word instead of a key, since splitting keys for
+                thousands of games costs more than the games themselves.
+        """
+
+
+class Pool(eqx.Module):
+    """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
+
+    Attributes:
+        members: a policy whose array leaves have a leading axis of length `size`.
+        size: number of members.
+    """
+
+    members: AbstractPolicy
+    size: int = eqx.field(static=True, default=1)
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all members expect."""
+        return self.members.observation
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Int[Array, " games"]:
+        """Each game's action, by the member of this pool that it meets."""
+        everyone = jax.vmap(lambda policy: jax.vmap(policy)(observation, word), axis_size=self.size)(self.members)
+        return everyone[0] if self.size == 1 else jnp.take_along_axis(everyone, member[None], axis=0)[0]
+
+
+def solo(policy: AbstractPolicy) -> Pool:
+    """The pool of just this player."""
+    return Pool(jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], policy))
+
+
+def stack(policies: list[AbstractPolicy]) -> Pool:
+    """The pool of these players, which must have one structure."""
+    return Pool(jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies), len(policies))

@@ -1,0 +1,125 @@
+"""How fast it is: env steps and updates per second, on the machine at hand."""
+
+import functools
+import os
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from apollonius.agents.policy import solo
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import require
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState
+from apollonius.learn.config import DQNConfig, StageConfig
+from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.stage import Plan, play_and_learn
+from apollonius.rollout import Games, begin, collect
+
+CLASSIC = DQNConfig(
+    observation="paper", double=False, n_step=1, batch=128, env_steps_per_update=4, games=64, learning_rate=1e-4
+)
+"""Plain DQN on the 8 numbers, batch 128, an update every 4 env steps: the setting of published trainers' figures."""
+_STEPS = 250
+_START_ROWS = 16
+
+
+def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
+    """Random play of the `paper` game with auto-reset; one env step moves both robots.
+
+    Every step computes the states, outcomes, both rewards and both 8-number observations.
+
+    Raises:
+        InvalidInput: unless `games` is at least 1.
+    """
+    require(games >= 1, "games", games, "at least 1")
+    game = make_game("paper")
+    start_key, word_key = jax.random.split(jax.random.key(0))
+    starts = _draw(game, start_key, games)
+    player = solo(Uniform())
+    first = jax.tree.map(lambda leaf: leaf[0], starts)
+    carry = begin(first, player, player, jax.random.bits(word_key, (2, games), jnp.uint32))
+
+    def run(repeat: int) -> Any:
+        nonlocal carry
+        carry, checksum = _random_play(game, carry, starts, jax.random.key(repeat))
+        return checksum
+
+    seconds = _time(run, repeats)
+    return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
+
+
+def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
+    """Stage 1 training as configured, from the first update on.
+
+    Raises:
+        InvalidInput: for an impossible configuration.
+    """
+    plan = Plan(config, StageConfig(env_steps=10**9))
+    game = make_game("paper")
+    evader = stationary_evader()
+    state = start_fixed_target(plan, game, jax.random.key(0))
+
+    def run(repeat: int) -> Any:
+        nonlocal state
+        state, metrics = play_and_learn(plan, game, state, None, evader)
+        return metrics
+
+    while int(state.env_steps) < config.learning_starts:
+        run(0)
+    seconds = _time(run, repeats)
+    updates = plan.iterations_per_chunk * config.updates_per_iteration
+    return {
+        "what": "train",
+        "games": config.games,
+        "batch": config.batch,
+        "env_steps_per_update": config.env_steps_per_update,
+        **_machine(),
+        **_rate("env_steps", plan.env_steps_per_chunk, seconds),
+        **_rate("updates", updates, seconds),
+    }
+
+
+@functools.partial(jax.jit, static_argnames="games")
+def _draw(game: Game, key: PRNGKeyArray, games: int) -> GameState:
+    starts = reset_batch(game, key, _START_ROWS * games)
+    return jax.tree.map(lambda leaf: leaf.reshape(_START_ROWS, games), starts)
+
+
+@jax.jit
+def _random_play(game: Game, games: Games, starts: GameState, key: PRNGKeyArray) -> tuple[Games, Float[Array, ""]]:
+    """Random play; returns a number that depends on all that was computed, so that nothing is left out."""
+    player = solo(Uniform())
+    games, transitions = collect(game, player, player, games, starts, key, _STEPS)
+    return games, sum((jnp.sum(leaf.astype(jnp.float32)) for leaf in jax.tree.leaves(transitions)), jnp.zeros(()))
+
+
+def _time(run: Callable[[int], Any], repeats: int) -> list[float]:
+    """Wall seconds of each repeat, after one that compiles and warms up."""
+    jax.block_until_ready(run(0))
+    seconds = []
+    for repeat in range(1, repeats + 1):
+        began = time.perf_counter()
+        jax.block_until_ready(run(repeat))
+        seconds.append(time.perf_counter() - began)
+    return seconds
+
+
+def _rate(name: str, amount: int, seconds: list[float]) -> dict[str, float]:
+    return {
+        f"{name}_per_second": amount / statistics.median(seconds),
+        f"{name}_per_second_best": amount / min(seconds),
+        f"{name}_per_second_worst": amount / max(seconds),
+    }
+
+
+def _machine() -> dict[str, Any]:
+    device = jax.devices()[0]
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {"device": device.device_kind, "cores": cores, "jax": jax.__version__}

@@ -1,0 +1,23 @@
+"""How impossible input is refused: one line that names the value, the bound and the remedy."""
+
+from typing import Any
+
+
+class InvalidInput(ValueError):
+    """Something a person gave cannot be used. Its message is one line, fit to be shown as it is."""
+
+
+def require(holds: Any, name: str, value: object, bound: str) -> None:
+    """Refuse a value unless the condition holds.
+
+    Args:
+        holds: whether the value can be used.
+        name: what the value is called where it was given.
+        value: what was given.
+        bound: what it must be, and how to get there; completes "it must be ...".
+
+    Raises:
+        InvalidInput: if it cannot.
+    """
+    if not holds:
+        raise InvalidInput(f"{name} = {value} is not possible: it must be {bound}.")

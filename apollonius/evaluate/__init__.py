@@ -1,0 +1,1 @@
+"""Judging: matches with counts and intervals. Never trains."""

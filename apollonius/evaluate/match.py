@@ -1,0 +1,84 @@
+"""A match: two players, many games on paired starts, and what the counts say."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.agents.policy import AbstractPolicy, solo
+from apollonius.errors import require
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
+from apollonius.game.types import Outcome
+from apollonius.rollout import play_out
+
+_reset_batch = jax.jit(reset_batch, static_argnames="games")
+
+
+@dataclass(frozen=True)
+class MatchResult:
+    """What a match came to. Rates are in [0, 1], with Wilson 95 % intervals."""
+
+    games: int
+    outcomes: dict[str, int]
+    """Games by outcome: the rows of Tables II and III, plus `both_failed`."""
+    pursuer_win_rate: float
+    """Captured, or only the evader failed."""
+    pursuer_win_interval: tuple[float, float]
+    evader_win_rate: float
+    """Only the pursuer failed, or the time limit was reached where the rules count that as the evader's win."""
+    evader_win_interval: tuple[float, float]
+    evader_undefeated_rate: float
+    """Everything but the pursuer's wins and double failures (Fig. 6)."""
+    mean_steps: float
+    mean_capture_steps: float | None
+    """Over the captured games; None if there are none."""
+    doomed_start_rate: float | None
+    """Starts from which a robot cannot help crashing: 0 for robots that can stay at rest; None where not known."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as JSON-like data."""
+        return asdict(self)
+
+
+def play_match(
+    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, slots: int = 512
+) -> MatchResult:
+    """Play a number of games and count.
+
+    The starts depend on the game, the seed and the number of games alone, so matches of other players with the same
+    ones are paired: they meet the very same starts.
+
+    Raises:
+        InvalidInput: unless `games` is at least 1 and `seed` is not negative.
+    """
+    require(games >= 1, "games", games, "at least 1")
+    require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
+    start_key, play_key = jax.random.split(jax.random.key(seed))
+    starts = _reset_batch(game, start_key, games=games)
+    results = play_out(game, solo(pursuer), solo(evader), starts, play_key, slots=slots)
+    outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
+    pursuer_won = int(jnp.sum(pursuer_wins(results.outcome)))
+    evader_won = int(jnp.sum(evader_wins(results.outcome, game.reward.time_limit_wins)))
+    both_failed = int(np.sum(outcome == Outcome.BOTH_FAILED))
+    captured = outcome == Outcome.CAPTURED
+    return MatchResult(
+        games=games,
+        outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
+        pursuer_win_rate=pursuer_won / games,
+        pursuer_win_interval=wilson_interval(pursuer_won, games),
+        evader_win_rate=evader_won / games,
+        evader_win_interval=wilson_interval(evader_won, games),
+        evader_undefeated_rate=(games - pursuer_won - both_failed) / games,
+        mean_steps=float(np.mean(steps)),
+        mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
+        doomed_start_rate=_doomed_start_rate(game),
+    )
+
+
+def _doomed_start_rate(game: Game) -> float | None:
+    can_stay = bool(game.pursuer.v_min <= 0 and game.evader.v_min <= 0)
+    return 0.0 if can_stay and game.starts.speed == "rest" else None

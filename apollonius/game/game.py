@@ -1,0 +1,100 @@
+"""The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.observation import observe
+from apollonius.game.outcome import decide, is_captured
+from apollonius.game.reward import Reward
+from apollonius.game.starts import Starts
+from apollonius.game.types import GameState, Outcome, Real, Role, Scalar, Timestep
+from apollonius.game.validation import check_game
+
+
+class Game(eqx.Module):
+    """A pursuit-evasion game between two robots among obstacles.
+
+    All its numbers are leaves of a pytree: one compilation serves every speed, radius and time step, and a sweep over
+    them is a `vmap`. Only the number of discs and the named profiles are static.
+
+    Attributes:
+        pursuer, evader: the robots' limits; equal in the paper.
+        arena: walls and obstacles.
+        capture_distance: the robots' centres come closer than this [m]: captured (D_catch of Table I).
+        dt: how long controls are held [s].
+        max_steps: time limit [steps].
+        reward: what each side is paid.
+        starts: where games begin.
+
+    Raises:
+        InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
+    """
+
+    pursuer: Unicycle = Unicycle()
+    evader: Unicycle = Unicycle()
+    arena: Arena = Arena()
+    capture_distance: Real = 0.3
+    dt: Real = 0.1
+    max_steps: int = 1000
+    reward: Reward = Reward()
+    starts: Starts = Starts()
+
+    def __check_init__(self) -> None:
+        check_game(self)
+
+    def reset(self, key: PRNGKeyArray) -> GameState:
+        """An initial state from the game's distribution of starts. The key is consumed."""
+        return self.starts.draw(key, self.arena, self.pursuer, self.evader)
+
+    def step(self, state: GameState, pursuer_action: Int[Array, ""], evader_action: Int[Array, ""]) -> Timestep:
+        """Both robots hold their discrete actions (0..8, Eq. 5) for `dt`; then the rules judge the step."""
+        return self.step_controls(state, self.pursuer.controls(pursuer_action), self.evader.controls(evader_action))
+
+    def step_controls(
+        self, state: GameState, pursuer_controls: tuple[Scalar, Scalar], evader_controls: tuple[Scalar, Scalar]
+    ) -> Timestep:
+        """Both robots hold their controls (u1 [m/s^2], u2 [rad/s], within their limits) for `dt`."""
+        after = GameState(
+            pursuer=self.pursuer.move(state.pursuer, *pursuer_controls, self.dt),
+            evader=self.evader.move(state.evader, *evader_controls, self.dt),
+            steps=state.steps + 1,
+        )
+        outcome = decide(
+            captured=is_captured(state, after, self.capture_distance),
+            pursuer_hit=self.arena.hits_obstacle(state.pursuer, after.pursuer, self.pursuer.radius),
+            pursuer_out=self.arena.is_out_of_range(after.pursuer, self.pursuer.radius),
+            evader_hit=self.arena.hits_obstacle(state.evader, after.evader, self.evader.radius),
+            evader_out=self.arena.is_out_of_range(after.evader, self.evader.radius),
+            out_of_time=after.steps >= self.max_steps,
+        )
+        pursuer_reward, evader_reward = self.reward(outcome, distance(state), distance(after))
+        out_of_time = outcome == Outcome.NO_RESULT
+        truncated = out_of_time & (not self.reward.time_limit_wins)
+        return Timestep(
+            state=after,
+            outcome=outcome,
+            pursuer_reward=pursuer_reward,
+            evader_reward=evader_reward,
+            terminated=(outcome != Outcome.ONGOING) & ~truncated,
+            truncated=truncated,
+        )
+
+    def observe(self, state: GameState, role: Role, profile: str) -> Float[Array, " size"]:
+        """What one side sees, in the named observation profile (Eq. 6, 7)."""
+        pursuer, evader = (self.pursuer, state.pursuer), (self.evader, state.evader)
+        own, opponent = (pursuer, evader) if role == Role.PURSUER else (evader, pursuer)
+        return observe(profile, self.arena, *own, *opponent)
+
+
+def distance(state: GameState) -> Scalar:
+    """Distance [m] between the robots' centres."""
+    return jnp.hypot(state.evader.x - state.pursuer.x, state.evader.y - state.pursuer.y)
+
+
+def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
+    """Initial states of several games, leaves of shape `[games]`. The key is consumed."""
+    return jax.vmap(game.reset)(jax.random.split(key, games))

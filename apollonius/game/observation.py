@@ -1,0 +1,64 @@
+"""What a robot sees: both states (Eq. 6, 7), scaled; or the same, encoded for a network.
+
+Every observation is that of one robot, `own`, facing another, `opponent`. An observation is named by its profile, and
+an agent's file says which one it was made for.
+
+`paper`, 8 numbers (Eq. 7): x, y, v, heading of `own`, then of `opponent`. Positions and speeds are mapped linearly
+from their limits to [-1, 1], headings are divided by pi.
+
+`encoded`, 17 numbers: of each robot x, y, v as above and the cosine and sine of its heading (10); the opponent's
+position ahead of and to the left of `own`, and its distance, over the arena's longer side (3); of each robot the
+clearance [m] where it stands and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (4).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.types import Real, RobotState, Scalar
+
+OBSERVATION_SIZES = {"paper": 8, "encoded": 17}
+"""Numbers in an observation of each profile."""
+
+
+def _scale(value: Scalar, low: Real, high: Real) -> Scalar:
+    """Map [low, high] to [-1, 1]."""
+    return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
+
+
+def _position_and_speed(arena: Arena, body: Unicycle, robot: RobotState) -> list[Scalar]:
+    return [
+        _scale(robot.x, arena.x_min, arena.x_max),
+        _scale(robot.y, arena.y_min, arena.y_max),
+        _scale(robot.v, body.v_min, body.v_max),
+    ]
+
+
+def _clearances(arena: Arena, body: Unicycle, robot: RobotState) -> list[Scalar]:
+    """Clearance [m] of the body here, and at the point where braking straight ahead would stop it."""
+    braking = jnp.maximum(robot.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
+    here = arena.clearance(robot.x, robot.y)
+    ahead = arena.clearance(robot.x + braking * jnp.cos(robot.heading), robot.y + braking * jnp.sin(robot.heading))
+    return [jnp.clip(here - body.radius, -1.0, 1.0), jnp.clip(ahead - body.radius, -1.0, 1.0)]
+
+
+def observe(
+    profile: str, arena: Arena, own_body: Unicycle, own: RobotState, opponent_body: Unicycle, opponent: RobotState
+) -> Float[Array, " size"]:
+    """The observation of `own` facing `opponent`, in the named profile (Eq. 6, 7)."""
+    robots = ((own_body, own), (opponent_body, opponent))
+    parts: list[Scalar] = []
+    if profile == "paper":
+        for body, robot in robots:
+            parts += [*_position_and_speed(arena, body, robot), robot.heading / jnp.pi]
+        return jnp.stack(parts)
+    for body, robot in robots:
+        parts += [*_position_and_speed(arena, body, robot), jnp.cos(robot.heading), jnp.sin(robot.heading)]
+    size = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)
+    dx, dy = (opponent.x - own.x) / size, (opponent.y - own.y) / size
+    cos, sin = jnp.cos(own.heading), jnp.sin(own.heading)
+    parts += [cos * dx + sin * dy, cos * dy - sin * dx, jnp.hypot(dx, dy)]
+    for body, robot in robots:
+        parts += _clearances(arena, body, robot)
+    return jnp.stack(parts)

@@ -1,0 +1,75 @@
+"""What a step does to the game: capture, failures, time limit, and which of them counts."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int
+
+from apollonius.game.arena import closest_approach_squared
+from apollonius.game.types import GameState, Outcome, Real
+
+
+def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
+    """Whether the robots come closer than `capture_distance` [m] anywhere along the step.
+
+    Both move along their segments at the same time, so their relative position moves along a segment too.
+    """
+    relative_x = before.evader.x - before.pursuer.x
+    relative_y = before.evader.y - before.pursuer.y
+    approach = closest_approach_squared(
+        relative_x,
+        relative_y,
+        after.evader.x - after.pursuer.x - relative_x,
+        after.evader.y - after.pursuer.y - relative_y,
+    )
+    return approach < capture_distance**2
+
+
+def decide(
+    *,
+    captured: Bool[Array, ""],
+    pursuer_hit: Bool[Array, ""],
+    pursuer_out: Bool[Array, ""],
+    evader_hit: Bool[Array, ""],
+    evader_out: Bool[Array, ""],
+    out_of_time: Bool[Array, ""],
+) -> Int[Array, ""]:
+    """The one outcome of a step in which several things may have happened.
+
+    Capture comes first, then failures, then the time limit: the order of the cases of Eq. 8 and 9. Two robots that
+    fail in the same step have an outcome of their own. A robot that hits a disc and leaves the walls in the same
+    step counts as having hit the disc.
+    """
+    pursuer_failed = pursuer_hit | pursuer_out
+    evader_failed = evader_hit | evader_out
+    outcome = jnp.where(out_of_time, Outcome.NO_RESULT, Outcome.ONGOING)
+    outcome = jnp.where(evader_out, Outcome.EVADER_OUT_OF_RANGE, outcome)
+    outcome = jnp.where(evader_hit, Outcome.EVADER_HIT_OBSTACLE, outcome)
+    outcome = jnp.where(pursuer_out, Outcome.PURSUER_OUT_OF_RANGE, outcome)
+    outcome = jnp.where(pursuer_hit, Outcome.PURSUER_HIT_OBSTACLE, outcome)
+    outcome = jnp.where(pursuer_failed & evader_failed, Outcome.BOTH_FAILED, outcome)
+    return jnp.where(captured, Outcome.CAPTURED, outcome)
+
+
+def pursuer_wins(outcome: Int[Array, ""]) -> Bool[Array, ""]:
+    """Captured, or the evader failed alone (the win rate of Table II)."""
+    return (
+        (outcome == Outcome.CAPTURED)
+        | (outcome == Outcome.EVADER_HIT_OBSTACLE)
+        | (outcome == Outcome.EVADER_OUT_OF_RANGE)
+    )
+
+
+def evader_wins(outcome: Int[Array, ""], time_limit_wins: bool) -> Bool[Array, ""]:
+    """The pursuer failed alone or, where the rules say so, the evader outlived the time limit."""
+    wins = (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
+    if time_limit_wins:
+        wins = wins | (outcome == Outcome.NO_RESULT)
+    return wins
+
+
+def counts_by_name(counts: Sequence[int] | Array | np.ndarray[Any, Any]) -> dict[str, int]:
+    """Games by the name of their outcome, from counts indexed by `Outcome`; unfinished ones are left out."""
+    return {outcome.name.lower(): int(counts[outcome]) for outcome in Outcome if outcome != Outcome.ONGOING}

@@ -1,0 +1,48 @@
+"""The named games."""
+
+from collections.abc import Callable
+
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.game import Game
+from apollonius.game.reward import Reward
+
+
+def paper() -> Game:
+    """Table I, with three discs of radius 0.5 m (the paper draws obstacles but does not list them)."""
+    return Game(arena=Arena(discs=(Disc(3.0, 3.0, 0.5), Disc(7.0, 4.0, 0.5), Disc(5.0, 7.5, 0.5))))
+
+
+def four_small() -> Game:
+    """The `paper` game with four discs of radius 0.3 m."""
+    centres = ((2.5, 2.5), (7.5, 2.5), (2.5, 7.5), (7.5, 7.5))
+    return Game(arena=Arena(discs=tuple(Disc(x, y, 0.3) for x, y in centres)))
+
+
+def one_large() -> Game:
+    """The `paper` game with one disc of radius 1 m in the middle."""
+    return Game(arena=Arena(discs=(Disc(5.0, 5.0, 1.0),)))
+
+
+def zero_sum() -> Game:
+    """The `paper` game paid +1 / -1 by outcome; outliving the time limit is the evader's win."""
+    return Game(arena=paper().arena, reward=Reward(profile="zero-sum"))
+
+
+PRESETS: dict[str, Callable[[], Game]] = {
+    "paper": paper,
+    "four-small": four_small,
+    "one-large": one_large,
+    "zero-sum": zero_sum,
+}
+
+
+def make_game(name: str) -> Game:
+    """The game of this name.
+
+    Raises:
+        InvalidInput: for an unknown name; lists the known ones.
+    """
+    if name not in PRESETS:
+        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}.")
+    return PRESETS[name]()

@@ -1,0 +1,71 @@
+"""What the rules speak of: robots, the state of the game, how a game ends, one transition."""
+
+from enum import IntEnum
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+Scalar = Float[Array, ""]
+"""A traced real number; its unit is in the docstring of whatever holds it."""
+
+Real = float | int | Array
+"""A parameter of the rules: a Python float, or an array where a caller sweeps it with `vmap`."""
+
+NUM_ACTIONS = 9
+"""3 accelerations x 3 turn rates (Eq. 5)."""
+
+
+class Role(IntEnum):
+    """The two sides of the game."""
+
+    PURSUER = 0
+    EVADER = 1
+
+
+class Outcome(IntEnum):
+    """How a game stands. The rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step."""
+
+    ONGOING = 0
+    CAPTURED = 1
+    PURSUER_HIT_OBSTACLE = 2
+    EVADER_HIT_OBSTACLE = 3
+    PURSUER_OUT_OF_RANGE = 4
+    EVADER_OUT_OF_RANGE = 5
+    BOTH_FAILED = 6
+    NO_RESULT = 7
+
+
+class RobotState(eqx.Module):
+    """One robot (Eq. 6). Four scalar leaves, so that a batch of robots is four contiguous arrays.
+
+    `x`, `y` in metres in the arena's frame; `v` in m/s along the heading;
+    `heading` in radians from the x axis, counter-clockwise, wrapped to (-pi, pi].
+    """
+
+    x: Scalar
+    y: Scalar
+    v: Scalar
+    heading: Scalar
+
+
+class GameState(eqx.Module):
+    """Both robots, and the number of control steps played since the start."""
+
+    pursuer: RobotState
+    evader: RobotState
+    steps: Int[Array, ""]
+
+
+class Timestep(eqx.Module):
+    """One transition: the state it leads to, how the game stands there, and what each side is paid for it.
+
+    `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value goes on beyond.
+    Never both.
+    """
+
+    state: GameState
+    outcome: Int[Array, ""]
+    pursuer_reward: Scalar
+    evader_reward: Scalar
+    terminated: Bool[Array, ""]
+    truncated: Bool[Array, ""]

@@ -1,0 +1,111 @@
+"""What makes a game impossible to play, said with the value, the bound and the remedy."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from apollonius.errors import InvalidInput, require
+
+if TYPE_CHECKING:
+    from apollonius.game.dynamics import Unicycle
+    from apollonius.game.game import Game
+
+_FREE_SPACE_GRID = 201
+"""Points along each side of the arena at which free space is looked for."""
+
+
+def check_game(game: "Game") -> None:
+    """Raise InvalidInput unless a game with these numbers can be played.
+
+    Games whose numbers are being traced or swept (arrays) are left unchecked: their values are not known here.
+    """
+    leaves = jax.tree.leaves(game)
+    if any(not isinstance(leaf, (int, float)) for leaf in leaves):
+        return
+    _check_finite(game)
+    require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
+    require(game.starts.speed in ("rest", "moving"), "starts.speed", game.starts.speed, "rest or moving")
+    require(game.dt > 0, "dt", game.dt, "more than 0 s; the paper game uses 0.1")
+    require(game.capture_distance > 0, "capture_distance", game.capture_distance, "more than 0 m; the paper uses 0.3")
+    require(
+        game.max_steps >= 1 and game.max_steps == int(game.max_steps),
+        "max_steps", game.max_steps, "a whole number of steps, at least 1; the paper game uses 1000",
+    )  # fmt: skip
+    _check_robot(game.pursuer, "pursuer")
+    _check_robot(game.evader, "evader")
+    _check_arena(game)
+    require(game.starts.clearance >= 0, "starts.clearance", game.starts.clearance, "0 m or more")
+    require(
+        game.starts.separation >= game.capture_distance,
+        "starts.separation", game.starts.separation,
+        f"at least capture_distance = {game.capture_distance} m, or games would be over before they begin",
+    )  # fmt: skip
+    _check_room(game)
+
+
+def _check_finite(game: "Game") -> None:
+    for path, leaf in jax.tree_util.tree_flatten_with_path(game)[0]:
+        name = jax.tree_util.keystr(path, simple=True, separator=".")
+        require(not isinstance(leaf, bool) and math.isfinite(leaf), name, leaf, "a finite number")
+
+
+def _check_robot(body: "Unicycle", name: str) -> None:
+    require(
+        body.v_min <= body.v_max, f"{name}.v_min", body.v_min, f"at most v_max = {body.v_max} m/s; exchange the two"
+    )
+    require(body.v_max > 0, f"{name}.v_max", body.v_max, "more than 0 m/s, or the robot cannot go forward")
+    require(body.u1_max >= 0, f"{name}.u1_max", body.u1_max, "0 m/s^2 or more; gears are -u1_max, 0, +u1_max")
+    require(body.u2_max >= 0, f"{name}.u2_max", body.u2_max, "0 rad/s or more; gears are -u2_max, 0, +u2_max")
+    require(body.radius >= 0, f"{name}.radius", body.radius, "0 m (a point) or more")
+
+
+def _check_arena(game: "Game") -> None:
+    arena = game.arena
+    require(arena.x_min < arena.x_max, "arena.x_min", arena.x_min, f"less than x_max = {arena.x_max} m")
+    require(arena.y_min < arena.y_max, "arena.y_min", arena.y_min, f"less than y_max = {arena.y_max} m")
+    for index, disc in enumerate(arena.discs):
+        name = f"arena.discs[{index}]"
+        require(disc.radius > 0, f"{name}.radius", disc.radius, "more than 0 m; remove the disc to have none")
+        inside = arena.x_min <= disc.x <= arena.x_max and arena.y_min <= disc.y <= arena.y_max
+        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+        require(inside, f"{name} centre", (disc.x, disc.y), f"inside the walls {walls}; move or remove the disc")
+
+
+def _check_room(game: "Game") -> None:
+    """Two robots must find room to start, both at once and far enough apart."""
+    free: list[np.ndarray[Any, Any]] = []
+    for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
+        margin = game.starts.clearance + body.radius
+        points = _free_points(game, margin)
+        if len(points) == 0:
+            raise InvalidInput(
+                f"the arena leaves the {name} no place to start: no point has a clearance of {margin:g} m "
+                f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
+            )
+        free.append(points)
+    corners = [points[extreme] for points in free for extreme in _extremes(points)]
+    reach = max(math.dist(a, b) for a in corners for b in corners)
+    if reach < game.starts.separation:
+        raise InvalidInput(
+            f"starts.separation = {game.starts.separation} is not possible: it must be at most {reach:.3g} m, "
+            "the longest distance between two free places of this arena; make it smaller or the arena larger."
+        )
+
+
+def _free_points(game: "Game", margin: Any) -> "np.ndarray[Any, Any]":
+    arena = game.arena
+    x, y = np.meshgrid(
+        np.linspace(arena.x_min, arena.x_max, _FREE_SPACE_GRID), np.linspace(arena.y_min, arena.y_max, _FREE_SPACE_GRID)
+    )
+    room = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
+    for disc in arena.discs:
+        room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
+    return np.stack([x, y], axis=-1)[room >= margin]
+
+
+def _extremes(points: "np.ndarray[Any, Any]") -> list[int]:
+    """Indices of the outermost points in 16 directions."""
+    angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    return [int(np.argmax(points @ np.array([np.cos(a), np.sin(a)]))) for a in angles]

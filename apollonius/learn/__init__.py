@@ -1,0 +1,1 @@
+"""Training: DQN, the two stages of the curriculum, checkpoints. Never judges."""

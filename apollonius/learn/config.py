@@ -1,0 +1,156 @@
+"""Everything a training run can be told, with what it means; saved as `config.toml` and read back strictly."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+
+
+def _require_positive(config: object, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        require(value > 0, name, value, "more than 0")
+
+
+@dataclass(frozen=True)
+class DQNConfig:
+    """How one side learns (section II-B). Intervals are in environment steps: one step of one game."""
+
+    observation: Literal["paper", "encoded"] = "encoded"
+    """What the network reads: the 8 numbers of Eq. 7, or the encoded profile."""
+    width: int = 256
+    """Units of each hidden layer (Fig. 3)."""
+    depth: int = 4
+    """Number of hidden layers (Fig. 3)."""
+    gamma: float = 0.99
+    """Discount of a step (section IV)."""
+    double: bool = True
+    """Let the online network choose and the target network value the next action (double Q-learning)."""
+    n_step: int = 5
+    """Rewards summed before a value is bootstrapped."""
+    learning_rate: float = 5e-4
+    """Adam's step size at the start of a stage."""
+    final_learning_rate: float = 2e-5
+    """Adam's step size at the end of a stage, reached in a straight line."""
+    batch: int = 256
+    """Transitions in an update."""
+    env_steps_per_update: int = 64
+    """Env steps between two updates of each learner."""
+    target_period: int = 32_000
+    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
+    games: int = 64
+    """Games played at a time."""
+    replay_capacity: int = 524_288
+    """Transitions kept."""
+    learning_starts: int = 10_000
+    """Env steps before the first update."""
+    final_epsilon: float = 0.02
+    """Share of random actions once exploration has settled."""
+    exploration_fraction: float = 0.2
+    """Part of a stage over which the share of random actions falls to its final value."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "width", "depth", "n_step", "learning_rate", "batch", "env_steps_per_update")
+        _require_positive(self, "target_period", "games", "replay_capacity")
+        require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
+        require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
+        shape = (self.games, self.env_steps_per_update)
+        require(
+            max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
+            f"a multiple or a divisor of games = {self.games}",
+        )  # fmt: skip
+        require(
+            self.rows >= 2 * (self.n_step + self.steps_per_iteration), "replay_capacity", self.replay_capacity,
+            f"at least {2 * (self.n_step + self.steps_per_iteration) * self.games} for these games and n_step",
+        )  # fmt: skip
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """Steps every game plays between two rounds of updates."""
+        return max(1, self.env_steps_per_update // self.games)
+
+    @property
+    def updates_per_iteration(self) -> int:
+        """Updates in a round."""
+        return max(1, self.games // self.env_steps_per_update)
+
+    @property
+    def env_steps_per_iteration(self) -> int:
+        """Env steps of all games between two rounds of updates."""
+        return self.steps_per_iteration * self.games
+
+    @property
+    def rows(self) -> int:
+        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
+        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
+
+
+PROFILES: dict[str, DQNConfig] = {
+    "fast": DQNConfig(),
+    "paper": DQNConfig(
+        observation="paper",
+        double=False,
+        n_step=1,
+        learning_rate=1e-4,
+        final_learning_rate=1e-4,
+        batch=32,
+        env_steps_per_update=1,
+        target_period=1_000,
+        games=1,
+        final_epsilon=0.05,
+    ),
+}
+"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2)."""
+
+
+@dataclass(frozen=True)
+class StageConfig:
+    """How long a stage of the curriculum lasts and how often it is looked at."""
+
+    env_steps: int
+    """Length of the stage."""
+    pursuer_epsilon: float = 1.0
+    """Share of random actions of a learning pursuer when the stage begins."""
+    evader_epsilon: float = 1.0
+    """Share of random actions of a learning evader when the stage begins."""
+    evaluations: int = 40
+    """Greedy evaluations in the course of the stage, evenly spaced."""
+    evaluation_games: int = 1000
+    """Games in each of them, always from the same starts."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "env_steps", "evaluations", "evaluation_games")
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """A whole training run."""
+
+    seed: int = 0
+    """Seed of everything random in the run."""
+    stages: Literal["fixed-target", "self-play", "both"] = "both"
+    """Algorithm 1, Algorithm 2 with both sides from scratch, or the curriculum of both."""
+    game: Game = field(default_factory=lambda: make_game("paper"))
+    """The game, number by number."""
+    dqn: DQNConfig = field(default_factory=DQNConfig)
+    """How each side learns."""
+    fixed_target: StageConfig = field(default_factory=lambda: StageConfig(env_steps=14_000_000))
+    """Stage 1: the pursuer against a stationary evader."""
+    self_play: StageConfig = field(default_factory=lambda: StageConfig(env_steps=40_000_000, pursuer_epsilon=0.2))
+    """Stage 2: both against each other."""
+
+    def __post_init__(self) -> None:
+        require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
+
+
+PRESETS: dict[str, RunConfig] = {
+    "paper": RunConfig(),
+    "quick": replace(
+        RunConfig(),
+        fixed_target=StageConfig(env_steps=1_500_000, evaluations=10, evaluation_games=500),
+        self_play=StageConfig(env_steps=1_500_000, pursuer_epsilon=0.2, evaluations=10, evaluation_games=500),
+    ),
+}
+"""`quick`: minutes on two cores. `paper`: about the paper's 200,000 + 300,000 episodes."""

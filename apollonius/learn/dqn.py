@@ -1,0 +1,73 @@
+"""Deep Q-learning (Eq. 3): targets, loss, one update."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from apollonius.agents.network import QNetwork, make_network
+from apollonius.game.types import Scalar
+from apollonius.learn.config import DQNConfig
+from apollonius.learn.replay import Batch
+
+
+class Learner(eqx.Module):
+    """One side's networks and optimiser. `updates` counts the updates so far."""
+
+    network: QNetwork
+    target: QNetwork
+    optimiser: optax.OptState
+    updates: Int[Array, ""]
+
+
+def init(config: DQNConfig, key: PRNGKeyArray) -> Learner:
+    """A learner from scratch. The key is consumed."""
+    return start_from(make_network(config.observation, config.width, config.depth, key))
+
+
+def start_from(network: QNetwork) -> Learner:
+    """A learner that goes on from a trained network: its target is the network, its optimiser is fresh."""
+    target = jax.tree.map(jnp.copy, network)
+    return Learner(network, target, _adam.init(eqx.filter(network, eqx.is_array)), jnp.zeros((), jnp.int32))
+
+
+_adam = optax.scale_by_adam()
+
+
+def q_target(
+    reward: Scalar, discount: Scalar, next_values: Float[Array, "9"], next_choice: Float[Array, "9"]
+) -> Scalar:
+    """`reward + discount * Q_target(s', a*)`, with `a*` the best action of `next_choice` (Eq. 3).
+
+    Args:
+        reward: of one or more steps.
+        discount: of the value at s'; 0 where the game ended by its rules.
+        next_values: the target network's values at s'.
+        next_choice: the values that choose a*: the target network's own (Eq. 3) or the online network's (double).
+    """
+    return reward + discount * next_values[jnp.argmax(next_choice)]
+
+
+def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Scalar:
+    """Mean squared temporal-difference error of a batch (Eq. 3)."""
+    values = jax.vmap(network)(batch.observation)
+    next_values = jax.vmap(target)(batch.next_observation)
+    next_choice = jax.vmap(network)(batch.next_observation) if double else next_values
+    targets = jax.vmap(q_target)(batch.reward, batch.discount, next_values, next_choice)
+    chosen = jnp.take_along_axis(values, batch.action[:, None], axis=1)[:, 0]
+    return jnp.mean((jax.lax.stop_gradient(targets) - chosen) ** 2)
+
+
+def update(learner: Learner, batch: Batch, learning_rate: Scalar, double: bool) -> tuple[Learner, Scalar]:
+    """The learner after one step of Adam on a batch, and the loss before it."""
+    value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, double)
+    direction, optimiser = _adam.update(gradient, learner.optimiser)
+    network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
+    return Learner(network, learner.target, optimiser, learner.updates + 1), value
+
+
+def copy_to_target(learner: Learner, due: Array) -> Learner:
+    """The learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
+    target = jax.tree.map(lambda new, old: jnp.where(due, new, old), learner.network, learner.target)
+    return eqx.tree_at(lambda this: this.target, learner, target)

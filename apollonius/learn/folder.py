@@ -1,0 +1,54 @@
+"""The folder of a training run: how it is made, and how its configuration is read back."""
+
+import tomllib
+from pathlib import Path
+
+import tomli_w
+
+from apollonius.agents.store import write_atomically
+from apollonius.errors import InvalidInput, require
+from apollonius.game.record import from_dict, to_dict
+from apollonius.learn.config import RunConfig
+
+
+def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
+    """Make the folder of a new run, with its config.
+
+    Args:
+        force: remove the run that is already there. Only a run's own files are removed.
+
+    Raises:
+        InvalidInput: when the folder holds a run and `force` is not given, or something that is no run.
+        OSError: when it cannot be written.
+    """
+    if folder.exists():
+        require(folder.is_dir(), "--out", folder, "a folder; choose another")
+        if any(folder.iterdir()):
+            is_run = (folder / "config.toml").is_file()
+            require(is_run, "--out", folder, "new, empty or a run's folder, but holds something else; choose another")
+            require(force, "--out", folder, "a new folder, as this one holds a run; choose another or add --force")
+            _remove_run(folder)
+    (folder / "agents").mkdir(parents=True, exist_ok=True)
+    write_atomically(folder / "config.toml", tomli_w.dumps(to_dict(config)).encode())
+
+
+def _remove_run(folder: Path) -> None:
+    # The config goes last: until then a half-removed folder is still known as a run's.
+    for pattern in ("agents/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json", "config.toml"):
+        for path in folder.glob(pattern):
+            path.unlink()
+
+
+def load_config(path: Path) -> RunConfig:
+    """The config of a file as `create_run` writes it; what it leaves out has its default.
+
+    Raises:
+        InvalidInput: when it is missing, no TOML, or has an unknown key or an impossible value.
+    """
+    if not path.is_file():
+        raise InvalidInput(f"there is no config '{path}': check the path.")
+    try:
+        data = tomllib.loads(path.read_text())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"'{path}' is no TOML file ({error}): correct it.") from error
+    return from_dict(RunConfig, data, str(path))

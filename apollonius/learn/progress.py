@@ -1,0 +1,84 @@
+"""What a run tells while it goes on, and the file that keeps it: the truth behind every curve."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from apollonius.game.outcome import counts_by_name
+from apollonius.learn.stage import Metrics, Plan, TrainState
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a run tells while it goes on: where it stands, and the latest chunk."""
+
+    stage: str
+    env_steps: int
+    total_env_steps: int
+    episodes: int
+    updates: int
+    env_steps_per_second: float
+    outcomes: dict[str, int]
+    """Games finished in the latest chunk, by outcome; players explore."""
+    losses: dict[str, float]
+    """Mean loss of each learning side's updates in the latest chunk."""
+    evaluation: dict[str, Any] | None
+    """Outcome counts of the latest greedy evaluation, if there was one in this stage."""
+
+
+def measure(
+    stage: str, plan: Plan, train: TrainState, metrics: Metrics, speed: float, evaluation: dict[str, Any] | None
+) -> Progress:
+    """The progress after a chunk.
+
+    Args:
+        metrics: sums over the chunk.
+        speed: env steps per second in the chunk.
+        evaluation: the latest greedy evaluation of this stage.
+    """
+    learning = {"pursuer": train.pursuer, "evader": train.evader}
+    losses = {"pursuer": float(metrics.pursuer_loss), "evader": float(metrics.evader_loss)}
+    updates = int(metrics.updates)
+    return Progress(
+        stage=stage,
+        env_steps=int(train.env_steps),
+        total_env_steps=plan.chunks * plan.env_steps_per_chunk,
+        episodes=int(train.episodes),
+        updates=int(train.pursuer.learner.updates) if train.pursuer else 0,
+        env_steps_per_second=speed,
+        outcomes=counts_by_name(np.asarray(metrics.outcomes)),
+        losses={name: round(losses[name] / max(1, updates), 6) for name, side in learning.items() if side is not None},
+        evaluation=evaluation,
+    )
+
+
+def append_metrics(path: Path, progress: Progress, metrics: Metrics, seconds: float) -> int:
+    """Add a line for one chunk to `metrics.jsonl`; returns the file's size [bytes]. Means are over finished games."""
+    games = max(1, sum(progress.outcomes.values()))
+    line = {
+        "stage": progress.stage,
+        "env_steps": progress.env_steps,
+        "episodes": progress.episodes,
+        "updates": progress.updates,
+        "seconds": round(seconds, 2),
+        "env_steps_per_second": round(progress.env_steps_per_second),
+        "outcomes": progress.outcomes,
+        "pursuer_return": round(float(metrics.pursuer_return) / games, 4),
+        "evader_return": round(float(metrics.evader_return) / games, 4),
+        "losses": progress.losses,
+    }
+    if progress.evaluation and progress.evaluation["env_steps"] == progress.env_steps:
+        line["evaluation"] = progress.evaluation
+    with open(path, "a") as file:
+        file.write(json.dumps(line) + "\n")
+        file.flush()
+        return file.tell()
+
+
+def truncate_metrics(path: Path, size: int) -> None:
+    """Cut off what was written after the checkpoint, or make an empty file."""
+    with open(path, "ab") as file:
+        file.truncate(size)

@@ -1,0 +1,188 @@
+"""A training run in a folder: the stages in their order, metrics, agents, checkpoints, exact resume.
+
+All that decides the final weights is in the config and the checkpoint. When checkpoints are written does not matter,
+so they follow the clock: a run that is killed and resumed ends with the same bits as one that is not.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import QNetwork
+from apollonius.agents.policy import Pool, solo
+from apollonius.agents.store import describe, save_agent
+from apollonius.game.game import reset_batch
+from apollonius.game.outcome import counts_by_name
+from apollonius.game.record import to_dict
+from apollonius.game.types import Outcome, Role
+from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
+from apollonius.learn.config import RunConfig
+from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
+from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage import Plan, TrainState, play_and_learn
+from apollonius.rollout import play_out
+
+FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
+SNAPSHOTS = (25, 50, 75, 100)
+"""Percentages of self-play at which both agents are kept."""
+CHECKPOINT_SECONDS = 60.0
+"""Least time between two checkpoints."""
+_EVALUATION_SEED = 20_200
+"""Seed of the evaluation games inside training, the same for all runs; the judge uses others."""
+_reset_batch = jax.jit(reset_batch, static_argnames="games")
+
+
+class Best(eqx.Module):
+    """The best pursuer of stage 1 so far, by a fixed evaluation."""
+
+    network: QNetwork
+
+
+class Saved(eqx.Module):
+    """What a checkpoint holds."""
+
+    train: TrainState
+    best: Best | None
+
+
+class Run:
+    """One training run. `execute` begins it or goes on from its checkpoint.
+
+    Args:
+        config: what to train.
+        folder: where; `config.toml` must already lie there (`create_run`).
+        report: called after every chunk.
+        should_stop: asked after every chunk; True saves a checkpoint and ends `execute` early.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        folder: Path,
+        report: Callable[[Progress], None] = lambda progress: None,
+        should_stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.config = config
+        self.folder = folder
+        self.report = report
+        self.should_stop = should_stop
+        self.checkpoint = folder / "checkpoint.safetensors"
+        self.metrics = folder / "metrics.jsonl"
+        self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
+
+    def execute(self) -> bool:
+        """Train to the end of the last stage. Returns False if stopped early.
+
+        Raises:
+            OSError: when the disk is full or read-only; the previous checkpoint is untouched.
+            InvalidInput: when there is a checkpoint that this run cannot go on from.
+        """
+        progress = load_progress(self.checkpoint) if self.checkpoint.exists() else None
+        done = self.stages.index(progress["stage"]) if progress else 0
+        best: QNetwork | None = None
+        for stage in self.stages[done:]:
+            plan = self._plan(stage)
+            saved = Saved(self._start(stage, plan, best), self._no_best(stage, plan))
+            here = progress if progress and progress["stage"] == stage else None
+            if here:
+                saved = load_checkpoint(self.checkpoint, saved)
+            else:
+                here = {"stage": stage, "chunks": 0, "seconds": 0.0, "best": None, "evaluation": None}
+                here["metrics_bytes"] = self.metrics.stat().st_size if self.metrics.exists() else 0
+            saved, finished = self._train_stage(stage, plan, saved, here)
+            if not finished:
+                return False
+            best = saved.best.network if saved.best else None
+        return True
+
+    def _plan(self, stage: str) -> Plan:
+        return Plan(self.config.dqn, self.config.fixed_target if stage == FIXED_TARGET else self.config.self_play)
+
+    def _start(self, stage: str, plan: Plan, best: QNetwork | None) -> TrainState:
+        key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
+        if stage == FIXED_TARGET:
+            return start_fixed_target(plan, self.config.game, key)
+        return start_self_play(plan, self.config.game, key, best)
+
+    def _no_best(self, stage: str, plan: Plan) -> Best | None:
+        return Best(_pursuer(self._start(stage, plan, None))) if stage == FIXED_TARGET else None
+
+    def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
+        """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
+        pursuer, evader = (None, stationary_evader()) if stage == FIXED_TARGET else (None, None)
+        train, best = saved.train, saved.best
+        truncate_metrics(self.metrics, here["metrics_bytes"])
+        began, last_save = time.monotonic() - here["seconds"], time.monotonic()
+        while here["chunks"] < plan.chunks:
+            chunk_began = time.monotonic()
+            train, metrics = play_and_learn(plan, self.config.game, train, pursuer, evader)
+            env_steps = int(train.env_steps)
+            speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
+            before, here["chunks"] = here["chunks"], here["chunks"] + 1
+            if _crosses(before, here["chunks"], plan.chunks, plan.stage.evaluations):
+                best = self._evaluate(stage, plan, train, best, here)
+            self._keep_snapshots(stage, plan, train, before, here)
+            here["seconds"] = time.monotonic() - began
+            progress = measure(stage, plan, train, metrics, speed, here["evaluation"])
+            here["metrics_bytes"] = append_metrics(self.metrics, progress, metrics, here["seconds"])
+            self.report(progress)
+            stop = self.should_stop()
+            if stop or env_steps >= plan.stage.env_steps or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
+                save_checkpoint(self.checkpoint, Saved(train, best), here)
+                last_save = time.monotonic()
+            if stop and here["chunks"] < plan.chunks:
+                return Saved(train, best), False
+        if best is not None:
+            self._save_agent(best.network, Role.PURSUER, "P_stage1", here["best"], stage)
+        return Saved(train, best), True
+
+    def _evaluate(
+        self, stage: str, plan: Plan, train: TrainState, best: Best | None, here: dict[str, Any]
+    ) -> Best | None:
+        """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far."""
+        games = plan.stage.evaluation_games
+        start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
+        starts = _reset_batch(self.config.game, start_key, games=games)
+        evader: Pool = stationary_evader() if train.evader is None else solo(Greedy(train.evader.learner.network))
+        results = play_out(self.config.game, solo(Greedy(_pursuer(train))), evader, starts, play_key)
+        outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
+        here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
+        if stage != FIXED_TARGET:
+            return None
+        if here["best"] is None or outcomes["captured"] > here["best"]["outcomes"]["captured"]:
+            here["best"] = here["evaluation"]
+            return Best(jax.tree.map(lambda leaf: leaf.copy(), _pursuer(train)))
+        return best
+
+    def _keep_snapshots(self, stage: str, plan: Plan, train: TrainState, before: int, here: dict[str, Any]) -> None:
+        if stage != SELF_PLAY or train.evader is None:
+            return
+        kind = "curriculum" if FIXED_TARGET in self.stages else "scratch"
+        for percent in SNAPSHOTS:
+            if before < -(-plan.chunks * percent // 100) <= here["chunks"]:
+                record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
+                suffix = "" if percent == 100 else f"-{percent}"
+                self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}{suffix}", record, stage)
+                self._save_agent(train.evader.learner.network, Role.EVADER, f"E_{kind}{suffix}", record, stage)
+
+    def _save_agent(self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str) -> None:
+        training = {"command": "apollonius train", "seed": self.config.seed, "stage": stage, **record}
+        agent = describe(network, role, to_dict(self.config.game), training | {"config": to_dict(self.config)})
+        save_agent(agent, self.folder / "agents" / f"{name}.safetensors")
+
+
+def _pursuer(train: TrainState) -> QNetwork:
+    assert train.pursuer is not None, "every stage trains a pursuer"
+    return train.pursuer.learner.network
+
+
+def _crosses(before: int, after: int, total: int, times: int) -> bool:
+    """Whether one of `times` evenly spaced moments in `total` chunks, the last at the end, is in (before, after]."""
+    return after * times // total > before * times // total

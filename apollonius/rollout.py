@@ -1,0 +1,193 @@
+"""Batched play of two sides: the waist of the hourglass, used by training and by judging.
+
+`collect` plays for a number of steps and starts finished games again (the only auto-reset there is).
+`play_out` plays given starts to their ends, once each.
+"""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
+
+from apollonius.agents.policy import Pool
+from apollonius.game.game import Game
+from apollonius.game.types import GameState, Outcome, Role
+
+
+class Side(eqx.Module):
+    """One side's part of a batch of transitions; leaves start with the axes of the batch.
+
+    `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
+    side's pool that acted; it is the same for all transitions of a game.
+    """
+
+    observation: Float[Array, "*batch size"]
+    action: Int[Array, "*batch"]
+    reward: Float[Array, "*batch"]
+    next_observation: Float[Array, "*batch size"]
+    episode_return: Float[Array, "*batch"]
+    member: Int[Array, "*batch"]
+
+
+class Transition(eqx.Module):
+    """A batch of transitions. `next_observation` is what the step led to, also where the game then ended."""
+
+    pursuer: Side
+    evader: Side
+    outcome: Int[Array, "*batch"]
+    terminated: Bool[Array, "*batch"]
+    truncated: Bool[Array, "*batch"]
+
+
+class Player(eqx.Module):
+    """What one side of each game carries from start to end."""
+
+    member: Int[Array, " games"]
+    episode_return: Float[Array, " games"]
+
+
+class Games(eqx.Module):
+    """A batch of games under way."""
+
+    state: GameState
+    pursuer: Player
+    evader: Player
+
+
+def begin(starts: GameState, pursuer: Pool, evader: Pool, words: UInt32[Array, "2 games"]) -> Games:
+    """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
+    return Games(starts, _draw_member(pursuer, words[0]), _draw_member(evader, words[1]))
+
+
+def _draw_member(pool: Pool, words: UInt32[Array, " games"]) -> Player:
+    member = (((words >> 16) * pool.size) >> 16).astype(jnp.int32)
+    return Player(member, jnp.zeros(member.shape, jnp.float32))
+
+
+def step_games(
+    game: Game, pursuer: Pool, evader: Pool, games: Games, words: UInt32[Array, "2 games"]
+) -> tuple[Games, Transition]:
+    """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
+    sees = jax.vmap(game.observe, in_axes=(0, None, None))
+    state = games.state
+    pursuer_sees = sees(state, Role.PURSUER, pursuer.observation)
+    evader_sees = sees(state, Role.EVADER, evader.observation)
+    pursuer_action = pursuer.act(games.pursuer.member, pursuer_sees, words[0])
+    evader_action = evader.act(games.evader.member, evader_sees, words[1])
+    after = jax.vmap(game.step)(state, pursuer_action, evader_action)
+    pursuer_return = games.pursuer.episode_return + after.pursuer_reward
+    evader_return = games.evader.episode_return + after.evader_reward
+    transition = Transition(
+        pursuer=Side(
+            pursuer_sees,
+            pursuer_action,
+            after.pursuer_reward,
+            sees(after.state, Role.PURSUER, pursuer.observation),
+            pursuer_return,
+            games.pursuer.member,
+        ),
+        evader=Side(
+            evader_sees,
+            evader_action,
+            after.evader_reward,
+            sees(after.state, Role.EVADER, evader.observation),
+            evader_return,
+            games.evader.member,
+        ),
+        outcome=after.outcome,
+        terminated=after.terminated,
+        truncated=after.truncated,
+    )
+    return Games(
+        after.state, Player(games.pursuer.member, pursuer_return), Player(games.evader.member, evader_return)
+    ), transition
+
+
+def collect(
+    game: Game, pursuer: Pool, evader: Pool, games: Games, starts: GameState, key: PRNGKeyArray, steps: int
+) -> tuple[Games, Transition]:
+    """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
+
+    Args:
+        starts: fresh initial states, leaves `[rows, games]`; a game that finishes at step t takes its own column of
+            row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
+        key: consumed.
+        steps: how many steps each game plays.
+
+    Returns:
+        The games as they then stand, and the transitions, leaves `[steps, games]`.
+    """
+    rows = jax.tree.leaves(starts)[0].shape[0]
+    batch = games.pursuer.member.shape[0]
+
+    def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
+        words = jax.random.bits(jax.random.fold_in(key, step), (2, batch), jnp.uint32)
+        after, transition = step_games(game, pursuer, evader, games, words)
+        over = transition.terminated | transition.truncated
+        fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
+        # Finished games need no action, so the words of this step are free to draw their next players.
+        fresh = begin(fresh_state, pursuer, evader, words)
+        return jax.tree.map(lambda new, old: jnp.where(over, new, old), fresh, after), transition
+
+    return jax.lax.scan(one_step, games, jnp.arange(steps))
+
+
+class Results(eqx.Module):
+    """How games ended: outcome and length [steps] of each."""
+
+    outcome: Int[Array, " games"]
+    steps: Int[Array, " games"]
+
+
+@functools.partial(jax.jit, static_argnames="slots")
+def play_out(
+    game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, slots: int = 256
+) -> Results:
+    """Play each of the given starts to its end, once.
+
+    At most `slots` games are under way at a time; the next start takes the place of a finished game. The random words
+    of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
+
+    Args:
+        starts: initial states, leaves `[games]`.
+        key: consumed.
+    """
+    count = jax.tree.leaves(starts)[0].shape[0]
+    slots = min(slots, count)
+
+    def words_of(index: Int[Array, " slots"], step: Int[Array, " slots"]) -> UInt32[Array, "2 slots"]:
+        def draw(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
+            return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
+
+        return jax.vmap(draw)(index, step).T
+
+    def load(index: Int[Array, " slots"]) -> Games:
+        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
+        return begin(state, pursuer, evader, words_of(index, jnp.full(index.shape, -1)))
+
+    def unfinished(carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
+        return jnp.any(carry[1] < count)
+
+    def one_step(
+        carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results],
+    ) -> tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]:
+        games, index, upcoming, results = carry
+        words = words_of(index, games.state.steps)
+        after, transition = step_games(game, pursuer, evader, games, words)
+        over = transition.terminated | transition.truncated
+        record = jnp.where(over, index, count)
+        results = Results(
+            results.outcome.at[record].set(transition.outcome, mode="drop"),
+            results.steps.at[record].set(after.state.steps, mode="drop"),
+        )
+        taken = jnp.cumsum(over.astype(jnp.int32))
+        next_index = jnp.where(over, upcoming + taken - 1, index)
+        games = jax.tree.map(lambda new, old: jnp.where(over, new, old), load(next_index), after)
+        return games, next_index, upcoming + taken[-1], results
+
+    first = jnp.arange(slots)
+    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32))
+    *_, results = jax.lax.while_loop(unfinished, one_step, (load(first), first, jnp.asarray(slots), nothing))
+    return results

@@ -1,0 +1,115 @@
+"""What the command shows a person: a live view of training, and tables of results."""
+
+import sys
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from apollonius.evaluate.match import MatchResult
+from apollonius.learn.progress import Progress
+
+_PLAIN_SECONDS = 10.0
+"""Least time between two lines where the output is no terminal."""
+
+
+class TrainingDisplay:
+    """Shows training as it goes on: a live panel in a terminal, plain lines when piped.
+
+    Use as a context manager and call with every `Progress`.
+    """
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, refresh_per_second=4) if self._console.is_terminal else None
+        self._speed: dict[str, float] = {}
+        self._last_line = -_PLAIN_SECONDS
+        self._last_evaluation = -1
+
+    def __enter__(self) -> "TrainingDisplay":
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live:
+            self._live.stop()
+
+    def __call__(self, progress: Progress) -> None:
+        # The first chunk of a stage includes its compilation, so the average starts anew from the second one.
+        seen = self._speed.get(progress.stage, 0.0)
+        latest = progress.env_steps_per_second
+        self._speed[progress.stage] = latest if latest > 3 * seen else 0.9 * seen + 0.1 * latest
+        if self._live:
+            self._live.update(self._panel(progress))
+            return
+        evaluated = progress.evaluation["env_steps"] if progress.evaluation else -1
+        done = progress.env_steps >= progress.total_env_steps
+        if done or evaluated != self._last_evaluation or time.monotonic() - self._last_line >= _PLAIN_SECONDS:
+            self._last_line, self._last_evaluation = time.monotonic(), evaluated
+            print("  ".join(f"{name} {value}" for name, value in self._rows(progress)), file=sys.stderr, flush=True)
+
+    def _rows(self, progress: Progress) -> list[tuple[str, str]]:
+        speed = self._speed[progress.stage]
+        remaining = (progress.total_env_steps - progress.env_steps) / max(speed, 1.0)
+        rows = [
+            ("stage", progress.stage),
+            ("done", f"{progress.env_steps / progress.total_env_steps:.1%}"),
+            ("left", _duration(remaining)),
+            ("env steps", f"{progress.env_steps:,} ({speed:,.0f}/s)"),
+            ("episodes", f"{progress.episodes:,}"),
+            ("updates", f"{progress.updates:,}"),
+            ("loss", " ".join(f"{side} {loss:.3g}" for side, loss in progress.losses.items())),
+            ("exploring games", _shares(progress.outcomes)),
+        ]
+        if progress.evaluation:
+            rows.append(("greedy games", _shares(progress.evaluation["outcomes"])))
+        return rows
+
+    def _panel(self, progress: Progress) -> Table:
+        table = Table(show_header=False, box=None, pad_edge=False)
+        table.add_column(style="bold")
+        table.add_column()
+        width = 40
+        filled = round(width * progress.env_steps / progress.total_env_steps)
+        table.add_row("progress", "█" * filled + "░" * (width - filled))
+        for name, value in self._rows(progress):
+            table.add_row(name, value)
+        return table
+
+
+def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
+    """A match as lines of text, in the order of the paper's Tables II and III."""
+    width = max(len(name) for name in result.outcomes)
+    lines = [f"{pursuer} (pursuer) against {evader} (evader), {result.games:,} games"]
+    lines += [
+        f"  {name.replace('_', ' '):<{width}}  {count:>7,}  {count / result.games:>6.1%}"
+        for name, count in result.outcomes.items()
+    ]
+    for side, rate, (low, high) in (
+        ("pursuer wins", result.pursuer_win_rate, result.pursuer_win_interval),
+        ("evader wins", result.evader_win_rate, result.evader_win_interval),
+    ):
+        lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
+    lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
+    lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
+    doomed = "not known" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.1%}"
+    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
+    return "\n".join(lines)
+
+
+def _shares(outcomes: dict[str, int]) -> str:
+    """Outcomes that occurred, most frequent first, as percentages."""
+    games = max(1, sum(outcomes.values()))
+    ranked = sorted(outcomes.items(), key=lambda item: -item[1])
+    return " ".join(f"{name} {count / games:.1%}" for name, count in ranked if count) or "none finished"
+
+
+def _duration(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}"

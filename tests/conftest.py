@@ -1,0 +1,15 @@
+"""How every test runs: no silent promotion, compilations kept between runs, the same examples each time."""
+
+from pathlib import Path
+
+import hypothesis
+import jax
+
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".jax_cache"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+hypothesis.settings.register_profile("apollonius", deadline=None, derandomize=True, max_examples=100)
+hypothesis.settings.load_profile("apollonius")

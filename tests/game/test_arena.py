@@ -1,0 +1,81 @@
+"""Walls (Eq. 2), clearance, and contact anywhere along a step."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.arena import Arena, Disc, closest_approach_squared
+from apollonius.game.types import RobotState
+
+ARENA = Arena(-1.0, 3.0, 0.0, 2.0, discs=(Disc(0.0, 1.0, 0.25), Disc(2.0, 0.5, 0.3)))
+clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
+hits = jax.jit(Arena.hits_obstacle)
+leaves = jax.jit(Arena.is_out_of_range)
+
+
+def at(x, y):
+    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
+
+
+def test_clearance_is_the_distance_to_the_nearest_boundary_point():
+    angles = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    rims = [(disc.x + disc.radius * np.cos(angles), disc.y + disc.radius * np.sin(angles)) for disc in ARENA.discs]
+    along_x, along_y = np.linspace(-1, 3, 4000), np.linspace(0, 2, 4000)
+    walls = [(along_x, 0 * along_x), (along_x, 0 * along_x + 2), (0 * along_y - 1, along_y), (0 * along_y + 3, along_y)]
+    boundary = np.concatenate([np.stack(curve, axis=-1) for curve in (*rims, *walls)])
+
+    points = np.random.default_rng(0).uniform((-1, 0), (3, 2), (200, 2)).astype(np.float32)
+    to_boundary = np.linalg.norm(points[:, None] - boundary, axis=-1).min(axis=1)
+    inside = np.any([np.hypot(*(points - (disc.x, disc.y)).T) < disc.radius for disc in ARENA.discs], axis=0)
+    assert 10 < inside.sum() < 100
+    np.testing.assert_allclose(clearances(ARENA, *points.T), np.where(inside, -to_boundary, to_boundary), atol=1e-3)
+
+
+@pytest.mark.parametrize("outside", [(-1.5, 1.0), (3.5, 1.0), (1.0, -0.5), (1.0, 2.5)])
+def test_clearance_is_negative_beyond_every_wall(outside):
+    assert ARENA.clearance(*jnp.asarray(outside)) == -0.5
+
+
+def test_closest_approach_is_the_least_distance_over_the_whole_segment():
+    rng = np.random.default_rng(1)
+    start, delta = rng.normal(size=(2, 500, 2)).astype(np.float32)
+    along = np.linspace(0, 1, 2001)[:, None, None]
+    sampled = np.linalg.norm(start + along * delta, axis=-1).min(axis=0)
+    ours = np.sqrt(jax.vmap(closest_approach_squared)(*start.T, *delta.T))
+    np.testing.assert_allclose(ours, sampled, atol=2e-3)
+
+
+def test_closest_approach_of_a_point_that_stays_is_where_it_stays():
+    assert closest_approach_squared(*jnp.asarray([3.0, 4.0, 0.0, 0.0])) == 25
+
+
+def test_a_disc_is_hit_by_passing_right_through_it_within_one_step():
+    before, after = at(-0.5, 1), at(0.5, 1)
+    assert ARENA.clearance(before.x, before.y) > 0
+    assert ARENA.clearance(after.x, after.y) > 0
+    assert hits(ARENA, before, after, 0.0)
+
+
+def test_a_disc_is_not_hit_by_stopping_short_of_it_on_a_line_through_it():
+    assert not hits(ARENA, at(-0.9, 1), at(-0.3, 1), 0.0)
+
+
+def test_every_disc_counts():
+    for disc in ARENA.discs:
+        assert hits(ARENA, at(disc.x - 0.5, disc.y), at(disc.x + 0.5, disc.y), 0.0)
+
+
+@pytest.mark.parametrize(("radius", "touches"), [(0.0, False), (0.25, False), (0.26, True)])
+def test_a_body_hits_a_disc_when_it_comes_closer_than_its_own_radius(radius, touches):
+    assert hits(ARENA, at(-0.5, 1.5), at(0.5, 1.5), radius) == touches
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.25])
+@pytest.mark.parametrize(
+    ("wall", "outwards"), [((-1, 1), (-1, 0)), ((3, 1), (1, 0)), ((1, 0), (0, -1)), ((1, 2), (0, 1))]
+)
+def test_a_wall_may_be_touched_but_not_passed(wall, outwards, radius):
+    touching = np.subtract(wall, np.multiply(radius, outwards))
+    assert not leaves(ARENA, at(*touching), radius)
+    assert leaves(ARENA, at(*(touching + np.multiply(1e-6, outwards))), radius)

@@ -1,0 +1,104 @@
+"""What a robot sees (Eq. 6, 7), number by number."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.types import GameState, RobotState, Role
+
+GAME = Game(
+    pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
+    evader=Unicycle(v_max=2.0, u1_max=1.0),
+    arena=Arena(0.0, 8.0, -2.0, 2.0, discs=(Disc(6.0, 0.0, 0.5),)),
+)
+observe = jax.jit(Game.observe, static_argnames=("role", "profile"))
+observe_many = jax.jit(jax.vmap(Game.observe, in_axes=(None, 0, None, None)), static_argnames=("role", "profile"))
+
+
+def robot(x, y, v, heading):
+    return RobotState(*jnp.asarray([x, y, v, heading], jnp.float32))
+
+
+def state(pursuer, evader):
+    return GameState(robot(*pursuer), robot(*evader), jnp.asarray(0))
+
+
+PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
+
+
+def test_paper_scales_positions_and_speeds_to_their_limits_and_headings_by_pi():
+    own, opponent = [-0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]
+    seen = observe(GAME, state(PURSUER, EVADER), Role.PURSUER, "paper")
+    np.testing.assert_allclose(seen, own + opponent, atol=1e-6)
+
+
+def test_each_role_sees_itself_first():
+    seen = observe(GAME, state(PURSUER, EVADER), Role.EVADER, "paper")
+    np.testing.assert_allclose(seen, [0, 0, 0, 0, -0.5, 0.5, 0.5, 0.5], atol=1e-6)
+
+
+def test_encoded_number_by_number():
+    """The pursuer looks up: the evader is 1 m behind and 2 m to its right, and it would stop on the wall."""
+    seen = observe(GAME, state(PURSUER, EVADER), Role.PURSUER, "encoded")
+    own, opponent = [-0.5, 0.5, 0.5, 0, 1], [0, 0, 0, 1, 0]
+    relative = [-1 / 8, -2 / 8, math.sqrt(5) / 8]
+    own_clearances = [1.0 - 0.1, 0.0 - 0.1]
+    opponent_clearances = [1.0, 1.0]
+    np.testing.assert_allclose(seen, own + opponent + relative + own_clearances + opponent_clearances, atol=1e-6)
+
+
+def test_encoded_warns_of_a_disc_in_the_braking_distance():
+    """At 2 m/s and 1 m/s^2 the evader stops after 2 m, in the middle of the disc 2 m ahead of it."""
+    seen = observe(GAME, state(PURSUER, (4.0, 0.0, 2.0, 0.0)), Role.EVADER, "encoded")
+    np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
+
+
+def random_states(count):
+    rng = np.random.default_rng(0)
+    x, y, heading = (rng.uniform(*limits, (2, count)) for limits in ((0, 8), (-2, 2), (-np.pi, np.pi)))
+    v = rng.uniform([[-0.5], [0.0]], [[1.5], [2.0]], (2, count))
+    pursuers, evaders = (jax.vmap(robot)(*numbers) for numbers in zip(x, y, v, heading, strict=True))
+    return jax.vmap(GameState)(pursuers, evaders, jnp.zeros(count, jnp.int32))
+
+
+@pytest.mark.parametrize("profile", OBSERVATION_SIZES)
+@pytest.mark.parametrize("role", Role)
+def test_observations_have_the_declared_size_and_lie_in_their_range(profile, role):
+    seen = observe_many(GAME, random_states(2000), role, profile)
+    assert seen.shape == (2000, OBSERVATION_SIZES[profile])
+    reach = np.ones(seen.shape[1])
+    if profile == "encoded":
+        reach[10:13] = math.hypot(1, 4 / 8)
+    assert np.all(np.abs(seen) <= reach * (1 + 1e-6))
+
+
+def test_the_corners_of_the_game_are_seen_as_plus_and_minus_one():
+    seen = observe(GAME, state((0, -2, -0.5, math.pi), (8, 2, 2, -math.pi)), Role.PURSUER, "paper")
+    np.testing.assert_allclose(seen, [-1, -1, -1, 1, 1, 1, 1, -1], atol=1e-6)
+
+
+def test_encoded_has_no_jump_where_the_heading_wraps():
+    below = observe(GAME, state((2, 1, 1, math.pi - 1e-6), EVADER), Role.PURSUER, "encoded")
+    above = observe(GAME, state((2, 1, 1, -math.pi + 1e-6), EVADER), Role.PURSUER, "encoded")
+    np.testing.assert_allclose(below, above, atol=1e-5)
+
+
+def test_where_the_opponent_is_does_not_depend_on_where_north_is():
+    """Both robots turned about the middle of a square arena keep seeing each other at the same place."""
+    square = Game()
+    place = np.array([[2.0, -1.0], [-1.0, -2.0]])
+    seen = []
+    for turn in np.linspace(0, 6, 7):
+        rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+        (px, py), (ex, ey) = place @ rotation + 5
+        turned = state((px, py, 0, 0.3 + turn), (ex, ey, 0, 0))
+        seen.append(observe(square, turned, Role.PURSUER, "encoded")[10:13])
+    assert np.linalg.norm(seen[0]) > 0.3
+    np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (7, 3)), atol=1e-6)

@@ -1,0 +1,92 @@
+"""Which of several events in one step counts, and who has won."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from apollonius.game.outcome import decide, evader_wins, is_captured, pursuer_wins
+from apollonius.game.types import GameState, Outcome, RobotState
+
+EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "out_of_time")
+COMBINATIONS = [dict(zip(EVENTS, flags, strict=True)) for flags in itertools.product((False, True), repeat=len(EVENTS))]
+
+
+def conditions(captured, pursuer_hit, pursuer_out, evader_hit, evader_out, out_of_time):
+    """When each outcome holds, written as conditions that stand on their own: no order among them."""
+    pursuer_failed, evader_failed = pursuer_hit or pursuer_out, evader_hit or evader_out
+    only_pursuer = not captured and pursuer_failed and not evader_failed
+    only_evader = not captured and evader_failed and not pursuer_failed
+    nothing = not captured and not pursuer_failed and not evader_failed
+    return {
+        Outcome.CAPTURED: captured,
+        Outcome.BOTH_FAILED: not captured and pursuer_failed and evader_failed,
+        Outcome.PURSUER_HIT_OBSTACLE: only_pursuer and pursuer_hit,
+        Outcome.PURSUER_OUT_OF_RANGE: only_pursuer and not pursuer_hit,
+        Outcome.EVADER_HIT_OBSTACLE: only_evader and evader_hit,
+        Outcome.EVADER_OUT_OF_RANGE: only_evader and not evader_hit,
+        Outcome.NO_RESULT: nothing and out_of_time,
+        Outcome.ONGOING: nothing and not out_of_time,
+    }
+
+
+@pytest.fixture(scope="module")
+def decided():
+    columns = {event: jnp.asarray([flags[event] for flags in COMBINATIONS]) for event in EVENTS}
+    return [Outcome(int(outcome)) for outcome in jax.vmap(lambda flags: decide(**flags))(columns)]
+
+
+def test_every_combination_of_events_has_exactly_the_outcome_whose_condition_holds(decided):
+    for flags, outcome in zip(COMBINATIONS, decided, strict=True):
+        holding = [name for name, holds in conditions(**flags).items() if holds]
+        assert holding == [outcome], flags
+
+
+def test_every_outcome_occurs(decided):
+    assert set(decided) == set(Outcome)
+
+
+def test_capture_comes_before_everything_and_the_time_limit_after_everything(decided):
+    for flags, outcome in zip(COMBINATIONS, decided, strict=True):
+        assert (outcome == Outcome.CAPTURED) == flags["captured"]
+        assert (outcome == Outcome.NO_RESULT) == (flags == dict.fromkeys(EVENTS, False) | {"out_of_time": True})
+
+
+@pytest.mark.parametrize("time_limit_wins", [False, True])
+def test_nobody_wins_together_with_the_other(time_limit_wins):
+    for outcome in Outcome:
+        code = jnp.asarray(outcome)
+        assert not (pursuer_wins(code) and evader_wins(code, time_limit_wins))
+
+
+def test_the_pursuer_wins_by_a_capture_or_when_the_evader_fails_alone():
+    winning = {outcome for outcome in Outcome if pursuer_wins(jnp.asarray(outcome))}
+    assert winning == {Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE}
+
+
+@pytest.mark.parametrize(("time_limit_wins", "more"), [(False, set()), (True, {Outcome.NO_RESULT})])
+def test_the_evader_wins_when_the_pursuer_fails_alone_or_by_time_where_the_rules_say_so(time_limit_wins, more):
+    winning = {outcome for outcome in Outcome if evader_wins(jnp.asarray(outcome), time_limit_wins)}
+    assert winning == {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE} | more
+
+
+def positions(pursuer, evader):
+    robots = [RobotState(*jnp.asarray([*place, 0, 0], jnp.float32)) for place in (pursuer, evader)]
+    return GameState(*robots, jnp.asarray(0))
+
+
+def test_robots_that_pass_each_other_within_a_step_are_captured():
+    before, after = positions((0, 0), (1, 0.1)), positions((1, 0), (0, 0.1))
+    assert is_captured(before, after, 0.2)
+
+
+def test_robots_that_cross_the_same_place_at_different_times_are_not_captured():
+    before, after = positions((0, 0), (0, 2)), positions((2, 0), (0, -2))
+    assert not is_captured(before, after, 0.2)
+
+
+def test_capture_needs_less_than_the_capture_distance():
+    meeting = positions((0, 0), (0.25, 0))
+    assert not is_captured(meeting, meeting, 0.25)
+    assert is_captured(meeting, meeting, 0.2500001)

@@ -1,0 +1,124 @@
+"""Where games begin: room around each robot and between them, and nothing else that would favour a place."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.starts import Starts
+
+ARENA = Arena(discs=(Disc(5.0, 5.0, 1.0),))
+PURSUER, EVADER = Unicycle(v_min=0.2, v_max=1.0, radius=0.1), Unicycle(v_min=-0.5, v_max=2.0, radius=0.4)
+DRAWS = 10_000
+
+
+@jax.jit
+def draw(starts, key):
+    return jax.vmap(starts.draw, in_axes=(0, None, None, None))(jax.random.split(key, DRAWS), ARENA, PURSUER, EVADER)
+
+
+@pytest.fixture(scope="module")
+def near():
+    """Robots that may start at the same place: their positions are independent."""
+    return draw(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
+
+
+@pytest.fixture(scope="module")
+def apart():
+    return draw(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
+
+
+@pytest.fixture(scope="module")
+def moving():
+    return draw(Starts(speed="moving"), jax.random.key(2))
+
+
+def is_uniform(values, low, high, bins=50):
+    counts, _ = np.histogram(values, bins, (low, high))
+    return counts.sum() == len(values) and stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_every_body_has_its_clearance_from_walls_and_discs(near, apart, moving):
+    for states in (near, apart, moving):
+        for robot, body in ((states.pursuer, PURSUER), (states.evader, EVADER)):
+            to_wall = np.min([robot.x, 10 - robot.x, robot.y, 10 - robot.y], axis=0)
+            to_disc = np.hypot(robot.x - 5, robot.y - 5) - 1
+            room = np.minimum(to_wall, to_disc) - body.radius
+            assert room.min() == pytest.approx(0.3, abs=0.01)
+            assert room.min() > 0.3 - 1e-5
+
+
+@pytest.mark.parametrize(("name", "separation"), [("apart", 5.0), ("moving", 1.0)])
+def test_robots_start_at_least_the_separation_apart(name, separation, request):
+    states = request.getfixturevalue(name)
+    distances = np.hypot(states.evader.x - states.pursuer.x, states.evader.y - states.pursuer.y)
+    assert separation - 1e-5 < distances.min() < separation + 0.05
+
+
+@pytest.mark.parametrize("role", ["pursuer", "evader"])
+def test_places_are_uniform_over_the_free_space(near, role):
+    """Chi-square over the squares of a grid that are free to their last corner."""
+    robot = getattr(near, role)
+    edges = np.linspace(0.7, 9.3, 11)
+    counts, *_ = np.histogram2d(robot.x, robot.y, (edges, edges))
+    nearest = np.maximum(np.abs(edges[:-1] + 0.43 - 5) - 0.43, 0)
+    free = np.hypot(*np.meshgrid(nearest, nearest)) > 1 + 0.3 + 0.4
+    assert 80 < free.sum() < 100
+    assert stats.chisquare(counts[free]).pvalue > 1e-3
+
+
+def test_pairs_are_uniform_over_all_pairs_that_fit(apart):
+    """The distribution of pairs that a simple rejection in NumPy leaves: compared by place and by distance."""
+    places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))
+    to_wall = np.minimum(places, 10 - places).min(axis=-1)
+    room = np.minimum(to_wall, np.linalg.norm(places - 5, axis=-1) - 1)
+    fits = (room >= [0.4, 0.7]).all(axis=-1) & (np.linalg.norm(places[:, 0] - places[:, 1], axis=-1) >= 5)
+    expected = places[fits]
+    ours = np.moveaxis(
+        np.array([[apart.pursuer.x, apart.pursuer.y], [apart.evader.x, apart.evader.y]]), -1, 0
+    )  # [draws, robot, axis], as `expected`
+    for measure in (
+        lambda pairs: pairs[:, 0, 0],
+        lambda pairs: pairs[:, 1, 1],
+        lambda pairs: np.linalg.norm(pairs - 5, axis=-1)[:, 0],
+        lambda pairs: np.linalg.norm(pairs[:, 0] - pairs[:, 1], axis=-1),
+    ):
+        assert stats.ks_2samp(measure(ours), measure(expected)).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("role", ["pursuer", "evader"])
+def test_headings_are_uniform_over_the_circle(near, role):
+    assert is_uniform(getattr(near, role).heading, -np.pi, np.pi)
+
+
+def test_headings_of_the_two_robots_are_independent(near):
+    assert is_uniform((near.pursuer.heading - near.evader.heading) % (2 * np.pi), 0, 2 * np.pi)
+
+
+def test_at_rest_a_robot_has_speed_zero_or_the_slowest_it_can_go(near):
+    assert np.all(near.pursuer.v == np.float32(0.2))
+    assert np.all(near.evader.v == 0)
+
+
+def test_moving_speeds_are_uniform_between_each_robots_own_limits(moving):
+    assert is_uniform(moving.pursuer.v, 0.2, 1.0)
+    assert is_uniform(moving.evader.v, -0.5, 2.0)
+
+
+def test_no_step_has_been_played(near, moving):
+    assert not np.any(near.steps)
+    assert not np.any(moving.steps)
+
+
+def test_one_key_one_start_and_another_key_another(near):
+    again = draw(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
+    other = draw(Starts(clearance=0.3, separation=0.0), jax.random.key(1))
+    for ours, same, different in zip(
+        *(jax.tree.leaves(states.pursuer) for states in (near, again, other)), strict=True
+    ):
+        np.testing.assert_array_equal(ours, same)
+        if jnp.ptp(ours) > 0:
+            assert not np.any(ours == different)

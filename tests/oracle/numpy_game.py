@@ -1,0 +1,158 @@
+"""The rules a second time: one game, one step, float64, plain numbers and plain ifs.
+
+A robot is a tuple (x, y, v, heading), a state a tuple (pursuer, evader, steps). Only the numbers of a `Game` are read,
+never its methods, so that a mistake must be made twice to go unseen.
+"""
+
+import math
+from dataclasses import dataclass
+
+GEARS = (-1, 0, 1)
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step led to. `margin` [m] says how far the nearest contact was from happening or not happening."""
+
+    pursuer: tuple
+    evader: tuple
+    steps: int
+    outcome: str
+    pursuer_reward: float
+    evader_reward: float
+    terminated: bool
+    truncated: bool
+    margin: float
+
+
+def step(game, state, pursuer_action, evader_action):
+    pursuer_before, evader_before, steps = state
+    pursuer = move(game.pursuer, pursuer_before, controls(game.pursuer, pursuer_action), game.dt)
+    evader = move(game.evader, evader_before, controls(game.evader, evader_action), game.dt)
+    steps = steps + 1
+
+    gap = closest_pass(pursuer_before, pursuer, evader_before, evader) - game.capture_distance
+    pursuer_gaps = gaps(game.arena, game.pursuer.radius, pursuer_before, pursuer)
+    evader_gaps = gaps(game.arena, game.evader.radius, evader_before, evader)
+    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), steps >= game.max_steps)
+
+    closed = distance(pursuer_before, evader_before) - distance(pursuer, evader)
+    zero_sum = game.reward.profile == "zero-sum"
+    pay = zero_sum_rewards if zero_sum else paper_rewards
+    pursuer_reward, evader_reward = pay(game.reward, outcome, closed)
+    truncated = outcome == "NO_RESULT" and not zero_sum
+    return Step(
+        pursuer=pursuer,
+        evader=evader,
+        steps=steps,
+        outcome=outcome,
+        pursuer_reward=pursuer_reward,
+        evader_reward=evader_reward,
+        terminated=outcome != "ONGOING" and not truncated,
+        truncated=truncated,
+        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps)),
+    )
+
+
+def controls(body, action):
+    return GEARS[action // 3] * body.u1_max, GEARS[action % 3] * body.u2_max
+
+
+def move(body, robot, inputs, dt):
+    """The arc of a constant turn, travelled at the exact mean of a speed that ramps until it meets its limit."""
+    x, y, v, heading = robot
+    u1, u2 = inputs
+    limit = body.v_max if u1 > 0 else body.v_min
+    ramp_time = dt if u1 == 0 else min(dt, (limit - v) / u1)
+    v_after = v + u1 * ramp_time
+    travelled = (v + v_after) / 2 * ramp_time + v_after * (dt - ramp_time)
+
+    turn = u2 * dt
+    if turn == 0:
+        dx, dy = travelled * math.cos(heading), travelled * math.sin(heading)
+    else:
+        radius = travelled / turn
+        dx = radius * (math.sin(heading + turn) - math.sin(heading))
+        dy = radius * (math.cos(heading) - math.cos(heading + turn))
+    return x + dx, y + dy, v_after, wrapped(heading + turn)
+
+
+def wrapped(angle):
+    while angle > math.pi:
+        angle -= 2 * math.pi
+    while angle <= -math.pi:
+        angle += 2 * math.pi
+    return angle
+
+
+def distance(a, b):
+    return math.hypot(a[0] - b[0], a[1] - b[1])
+
+
+def closest_pass(a_before, a_after, b_before, b_after):
+    """Least distance between two points that go straight from before to after in the same time."""
+    start = (b_before[0] - a_before[0], b_before[1] - a_before[1])
+    end = (b_after[0] - a_after[0], b_after[1] - a_after[1])
+    length = distance(start, end)
+    if length == 0:
+        return math.hypot(*start)
+    along = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    ahead = -(start[0] * along[0] + start[1] * along[1])
+    if ahead <= 0:
+        return math.hypot(*start)
+    if ahead >= length:
+        return math.hypot(*end)
+    return abs(start[0] * along[1] - start[1] * along[0])
+
+
+def gaps(arena, radius, before, after):
+    """Room [m] left to the nearest disc along the step, and to the nearest wall after it; negative is contact."""
+    to_disc = math.inf
+    for disc in arena.discs:
+        centre = (disc.x, disc.y)
+        to_disc = min(to_disc, closest_pass(before, after, centre, centre) - disc.radius - radius)
+    x, y = after[:2]
+    to_wall = min(x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y) - radius
+    return to_disc, to_wall
+
+
+def fate(to_disc, to_wall):
+    if to_disc < 0:
+        return "HIT_OBSTACLE"
+    if to_wall < 0:
+        return "OUT_OF_RANGE"
+    return None
+
+
+def judge(captured, pursuer_fate, evader_fate, out_of_time):
+    if captured:
+        return "CAPTURED"
+    if pursuer_fate and evader_fate:
+        return "BOTH_FAILED"
+    if pursuer_fate:
+        return "PURSUER_" + pursuer_fate
+    if evader_fate:
+        return "EVADER_" + evader_fate
+    if out_of_time:
+        return "NO_RESULT"
+    return "ONGOING"
+
+
+def paper_rewards(reward, outcome, closed):
+    """Eq. 8, 9: the cases in the paper's order."""
+    if outcome == "CAPTURED":
+        return reward.capture, -reward.capture
+    pursuer, evader = reward.progress * closed, -reward.progress * closed
+    if outcome.startswith("PURSUER") or outcome == "BOTH_FAILED":
+        pursuer = -reward.failure
+    if outcome.startswith("EVADER") or outcome == "BOTH_FAILED":
+        evader = -reward.failure
+    return pursuer, evader
+
+
+def zero_sum_rewards(reward, outcome, closed):
+    if outcome == "CAPTURED" or outcome.startswith("EVADER"):
+        return 1.0, -1.0
+    if outcome.startswith("PURSUER") or outcome == "NO_RESULT":
+        return -1.0, 1.0
+    return 0.0, 0.0
