@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.policy import solo
 from apollonius.agents.uniform import Uniform
@@ -23,7 +24,14 @@ from apollonius.learn.stage import Plan, play_and_learn
 from apollonius.rollout import Games, begin, collect
 
 CLASSIC = DQNConfig(
-    observation="paper", double=False, n_step=1, batch=128, env_steps_per_update=4, games=64, learning_rate=1e-4
+    observation="paper",
+    double=False,
+    n_step=1,
+    averaging=1.0,
+    learning_rate=1e-4,
+    batch=128,
+    env_steps_per_update=4,
+    games=64,
 )
 """Plain DQN on the 8 numbers, batch 128, an update every 4 env steps: the setting of published trainers' figures."""
 _STEPS = 250
@@ -44,12 +52,14 @@ def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
     starts = _draw(game, start_key, games)
     player = solo(Uniform())
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    carry = begin(first, player, player, jax.random.bits(word_key, (2, games), jnp.uint32))
+    games_at_start = begin(first, player, player, jax.random.bits(word_key, (2, games), jnp.uint32))
+    row = jax.tree.map(lambda leaf: leaf[:1], starts)
+    carry = _step(game, games_at_start, row, jax.random.key(0))
 
-    def run(repeat: int) -> Any:
+    def run(repeat: int) -> _Stepped:
         nonlocal carry
-        carry, checksum = _random_play(game, carry, starts, jax.random.key(repeat))
-        return checksum
+        carry = _random_play(game, carry, starts, jax.random.key(repeat))
+        return carry
 
     seconds = _time(run, repeats)
     return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
@@ -86,18 +96,36 @@ def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
     }
 
 
+class _Stepped(eqx.Module):
+    """Games under way, and what an environment returns of a step: observations, rewards, flags."""
+
+    games: Games
+    returned: tuple[Array, ...]
+
+
+def _step(game: Game, games: Games, starts: GameState, key: PRNGKeyArray) -> _Stepped:
+    player = solo(Uniform())
+    games, step = collect(game, player, player, games, starts, key, steps=1)
+    sides = (step.pursuer, step.evader)
+    returned = (*(side.next_observation for side in sides), *(side.reward for side in sides))
+    return _Stepped(games, (*returned, step.terminated, step.truncated))
+
+
 @functools.partial(jax.jit, static_argnames="games")
 def _draw(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     starts = reset_batch(game, key, _START_ROWS * games)
     return jax.tree.map(lambda leaf: leaf.reshape(_START_ROWS, games), starts)
 
 
-@jax.jit
-def _random_play(game: Game, games: Games, starts: GameState, key: PRNGKeyArray) -> tuple[Games, Float[Array, ""]]:
-    """Random play; returns a number that depends on all that was computed, so that nothing is left out."""
-    player = solo(Uniform())
-    games, transitions = collect(game, player, player, games, starts, key, _STEPS)
-    return games, sum((jnp.sum(leaf.astype(jnp.float32)) for leaf in jax.tree.leaves(transitions)), jnp.zeros(()))
+@functools.partial(jax.jit, donate_argnames="carry")
+def _random_play(game: Game, carry: _Stepped, starts: GameState, key: PRNGKeyArray) -> _Stepped:
+    """Random play. What a step returns overwrites what the one before returned, so all of it is computed."""
+
+    def one_step(step: Int[Array, ""], carry: _Stepped) -> _Stepped:
+        row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % _START_ROWS, 1), starts)
+        return _step(game, carry.games, row, jax.random.fold_in(key, step))
+
+    return jax.lax.fori_loop(0, _STEPS, one_step, carry)
 
 
 def _time(run: Callable[[int], Any], repeats: int) -> list[float]:

@@ -62,8 +62,11 @@ def begin(starts: GameState, pursuer: Pool, evader: Pool, words: UInt32[Array, "
 
 
 def _draw_member(pool: Pool, words: UInt32[Array, " games"]) -> Player:
-    member = (((words >> 16) * pool.size) >> 16).astype(jnp.int32)
-    return Player(member, jnp.zeros(member.shape, jnp.float32))
+    if pool.size == 1:
+        member = jnp.zeros(words.shape, jnp.int32)
+    else:
+        member = (((words >> 16) * pool.size) >> 16).astype(jnp.int32)
+    return Player(member, jnp.zeros(words.shape, jnp.float32))
 
 
 def step_games(

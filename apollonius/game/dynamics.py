@@ -12,6 +12,32 @@ def wrap_angle(angle: Scalar) -> Scalar:
     return angle - 2 * jnp.pi * jnp.ceil((angle - jnp.pi) / (2 * jnp.pi))
 
 
+def unit_vector(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """Cosine and sine of an angle [rad], to 4e-7.
+
+    The series of the half angle, which is within a quarter turn, and the double-angle formulas: several times faster
+    than `jnp.cos` and `jnp.sin`, which reduce arguments of any size, and most of what a step of the game costs.
+    """
+    half = wrap_angle(angle) / 2
+    square = half * half
+    sine = half * (1 + square * _horner(square, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800))
+    cosine = 1 + square * _horner(square, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600)
+    return 1 - 2 * sine * sine, 2 * sine * cosine
+
+
+def sinc(angle: Scalar) -> Scalar:
+    """`sin(angle) / angle`, to 3e-6 within 1 rad of 0 and to single precision within 0.6 rad: its series."""
+    return _horner(angle * angle, 1.0, -1 / 6, 1 / 120, -1 / 5040)
+
+
+def _horner(x: Scalar, *coefficients: float) -> Scalar:
+    """The polynomial with these coefficients, the constant one first."""
+    value = jnp.full_like(x, coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        value = value * x + coefficient
+    return value
+
+
 class Unicycle(eqx.Module):
     """One robot's body and limits. Knows no opponent and no arena.
 
@@ -60,11 +86,11 @@ class Unicycle(eqx.Module):
         lost_to_limit = jnp.where(dv == 0, 0.0, (v - robot.v) ** 2 / (2 * jnp.where(dv == 0, 1.0, dv)))
         mean_v = v - lost_to_limit
         half_turn = u2 * dt / 2
-        chord = mean_v * dt * (1 - half_turn**2 / 6 * (1 - half_turn**2 / 20))
-        middle = robot.heading + half_turn
+        chord = mean_v * dt * sinc(half_turn)
+        cos, sin = unit_vector(robot.heading + half_turn)
         return RobotState(
-            x=robot.x + chord * jnp.cos(middle),
-            y=robot.y + chord * jnp.sin(middle),
+            x=robot.x + chord * cos,
+            y=robot.y + chord * sin,
             v=v,
             heading=wrap_angle(robot.heading + 2 * half_turn),
         )

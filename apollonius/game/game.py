@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.observation import observe
@@ -63,14 +64,7 @@ class Game(eqx.Module):
             evader=self.evader.move(state.evader, *evader_controls, self.dt),
             steps=state.steps + 1,
         )
-        outcome = decide(
-            captured=is_captured(state, after, self.capture_distance),
-            pursuer_hit=self.arena.hits_obstacle(state.pursuer, after.pursuer, self.pursuer.radius),
-            pursuer_out=self.arena.is_out_of_range(after.pursuer, self.pursuer.radius),
-            evader_hit=self.arena.hits_obstacle(state.evader, after.evader, self.evader.radius),
-            evader_out=self.arena.is_out_of_range(after.evader, self.evader.radius),
-            out_of_time=after.steps >= self.max_steps,
-        )
+        outcome = judge(self, state, after)
         pursuer_reward, evader_reward = self.reward(outcome, distance(state), distance(after))
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
@@ -98,3 +92,16 @@ def distance(state: GameState) -> Scalar:
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """Initial states of several games, leaves of shape `[games]`. The key is consumed."""
     return jax.vmap(game.reset)(jax.random.split(key, games))
+
+
+@computed_apart
+def judge(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
+    """How the game stands after a step, from the states at its two ends."""
+    return decide(
+        captured=is_captured(before, after, game.capture_distance),
+        pursuer_hit=game.arena.hits_obstacle(before.pursuer, after.pursuer, game.pursuer.radius),
+        pursuer_out=game.arena.is_out_of_range(after.pursuer, game.pursuer.radius),
+        evader_hit=game.arena.hits_obstacle(before.evader, after.evader, game.evader.radius),
+        evader_out=game.arena.is_out_of_range(after.evader, game.evader.radius),
+        out_of_time=after.steps >= game.max_steps,
+    )

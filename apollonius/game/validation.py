@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from apollonius.game.dynamics import Unicycle
     from apollonius.game.game import Game
 
+MAX_TURN = 2.0
+"""Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be those of its chord."""
 _FREE_SPACE_GRID = 201
 """Points along each side of the arena at which free space is looked for."""
 
@@ -33,8 +35,8 @@ def check_game(game: "Game") -> None:
         game.max_steps >= 1 and game.max_steps == int(game.max_steps),
         "max_steps", game.max_steps, "a whole number of steps, at least 1; the paper game uses 1000",
     )  # fmt: skip
-    _check_robot(game.pursuer, "pursuer")
-    _check_robot(game.evader, "evader")
+    _check_robot(game.pursuer, "pursuer", game.dt)
+    _check_robot(game.evader, "evader", game.dt)
     _check_arena(game)
     require(game.starts.clearance >= 0, "starts.clearance", game.starts.clearance, "0 m or more")
     require(
@@ -51,13 +53,15 @@ def _check_finite(game: "Game") -> None:
         require(not isinstance(leaf, bool) and math.isfinite(leaf), name, leaf, "a finite number")
 
 
-def _check_robot(body: "Unicycle", name: str) -> None:
+def _check_robot(body: "Unicycle", name: str, dt: Any) -> None:
     require(
         body.v_min <= body.v_max, f"{name}.v_min", body.v_min, f"at most v_max = {body.v_max} m/s; exchange the two"
     )
     require(body.v_max > 0, f"{name}.v_max", body.v_max, "more than 0 m/s, or the robot cannot go forward")
     require(body.u1_max >= 0, f"{name}.u1_max", body.u1_max, "0 m/s^2 or more; gears are -u1_max, 0, +u1_max")
     require(body.u2_max >= 0, f"{name}.u2_max", body.u2_max, "0 rad/s or more; gears are -u2_max, 0, +u2_max")
+    bound = f"at most {MAX_TURN / dt:g} rad/s, {MAX_TURN} rad in a step of {dt:g} s; make it or dt smaller"
+    require(body.u2_max * dt <= MAX_TURN, f"{name}.u2_max", body.u2_max, bound)
     require(body.radius >= 0, f"{name}.radius", body.radius, "0 m (a point) or more")
 
 

@@ -28,19 +28,21 @@ class DQNConfig:
     """Discount of a step (section IV)."""
     double: bool = True
     """Let the online network choose and the target network value the next action (double Q-learning)."""
-    n_step: int = 5
+    n_step: int = 16
     """Rewards summed before a value is bootstrapped."""
     learning_rate: float = 5e-4
     """Adam's step size at the start of a stage."""
     final_learning_rate: float = 2e-5
     """Adam's step size at the end of a stage, reached in a straight line."""
+    averaging: float = 3e-4
+    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
     batch: int = 256
     """Transitions in an update."""
-    env_steps_per_update: int = 64
+    env_steps_per_update: int = 128
     """Env steps between two updates of each learner."""
     target_period: int = 32_000
     """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
-    games: int = 64
+    games: int = 128
     """Games played at a time."""
     replay_capacity: int = 524_288
     """Transitions kept."""
@@ -55,6 +57,7 @@ class DQNConfig:
         _require_positive(self, "width", "depth", "n_step", "learning_rate", "batch", "env_steps_per_update")
         _require_positive(self, "target_period", "games", "replay_capacity")
         require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
+        require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
         require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
         shape = (self.games, self.env_steps_per_update)
         require(
@@ -97,6 +100,7 @@ PROFILES: dict[str, DQNConfig] = {
         final_learning_rate=1e-4,
         batch=32,
         env_steps_per_update=1,
+        averaging=1.0,
         target_period=1_000,
         games=1,
         final_epsilon=0.05,
@@ -136,7 +140,7 @@ class RunConfig:
     """The game, number by number."""
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns."""
-    fixed_target: StageConfig = field(default_factory=lambda: StageConfig(env_steps=14_000_000))
+    fixed_target: StageConfig = field(default_factory=lambda: StageConfig(env_steps=17_000_000))
     """Stage 1: the pursuer against a stationary evader."""
     self_play: StageConfig = field(default_factory=lambda: StageConfig(env_steps=40_000_000, pursuer_epsilon=0.2))
     """Stage 2: both against each other."""
@@ -147,10 +151,15 @@ class RunConfig:
 
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
+    "standard": replace(
+        RunConfig(),
+        fixed_target=StageConfig(env_steps=5_000_000),
+        self_play=StageConfig(env_steps=12_000_000, pursuer_epsilon=0.2),
+    ),
     "quick": replace(
         RunConfig(),
         fixed_target=StageConfig(env_steps=1_500_000, evaluations=10, evaluation_games=500),
         self_play=StageConfig(env_steps=1_500_000, pursuer_epsilon=0.2, evaluations=10, evaluation_games=500),
     ),
 }
-"""`quick`: minutes on two cores. `paper`: about the paper's 200,000 + 300,000 episodes."""
+"""`quick`: minutes on two cores. `standard`: about an hour. `paper`: about the paper's 200,000 + 300,000 episodes."""

@@ -13,10 +13,14 @@ from apollonius.learn.replay import Batch
 
 
 class Learner(eqx.Module):
-    """One side's networks and optimiser. `updates` counts the updates so far."""
+    """One side's networks and optimiser. `updates` counts the updates so far.
+
+    `average` is the running average of the network's weights (Polyak averaging): the one that plays when it counts.
+    """
 
     network: QNetwork
     target: QNetwork
+    average: QNetwork
     optimiser: optax.OptState
     updates: Int[Array, ""]
 
@@ -28,8 +32,9 @@ def init(config: DQNConfig, key: PRNGKeyArray) -> Learner:
 
 def start_from(network: QNetwork) -> Learner:
     """A learner that goes on from a trained network: its target is the network, its optimiser is fresh."""
-    target = jax.tree.map(jnp.copy, network)
-    return Learner(network, target, _adam.init(eqx.filter(network, eqx.is_array)), jnp.zeros((), jnp.int32))
+    target, average = (jax.tree.map(jnp.copy, network) for _ in range(2))
+    optimiser = _adam.init(eqx.filter(network, eqx.is_array))
+    return Learner(network, target, average, optimiser, jnp.zeros((), jnp.int32))
 
 
 _adam = optax.scale_by_adam()
@@ -59,12 +64,13 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
     return jnp.mean((jax.lax.stop_gradient(targets) - chosen) ** 2)
 
 
-def update(learner: Learner, batch: Batch, learning_rate: Scalar, double: bool) -> tuple[Learner, Scalar]:
+def update(learner: Learner, batch: Batch, learning_rate: Scalar, config: DQNConfig) -> tuple[Learner, Scalar]:
     """The learner after one step of Adam on a batch, and the loss before it."""
-    value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, double)
+    value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
-    return Learner(network, learner.target, optimiser, learner.updates + 1), value
+    average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
+    return Learner(network, learner.target, average, optimiser, learner.updates + 1), value
 
 
 def copy_to_target(learner: Learner, due: Array) -> Learner:

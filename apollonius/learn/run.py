@@ -11,6 +11,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.greedy import Greedy
@@ -39,17 +40,11 @@ _EVALUATION_SEED = 20_200
 _reset_batch = jax.jit(reset_batch, static_argnames="games")
 
 
-class Best(eqx.Module):
-    """The best pursuer of stage 1 so far, by a fixed evaluation."""
-
-    network: QNetwork
-
-
 class Saved(eqx.Module):
-    """What a checkpoint holds."""
+    """What a checkpoint holds: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
 
     train: TrainState
-    best: Best | None
+    best: QNetwork | None
 
 
 class Run:
@@ -89,7 +84,8 @@ class Run:
         best: QNetwork | None = None
         for stage in self.stages[done:]:
             plan = self._plan(stage)
-            saved = Saved(self._start(stage, plan, best), self._no_best(stage, plan))
+            train = self._start(stage, plan, best)
+            saved = Saved(train, _copy(_pursuer(train)) if stage == FIXED_TARGET else None)
             here = progress if progress and progress["stage"] == stage else None
             if here:
                 saved = load_checkpoint(self.checkpoint, saved)
@@ -99,7 +95,7 @@ class Run:
             saved, finished = self._train_stage(stage, plan, saved, here)
             if not finished:
                 return False
-            best = saved.best.network if saved.best else None
+            best = saved.best
         return True
 
     def _plan(self, stage: str) -> Plan:
@@ -110,9 +106,6 @@ class Run:
         if stage == FIXED_TARGET:
             return start_fixed_target(plan, self.config.game, key)
         return start_self_play(plan, self.config.game, key, best)
-
-    def _no_best(self, stage: str, plan: Plan) -> Best | None:
-        return Best(_pursuer(self._start(stage, plan, None))) if stage == FIXED_TARGET else None
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
@@ -140,17 +133,17 @@ class Run:
             if stop and here["chunks"] < plan.chunks:
                 return Saved(train, best), False
         if best is not None:
-            self._save_agent(best.network, Role.PURSUER, "P_stage1", here["best"], stage)
+            self._save_agent(best, Role.PURSUER, "P_stage1", here["best"], stage)
         return Saved(train, best), True
 
     def _evaluate(
-        self, stage: str, plan: Plan, train: TrainState, best: Best | None, here: dict[str, Any]
-    ) -> Best | None:
+        self, stage: str, plan: Plan, train: TrainState, best: QNetwork | None, here: dict[str, Any]
+    ) -> QNetwork | None:
         """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far."""
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
-        evader: Pool = stationary_evader() if train.evader is None else solo(Greedy(train.evader.learner.network))
+        evader: Pool = stationary_evader() if train.evader is None else solo(Greedy(train.evader.learner.average))
         results = play_out(self.config.game, solo(Greedy(_pursuer(train))), evader, starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
@@ -158,7 +151,7 @@ class Run:
             return None
         if here["best"] is None or outcomes["captured"] > here["best"]["outcomes"]["captured"]:
             here["best"] = here["evaluation"]
-            return Best(jax.tree.map(lambda leaf: leaf.copy(), _pursuer(train)))
+            return _copy(_pursuer(train))
         return best
 
     def _keep_snapshots(self, stage: str, plan: Plan, train: TrainState, before: int, here: dict[str, Any]) -> None:
@@ -170,7 +163,7 @@ class Run:
                 record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
                 suffix = "" if percent == 100 else f"-{percent}"
                 self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}{suffix}", record, stage)
-                self._save_agent(train.evader.learner.network, Role.EVADER, f"E_{kind}{suffix}", record, stage)
+                self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}{suffix}", record, stage)
 
     def _save_agent(self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str) -> None:
         training = {"command": "apollonius train", "seed": self.config.seed, "stage": stage, **record}
@@ -180,7 +173,12 @@ class Run:
 
 def _pursuer(train: TrainState) -> QNetwork:
     assert train.pursuer is not None, "every stage trains a pursuer"
-    return train.pursuer.learner.network
+    return train.pursuer.learner.average
+
+
+def _copy(network: QNetwork) -> QNetwork:
+    """The same weights in other memory: a chunk consumes the state it is given."""
+    return jax.tree.map(jnp.copy, network)
 
 
 def _crosses(before: int, after: int, total: int, times: int) -> bool:

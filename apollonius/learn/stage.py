@@ -209,7 +209,7 @@ def _learn(
 
     def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
         batch = replay.sample(memory, sample_key, config.batch, config.n_step, config.gamma)
-        return dqn.update(learner, batch, rate, config.double)
+        return dqn.update(learner, batch, rate, config)
 
     def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
         learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))

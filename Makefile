@@ -1,0 +1,51 @@
+# The commands that people and CI share. All run in a virtual environment made from the locked requirements.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test lint check bench lock clean
+.DELETE_ON_ERROR:
+
+# Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
+demo: $(VENV)/installed
+	$(BIN)/apollonius train --preset quick --out runs/demo --force
+	$(BIN)/apollonius evaluate P_stage1 still --games 10000
+	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
+
+test: $(VENV)/installed-dev
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+check: lint test
+
+bench: $(VENV)/installed
+	$(BIN)/apollonius bench env --games 4096
+	$(BIN)/apollonius bench train
+	$(BIN)/apollonius bench train --profile fast
+
+# Hashes and no addresses: one file serves every Python from 3.11 on.
+LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	--no-emit-index-url --no-emit-find-links --extra build pyproject.toml
+lock:
+	$(LOCK) --output-file requirements.lock
+	$(LOCK) --extra dev --output-file requirements-dev.lock
+
+clean:
+	rm -rf $(VENV) .jax_cache .pytest_cache .ruff_cache .hypothesis
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: requirements.lock pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	touch $@
