@@ -16,10 +16,13 @@ from apollonius.agents.policy import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState
+from apollonius.learn import dqn
 from apollonius.learn.config import DQNConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.replay import Batch
 from apollonius.learn.stage import Plan, play_and_learn
 from apollonius.rollout import Games, begin, collect
 
@@ -27,6 +30,7 @@ CLASSIC = DQNConfig(
     observation="paper",
     double=False,
     n_step=1,
+    final_n_step=1,
     averaging=1.0,
     learning_rate=1e-4,
     batch=128,
@@ -36,6 +40,7 @@ CLASSIC = DQNConfig(
 """Plain DQN on the 8 numbers, batch 128, an update every 4 env steps: the setting of published trainers' figures."""
 _STEPS = 250
 _START_ROWS = 16
+_BARE_UPDATES = 200
 
 
 def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
@@ -66,7 +71,7 @@ def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
 
 
 def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
-    """Stage 1 training as configured, from the first update on.
+    """Stage 1 training as configured, from the first update on, and the bare updates of the same run beside it.
 
     Raises:
         InvalidInput: for an impossible configuration.
@@ -85,6 +90,7 @@ def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
         run(0)
     seconds = _time(run, repeats)
     updates = plan.iterations_per_chunk * config.updates_per_iteration
+    arithmetic = _bare_updates_per_second(config, repeats)
     return {
         "what": "train",
         "games": config.games,
@@ -93,7 +99,27 @@ def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
         **_machine(),
         **_rate("env_steps", plan.env_steps_per_chunk, seconds),
         **_rate("updates", updates, seconds),
+        "bare_updates_per_second": arithmetic,
+        "share_of_bare_updates": updates / statistics.median(seconds) / arithmetic,
     }
+
+
+def _bare_updates_per_second(config: DQNConfig, repeats: int) -> float:
+    """Updates on one fixed batch, with no game and no replay: what the arithmetic of learning alone allows."""
+    learner = dqn.init(config, jax.random.key(0))
+    size = OBSERVATION_SIZES[config.observation]
+    observation = jax.random.normal(jax.random.key(1), (config.batch, size))
+    flat = observation[:, 0]
+    batch = Batch(observation, jnp.zeros(config.batch, jnp.int32), flat, observation, flat)
+
+    @jax.jit
+    def run(learner: dqn.Learner) -> dqn.Learner:
+        def update(learner: dqn.Learner, step: Int[Array, ""]) -> tuple[dqn.Learner, None]:
+            return dqn.update(learner, batch, jnp.asarray(1e-4), config)[0], None
+
+        return jax.lax.scan(update, learner, jnp.arange(_BARE_UPDATES))[0]
+
+    return _BARE_UPDATES / statistics.median(_time(lambda repeat: run(learner), repeats))
 
 
 class _Stepped(eqx.Module):

@@ -55,6 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
     train.add_argument("--game", help="name of the game (default: paper)")
     train.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     train.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
+    train.add_argument("--pursuer", help="agent that the pursuer of --stage self-play goes on from (default: none)")
     train.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     train.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     train.set_defaults(run=run_train)
@@ -146,7 +147,7 @@ def run_bench(options: argparse.Namespace) -> int:
         print(json.dumps(result))
     else:
         for key, value in result.items():
-            print(f"{key:<30} {value:,.0f}" if isinstance(value, float) else f"{key:<30} {value}")
+            print(f"{key:<30} {value:,.5g}" if isinstance(value, float) else f"{key:<30} {value}")
     return 0
 
 
@@ -164,6 +165,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     changes: dict[str, Any] = {
         "stages": options.stage,
         "seed": options.seed,
+        "pursuer": options.pursuer,
         "dqn": PROFILES.get(options.profile),
         "game": make_game(options.game) if options.game else None,
     }

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.store import AgentHeader, load_agent
+from apollonius.agents.store import Agent, AgentHeader, load_agent
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Role
@@ -41,6 +42,20 @@ def find_agent(name: str, role: Role) -> Named:
     """
     if name in BUILT_IN:
         return Named(name, BUILT_IN[name]())
+    agent, path = _load(name, role)
+    return Named(path.stem, Greedy(agent.network), agent.header)
+
+
+def load_network(name: str, role: Role) -> QNetwork:
+    """The network of a trained agent, by its name in the zoo or its file.
+
+    Raises:
+        InvalidInput: as `find_agent`.
+    """
+    return _load(name, role)[0].network
+
+
+def _load(name: str, role: Role) -> tuple[Agent, Path]:
     if name in zoo_names():
         path = ZOO / f"{name}.safetensors"
     elif Path(name).suffix == ".safetensors" or Path(name).exists():
@@ -54,4 +69,4 @@ def find_agent(name: str, role: Role) -> Named:
             f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
             "the evader second."
         )
-    return Named(path.stem, Greedy(agent.network), agent.header)
+    return agent, path

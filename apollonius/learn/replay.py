@@ -74,15 +74,17 @@ def add(replay: Replay, new: Row) -> Replay:
     return Replay(written, (replay.head + steps) % rows, jnp.minimum(replay.filled + steps, rows))
 
 
-def sample(replay: Replay, key: PRNGKeyArray, batch: int, n_step: int, gamma: float) -> Batch:
+def sample(
+    replay: Replay, key: PRNGKeyArray, batch: int, max_n_step: int, n_step: Int[Array, ""] | int, gamma: float
+) -> Batch:
     """Transitions drawn uniformly from the ring, each with the return of up to `n_step` steps. The key is consumed.
 
-    At least `n_step` rows must be filled. A window that meets the end of its game stops there: a terminated game is
-    worth nothing beyond, a truncated one is worth what its final observation is worth.
+    At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
+    its game stops there: a terminated game is worth nothing beyond, a truncated one what its final observation is.
     """
     rows, games = replay.rows.reward.shape
     age_key, game_key = jax.random.split(key)
-    age = jax.random.randint(age_key, (batch,), 0, replay.filled - n_step + 1)
+    age = jax.random.randint(age_key, (batch,), 0, replay.filled - max_n_step + 1)
     game = jax.random.randint(game_key, (batch,), 0, games)
     first = (replay.head - replay.filled + age) % rows
 
@@ -90,13 +92,13 @@ def sample(replay: Replay, key: PRNGKeyArray, batch: int, n_step: int, gamma: fl
     discount = jnp.ones(batch, jnp.float32)
     last = first
     going: Bool[Array, " batch"] = jnp.ones(batch, bool)
-    for ahead in range(n_step):
+    for ahead in range(max_n_step):
         row = (first + ahead) % rows
         reward = reward + jnp.where(going, discount * replay.rows.reward[row, game], 0.0)
         terminated, truncated = replay.rows.terminated[row, game], replay.rows.truncated[row, game]
         discount = jnp.where(going, discount * _continues(terminated, gamma), discount)
         last = jnp.where(going, row, last)
-        going = going & ~terminated & ~truncated
+        going = going & ~terminated & ~truncated & (ahead + 1 < n_step)
     return Batch(
         observation=replay.rows.observation[first, game],
         action=replay.rows.action[first, game],

@@ -6,6 +6,7 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.agents.catalogue import load_network
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Pool, solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.game.game import reset_batch
+from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
@@ -105,17 +107,26 @@ class Run:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
             return start_fixed_target(plan, self.config.game, key)
+        if best is None and self.config.pursuer:
+            best = load_network(self.config.pursuer, Role.PURSUER)
         return start_self_play(plan, self.config.game, key, best)
+
+    def _stage_game(self, plan: Plan) -> Game:
+        """The game with the stage's own weight of progress; only rewards differ, so the judge need not know."""
+        if plan.stage.progress is None:
+            return self.config.game
+        return replace(self.config.game, reward=replace(self.config.game.reward, progress=plan.stage.progress))
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
         pursuer, evader = (None, stationary_evader()) if stage == FIXED_TARGET else (None, None)
         train, best = saved.train, saved.best
+        game = self._stage_game(plan)
         truncate_metrics(self.metrics, here["metrics_bytes"])
         began, last_save = time.monotonic() - here["seconds"], time.monotonic()
         while here["chunks"] < plan.chunks:
             chunk_began = time.monotonic()
-            train, metrics = play_and_learn(plan, self.config.game, train, pursuer, evader)
+            train, metrics = play_and_learn(plan, game, train, pursuer, evader)
             env_steps = int(train.env_steps)
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, here["chunks"] = here["chunks"], here["chunks"] + 1
@@ -157,7 +168,7 @@ class Run:
     def _keep_snapshots(self, stage: str, plan: Plan, train: TrainState, before: int, here: dict[str, Any]) -> None:
         if stage != SELF_PLAY or train.evader is None:
             return
-        kind = "curriculum" if FIXED_TARGET in self.stages else "scratch"
+        kind = "curriculum" if FIXED_TARGET in self.stages or self.config.pursuer else "scratch"
         for percent in SNAPSHOTS:
             if before < -(-plan.chunks * percent // 100) <= here["chunks"]:
                 record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
@@ -166,8 +177,10 @@ class Run:
                 self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}{suffix}", record, stage)
 
     def _save_agent(self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str) -> None:
-        training = {"command": "apollonius train", "seed": self.config.seed, "stage": stage, **record}
-        agent = describe(network, role, to_dict(self.config.game), training | {"config": to_dict(self.config)})
+        config = to_dict(self.config)
+        command = "apollonius train --config FILE, where FILE holds the config of this record"
+        training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
+        agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, self.folder / "agents" / f"{name}.safetensors")
 
 

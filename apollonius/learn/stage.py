@@ -205,10 +205,11 @@ def _learn(
             transitions.truncated,
         ),
     )
+    n_step = jnp.round(linear(config.n_step, config.final_n_step, plan.stage.env_steps, env_steps)).astype(jnp.int32)
     rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
 
     def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
-        batch = replay.sample(memory, sample_key, config.batch, config.n_step, config.gamma)
+        batch = replay.sample(memory, sample_key, config.batch, config.n_step, n_step, config.gamma)
         return dqn.update(learner, batch, rate, config)
 
     def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
