@@ -147,7 +147,8 @@ def run_bench(options: argparse.Namespace) -> int:
         print(json.dumps(result))
     else:
         for key, value in result.items():
-            print(f"{key:<30} {value:,.5g}" if isinstance(value, float) else f"{key:<30} {value}")
+            digits = f",.{0 if value >= 100 else 2}f" if isinstance(value, float) else ""
+            print(f"{key:<30} {value:{digits}}")
     return 0
 
 
