@@ -125,13 +125,18 @@ def collect(
     rows = jax.tree.leaves(starts)[0].shape[0]
     batch = games.pursuer.member.shape[0]
 
+    def draw(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
+        """Words for the actions and for the next members of the pools; lone members need none of their own."""
+        kinds = 1 if pursuer.size == evader.size == 1 else 2
+        words = jax.random.bits(step_key, (2 * kinds, batch), jnp.uint32)
+        return words[:2], words[-2:]
+
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        words = jax.random.bits(jax.random.fold_in(key, step), (2, batch), jnp.uint32)
+        words, fresh_words = draw(jax.random.fold_in(key, step))
         after, transition = step_games(game, pursuer, evader, games, words)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        # Finished games need no action, so the words of this step are free to draw their next players.
-        fresh = begin(fresh_state, pursuer, evader, words)
+        fresh = begin(fresh_state, pursuer, evader, fresh_words)
         return jax.tree.map(lambda new, old: jnp.where(over, new, old), fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

@@ -139,7 +139,7 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
     return header
 
 
-def _fill(path: Path, template: QNetwork, arrays: dict[str, np.ndarray[Any, Any]]) -> QNetwork:
+def _fill(path: Path, template: QNetwork, arrays: dict[str, np.ndarray]) -> QNetwork:
     expected = named_leaves(template)
     shapes = {name: leaf.shape for name, leaf in expected.items()}
     if {name: array.shape for name, array in arrays.items()} != shapes:

@@ -13,7 +13,7 @@ def wrap_angle(angle: Scalar) -> Scalar:
 
 
 def unit_vector(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """Cosine and sine of an angle [rad], to 4e-7.
+    """Cosine and sine of an angle [rad], to 1e-6.
 
     The series of the half angle, which is within a quarter turn, and the double-angle formulas: several times faster
     than `jnp.cos` and `jnp.sin`, which reduce arguments of any size, and most of what a step of the game costs.

@@ -14,6 +14,7 @@ clearance [m] where it stands and where it would come to rest if it braked strai
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Real, RobotState, Scalar
@@ -46,7 +47,12 @@ def _clearances(arena: Arena, body: Unicycle, robot: RobotState) -> list[Scalar]
 def observe(
     profile: str, arena: Arena, own_body: Unicycle, own: RobotState, opponent_body: Unicycle, opponent: RobotState
 ) -> Float[Array, " size"]:
-    """The observation of `own` facing `opponent`, in the named profile (Eq. 6, 7)."""
+    """The observation of `own` facing `opponent`, in the named profile (Eq. 6, 7).
+
+    Raises:
+        InvalidInput: for an unknown profile.
+    """
+    require(profile in OBSERVATION_SIZES, "observation", profile, f"one of {', '.join(OBSERVATION_SIZES)}")
     robots = ((own_body, own), (opponent_body, opponent))
     parts: list[Scalar] = []
     if profile == "paper":

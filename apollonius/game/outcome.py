@@ -1,7 +1,6 @@
 """What a step does to the game: capture, failures, time limit, and which of them counts."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -70,6 +69,6 @@ def evader_wins(outcome: Int[Array, ""], time_limit_wins: bool) -> Bool[Array, "
     return wins
 
 
-def counts_by_name(counts: Sequence[int] | Array | np.ndarray[Any, Any]) -> dict[str, int]:
+def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]:
     """Games by the name of their outcome, from counts indexed by `Outcome`; unfinished ones are left out."""
     return {outcome.name.lower(): int(counts[outcome]) for outcome in Outcome if outcome != Outcome.ONGOING}

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 MAX_TURN = 2.0
 """Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be those of its chord."""
-_FREE_SPACE_GRID = 201
-"""Points along each side of the arena at which free space is looked for."""
+_DRAWS = 100_000
+"""Pairs of places at which free space is looked for; a start rarer than that would take for ever to draw."""
 
 
 def check_game(game: "Game") -> None:
@@ -23,8 +23,8 @@ def check_game(game: "Game") -> None:
 
     Games whose numbers are being traced or swept (arrays) are left unchecked: their values are not known here.
     """
-    leaves = jax.tree.leaves(game)
-    if any(not isinstance(leaf, (int, float)) for leaf in leaves):
+    leaves = jax.tree.leaves(game, is_leaf=lambda leaf: leaf is None)
+    if any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in leaves):
         return
     _check_finite(game)
     require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
@@ -48,9 +48,10 @@ def check_game(game: "Game") -> None:
 
 
 def _check_finite(game: "Game") -> None:
-    for path, leaf in jax.tree_util.tree_flatten_with_path(game)[0]:
+    for path, leaf in jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]:
         name = jax.tree_util.keystr(path, simple=True, separator=".")
-        require(not isinstance(leaf, bool) and math.isfinite(leaf), name, leaf, "a finite number")
+        is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
+        require(is_number and math.isfinite(leaf), name, leaf, "a finite number")
 
 
 def _check_robot(body: "Unicycle", name: str, dt: Any) -> None:
@@ -79,37 +80,24 @@ def _check_arena(game: "Game") -> None:
 
 def _check_room(game: "Game") -> None:
     """Two robots must find room to start, both at once and far enough apart."""
-    free: list[np.ndarray[Any, Any]] = []
-    for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
-        margin = game.starts.clearance + body.radius
-        points = _free_points(game, margin)
-        if len(points) == 0:
+    arena, starts = game.arena, game.starts
+    draws = np.random.default_rng(0).uniform(size=(4, _DRAWS))
+    xs = arena.x_min + (arena.x_max - arena.x_min) * draws[:2]
+    ys = arena.y_min + (arena.y_max - arena.y_min) * draws[2:]
+    room = np.minimum(np.minimum(xs - arena.x_min, arena.x_max - xs), np.minimum(ys - arena.y_min, arena.y_max - ys))
+    for disc in arena.discs:
+        room = np.minimum(room, np.hypot(xs - disc.x, ys - disc.y) - disc.radius)
+    margins = {"pursuer": starts.clearance + game.pursuer.radius, "evader": starts.clearance + game.evader.radius}
+    for (name, margin), clearance in zip(margins.items(), room, strict=True):
+        if not (clearance >= margin).any():
             raise InvalidInput(
-                f"the arena leaves the {name} no place to start: no point has a clearance of {margin:g} m "
+                f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has a clearance of {margin:g} m "
                 f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
             )
-        free.append(points)
-    corners = [points[extreme] for points in free for extreme in _extremes(points)]
-    reach = max(math.dist(a, b) for a in corners for b in corners)
-    if reach < game.starts.separation:
-        raise InvalidInput(
-            f"starts.separation = {game.starts.separation} is not possible: it must be at most {reach:.3g} m, "
-            "the longest distance between two free places of this arena; make it smaller or the arena larger."
-        )
-
-
-def _free_points(game: "Game", margin: Any) -> "np.ndarray[Any, Any]":
-    arena = game.arena
-    x, y = np.meshgrid(
-        np.linspace(arena.x_min, arena.x_max, _FREE_SPACE_GRID), np.linspace(arena.y_min, arena.y_max, _FREE_SPACE_GRID)
-    )
-    room = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
-    for disc in arena.discs:
-        room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
-    return np.stack([x, y], axis=-1)[room >= margin]
-
-
-def _extremes(points: "np.ndarray[Any, Any]") -> list[int]:
-    """Indices of the outermost points in 16 directions."""
-    angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    return [int(np.argmax(points @ np.array([np.cos(a), np.sin(a)]))) for a in angles]
+    apart = np.hypot(xs[0] - xs[1], ys[0] - ys[1])[(room >= np.array([[m] for m in margins.values()])).all(axis=0)]
+    reach = apart.max(initial=0.0)
+    require(
+        reach >= starts.separation, "starts.separation", starts.separation,
+        f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}; make it smaller or the arena "
+        "larger",
+    )  # fmt: skip

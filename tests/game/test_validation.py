@@ -47,6 +47,8 @@ IMPOSSIBLE = [
     ({"pursuer": Unicycle(v_max=-INF)}, ["pursuer.v_max = -inf", "a finite number"]),
     ({"pursuer": Unicycle(u1_max=-0.3)}, ["pursuer.u1_max = -0.3", "0 m/s^2 or more"]),
     ({"evader": Unicycle(u2_max=-0.8)}, ["evader.u2_max = -0.8", "0 rad/s or more"]),
+    ({"pursuer": Unicycle(u2_max=21.0)}, ["pursuer.u2_max = 21.0", "at most 20 rad/s", "make it or dt smaller"]),
+    ({"dt": 4.0}, ["pursuer.u2_max = 0.8", "at most 0.5 rad/s", "in a step of 4 s", "make it or dt smaller"]),
     ({"evader": Unicycle(u2_max=NAN)}, ["evader.u2_max = nan", "a finite number"]),
     ({"evader": Unicycle(radius=-0.2)}, ["evader.radius = -0.2", "0 m (a point) or more"]),
     ({"arena": Arena(x_min=10.0)}, ["arena.x_min = 10.0", "less than x_max = 10.0"]),
@@ -62,7 +64,7 @@ IMPOSSIBLE = [
     (starts(clearance=6.0), ["no place to start", "clearance of 6 m", "clearance smaller"]),
     (starts(clearance=-0.1), ["starts.clearance = -0.1", "0 m or more"]),
     (starts(separation=0.2), ["starts.separation = 0.2", "at least capture_distance = 0.3", "before they begin"]),
-    (starts(separation=14.0), ["starts.separation = 14.0", "at most 13.", "smaller or the arena larger"]),
+    (starts(separation=14.0), ["starts.separation = 14.0", "at most 12.", "smaller or the arena larger"]),
     (
         {"evader": Unicycle(radius=4.5), **starts(separation=10.0)},
         ["starts.separation = 10.0", "at most", "smaller or the arena larger"],
@@ -87,11 +89,12 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
     "change",
     [
         {"max_steps": 1},
+        {"dt": 2.5},
         {"evader": Unicycle(v_min=0.5, v_max=0.5, u1_max=0.0, u2_max=0.0)},
         {"evader": Unicycle(radius=4.5), **starts(separation=6.0)},
         discs((0.0, 10.0, 0.5)),
         starts(clearance=0.0, separation=0.3),
-        starts(separation=13.0),
+        starts(separation=12.5),
     ],
 )
 def test_values_just_within_their_bounds_are_accepted(change):

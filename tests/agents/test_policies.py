@@ -1,0 +1,123 @@
+"""Who acts: each player keeps the rule it is named for."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import chisquare
+
+from apollonius.agents.classical import Still
+from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.network import make_network
+from apollonius.agents.policy import solo, stack
+from apollonius.agents.uniform import Uniform, uniform_action
+from apollonius.game.presets import make_game
+from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
+
+WORDS = jax.random.bits(jax.random.key(7), (200_000,), jnp.uint32)
+NOTHING = jnp.zeros(8)
+
+
+def network_with(values):
+    """A network whose nine action values are these, whatever it sees."""
+    network = make_network("paper", width=4, depth=1, key=jax.random.key(0))
+    last = network.layers[-1]
+    constant = eqx.tree_at(
+        lambda layer: (layer.weight, layer.bias), last, (jnp.zeros_like(last.weight), jnp.asarray(values, jnp.float32))
+    )
+    return eqx.tree_at(lambda network: network.layers[-1], network, constant)
+
+
+def best_is(action):
+    return network_with(np.eye(NUM_ACTIONS)[action])
+
+
+def action_counts(policy):
+    actions = jax.vmap(policy, in_axes=(None, 0))(NOTHING, WORDS)
+    return np.bincount(actions, minlength=NUM_ACTIONS)
+
+
+def test_uniform_actions_are_equally_frequent():
+    counts = action_counts(Uniform())
+    assert len(counts) == NUM_ACTIONS
+    assert chisquare(counts).pvalue > 0.01
+
+
+def test_uniform_actions_share_the_random_words_to_within_one():
+    upper_halves = jnp.arange(2**16, dtype=jnp.uint32) << 16
+    counts = np.bincount(jax.vmap(uniform_action)(upper_halves))
+    assert len(counts) == NUM_ACTIONS
+    assert counts.max() - counts.min() <= 1
+
+
+@pytest.mark.parametrize("epsilon", [0.3, 1.0])
+def test_epsilon_is_the_share_of_uniformly_random_actions(epsilon):
+    counts = action_counts(EpsilonGreedy(best_is(4), jnp.asarray(epsilon)))
+    shares = np.full(NUM_ACTIONS, epsilon / NUM_ACTIONS)
+    shares[4] += 1 - epsilon
+    assert chisquare(counts, shares * len(WORDS)).pvalue > 0.01
+
+
+def test_without_exploration_every_action_is_greedy():
+    assert action_counts(EpsilonGreedy(best_is(4), jnp.asarray(0.0)))[4] == len(WORDS)
+
+
+@pytest.mark.parametrize(
+    ("values", "chosen"),
+    [([0] * 9, 0), ([0, 1, 1, 0, 0, 0, 0, 0, 1], 1), ([-3, -2, -3, -3, -3, -3, -1, -1, -9], 6)],
+)
+def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
+    assert Greedy(network_with(values))(NOTHING, WORDS[0]) == chosen
+
+
+def test_a_network_is_layers_of_weights_and_relu():
+    network = make_network("encoded", width=5, depth=2, key=jax.random.key(3))
+    observation = np.linspace(-1, 1, 17, dtype=np.float32)
+    first, second, last = [(np.asarray(layer.weight), np.asarray(layer.bias)) for layer in network.layers]
+    hidden = np.maximum(first[0] @ observation + first[1], 0)
+    hidden = np.maximum(second[0] @ hidden + second[1], 0)
+    np.testing.assert_allclose(network(jnp.asarray(observation)), last[0] @ hidden + last[1], rtol=1e-5, atol=1e-6)
+
+
+def play_still(v, steps):
+    """Where a robot that plays `Still` is after a number of steps, from (1, 5) heading 0.5 rad."""
+    game = make_game("paper")
+    start = RobotState(*jnp.array([1.0, 5.0, v, 0.5]))
+    action = Still()(NOTHING, WORDS[0])
+    move = jax.jit(lambda state: game.step(state, action, action).state)
+    state = GameState(start, start, jnp.asarray(0))
+    for _ in range(steps):
+        state = move(state)
+    return start, state.evader
+
+
+def test_still_stays_where_it_rests():
+    start, end = play_still(v=0.0, steps=200)
+    assert eqx.tree_equal(start, end)
+
+
+def test_still_brakes_straight_ahead_when_it_moves():
+    start, end = play_still(v=0.6, steps=30)
+    braking = 0.6**2 / (2 * 0.3)
+    assert end.v == 0
+    assert end.heading == start.heading
+    np.testing.assert_allclose(end.x - start.x, braking * np.cos(0.5), atol=1e-5)
+    np.testing.assert_allclose(end.y - start.y, braking * np.sin(0.5), atol=1e-5)
+
+
+def test_a_pool_of_one_plays_as_that_player():
+    player = make_network("paper", width=4, depth=1, key=jax.random.key(1))
+    seen = jax.random.normal(jax.random.key(2), (50, 8))
+    pooled = solo(Greedy(player)).act(jnp.zeros(50, jnp.int32), seen, WORDS[:50])
+    alone = jax.vmap(Greedy(player))(seen, WORDS[:50])
+    assert len(np.unique(alone)) > 1
+    np.testing.assert_array_equal(pooled, alone)
+
+
+def test_each_game_meets_its_own_member_of_a_pool():
+    pool = stack([Greedy(best_is(action)) for action in (3, 5, 8)])
+    member = jnp.array([2, 0, 1, 1, 2])
+    assert pool.size == 3
+    assert pool.observation == "paper"
+    assert pool.act(member, jnp.zeros((5, 8)), WORDS[:5]).tolist() == [8, 3, 5, 5, 8]

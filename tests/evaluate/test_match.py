@@ -1,0 +1,130 @@
+"""A match: counts, rates and pairing."""
+
+import json
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.classical import Still
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.evaluate import match
+from apollonius.evaluate.match import play_match
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome
+from apollonius.rollout import Results
+
+GAMES = 200
+PAPER = replace(make_game("paper"), max_steps=150)
+ZERO_SUM = replace(make_game("zero-sum"), max_steps=150)
+
+
+@pytest.fixture(scope="module")
+def random_match():
+    return play_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
+
+
+@pytest.fixture
+def starts(monkeypatch):
+    """The starts of every match from here on, in a list; no game is played."""
+    seen = []
+
+    def record(game, pursuer, evader, starts, key, slots):
+        seen.append(jax.tree.map(np.asarray, starts))
+        return Results(jnp.full(GAMES, Outcome.NO_RESULT), jnp.ones(GAMES, jnp.int32))
+
+    monkeypatch.setattr(match, "play_out", record)
+    return seen
+
+
+def identical(one, other):
+    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
+
+
+def test_every_game_is_counted_once(random_match):
+    assert random_match.games == GAMES
+    assert sum(random_match.outcomes.values()) == GAMES
+    assert sum(count > 0 for count in random_match.outcomes.values()) >= 4
+    assert 1 < random_match.mean_steps < 150
+
+
+def test_one_seed_gives_one_result_however_many_games_are_under_way(random_match):
+    assert play_match(PAPER, Uniform(), Uniform(), GAMES, seed=0, slots=17) == random_match
+
+
+def test_another_seed_gives_another_result(random_match):
+    assert play_match(PAPER, Uniform(), Uniform(), GAMES, seed=1) != random_match
+
+
+def test_other_players_meet_the_same_starts(starts):
+    for pursuer, evader in [(Uniform(), Still()), (Still(), Uniform()), (Still(), Still())]:
+        play_match(PAPER, pursuer, evader, GAMES, seed=0)
+    first, second, third = starts
+    assert identical(first, second)
+    assert identical(first, third)
+
+
+def test_another_seed_has_other_starts(starts):
+    for seed in (0, 1):
+        play_match(PAPER, Still(), Still(), GAMES, seed=seed)
+    assert not np.any(starts[0].pursuer.x == starts[1].pursuer.x)
+
+
+@pytest.mark.parametrize(
+    ("game", "evader_wins"), [(PAPER, 0.0), (ZERO_SUM, 1.0)], ids=["no result", "the evader's win"]
+)
+def test_the_time_limit_is_scored_by_the_rules(game, evader_wins):
+    result = play_match(game, Still(), Still(), GAMES, seed=0)
+    assert result.outcomes["no_result"] == GAMES
+    assert result.pursuer_win_rate == 0
+    assert result.evader_win_rate == evader_wins
+    assert result.evader_undefeated_rate == 1
+    assert result.mean_steps == 150
+    assert result.mean_capture_steps is None
+
+
+def test_rates_are_those_of_the_counts(monkeypatch):
+    """Of 20 games: 5 captures, 1 and 2 crashes, 3 and 4 exits, 2 double failures, 3 without result."""
+    counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
+    outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
+    steps = jnp.arange(10, 30)
+    monkeypatch.setattr(match, "play_out", lambda *arguments, slots: Results(outcome, steps))
+    result = play_match(PAPER, Still(), Still(), games=20, seed=0)
+    assert result.outcomes == {
+        "captured": 5,
+        "pursuer_hit_obstacle": 1,
+        "evader_hit_obstacle": 2,
+        "pursuer_out_of_range": 3,
+        "evader_out_of_range": 4,
+        "both_failed": 2,
+        "no_result": 3,
+    }
+    assert result.pursuer_win_rate == (5 + 2 + 4) / 20
+    assert result.pursuer_win_interval == wilson_interval(11, 20)
+    assert result.evader_win_rate == (1 + 3) / 20
+    assert result.evader_win_interval == wilson_interval(4, 20)
+    assert result.evader_undefeated_rate == (1 + 3 + 3) / 20
+    assert result.mean_steps == 19.5
+    assert result.mean_capture_steps == 12
+
+
+def test_starts_at_rest_are_never_doomed_and_others_not_known(starts):
+    moving = replace(PAPER, starts=replace(PAPER.starts, speed="moving"))
+    assert play_match(PAPER, Still(), Still(), GAMES, seed=0).doomed_start_rate == 0
+    assert play_match(moving, Still(), Still(), GAMES, seed=0).doomed_start_rate is None
+
+
+def test_a_result_survives_json(random_match):
+    data = json.loads(json.dumps(random_match.to_dict()))
+    assert data["outcomes"] == random_match.outcomes
+    assert tuple(data["pursuer_win_interval"]) == random_match.pursuer_win_interval
+
+
+@pytest.mark.parametrize(("games", "seed", "named"), [(0, 0, "games = 0"), (-3, 0, "games = -3"), (5, -1, "seed = -1")])
+def test_matches_that_cannot_be_played_are_refused(games, seed, named):
+    with pytest.raises(InvalidInput, match=named):
+        play_match(PAPER, Still(), Still(), games, seed)

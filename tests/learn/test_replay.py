@@ -1,0 +1,143 @@
+"""The replay against a twin that keeps plain lists and walks them one transition at a time."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import chisquare
+
+from apollonius.learn import replay
+
+ROWS, GAMES, GAMMA = 12, 3, 0.9
+
+add = jax.jit(replay.add)
+draw = jax.jit(replay.sample, static_argnames=("batch", "max_n_step", "gamma"))
+
+
+@dataclass
+class Transition:
+    observation: tuple[float, float]
+    action: int
+    reward: float
+    next_observation: tuple[float, float]
+    terminated: bool
+    truncated: bool
+
+
+def play(rng, steps):
+    """`steps` rows of transitions. What is seen names the time and the game; what follows an end is a new start."""
+
+    def one(time, game):
+        ending = rng.choice(["goes on", "terminated", "truncated"], p=[0.7, 0.15, 0.15])
+        return Transition(
+            observation=(time, game),
+            action=int(rng.integers(9)),
+            reward=float(np.float32(rng.normal())),
+            next_observation=(time + 0.5, game),
+            terminated=bool(ending == "terminated"),
+            truncated=bool(ending == "truncated"),
+        )
+
+    return [[one(time, game) for game in range(GAMES)] for time in range(steps)]
+
+
+def as_rows(history):
+    def leaf(name, dtype):
+        return jnp.asarray(np.array([[getattr(one, name) for one in row] for row in history], dtype))
+
+    return replay.Row(
+        observation=leaf("observation", np.float32),
+        action=leaf("action", np.int32),
+        reward=leaf("reward", np.float32),
+        next_observation=leaf("next_observation", np.float32),
+        terminated=leaf("terminated", bool),
+        truncated=leaf("truncated", bool),
+    )
+
+
+def remember(history, steps_at_once=1):
+    memory = replay.init(ROWS, GAMES, size=2)
+    for time in range(0, len(history), steps_at_once):
+        memory = add(memory, as_rows(history[time : time + steps_at_once]))
+    return memory
+
+
+def sample(memory, seed, batch, n_step, max_n_step=None):
+    drawn = draw(memory, jax.random.key(seed), batch, max_n_step or n_step, jnp.asarray(n_step), GAMMA)
+    return jax.tree.map(np.asarray, drawn)
+
+
+def expected_sample(history, time, game, n_step):
+    """Reward, discount and next observation of the n-step transition from one time and game, as Eq. 3 needs them."""
+    reward, discount = 0.0, 1.0
+    for one in (row[game] for row in history[time : time + n_step]):
+        reward += discount * one.reward
+        discount *= 0.0 if one.terminated else GAMMA
+        if one.terminated or one.truncated:
+            break
+    return reward, discount, one.next_observation
+
+
+def kept_starts(steps, window):
+    """Times still in the ring from which a whole window of rows has been played."""
+    return range(max(0, steps - ROWS), steps - window + 1)
+
+
+@pytest.mark.parametrize(("n_step", "max_n_step"), [(1, 1), (1, 3), (2, 3), (3, 3)])
+@pytest.mark.parametrize("steps", [4, 11, 12, 13, 20, 24, 31])
+def test_samples_are_what_the_twin_says(steps, n_step, max_n_step):
+    """With the ring partly filled, just full, and overwritten up to every part of it."""
+    history = play(np.random.default_rng(steps), steps)
+    batch = sample(remember(history), seed=steps, batch=512, n_step=n_step, max_n_step=max_n_step)
+    times, games = batch.observation.astype(int).T
+    assert set(times) == set(kept_starts(steps, max_n_step))
+    assert set(games) == set(range(GAMES))
+    for index, (time, game) in enumerate(zip(times, games, strict=True)):
+        reward, discount, next_observation = expected_sample(history, time, game, n_step)
+        assert batch.action[index] == history[time][game].action
+        np.testing.assert_allclose(batch.reward[index], reward, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(batch.discount[index], discount, rtol=1e-6)
+        assert tuple(batch.next_observation[index].tolist()) == next_observation
+
+
+def test_rows_added_together_are_rows_added_one_by_one():
+    history = play(np.random.default_rng(0), 20)
+    one_by_one, together = remember(history, 1), remember(history, 4)
+    assert jax.tree.all(jax.tree.map(np.array_equal, one_by_one, together))
+
+
+@pytest.mark.parametrize("n_step", [1, 3])
+def test_every_kept_transition_is_equally_likely(n_step):
+    steps = 17
+    memory = remember(play(np.random.default_rng(1), steps))
+    batch = sample(memory, seed=0, batch=50_000, n_step=n_step)
+    times, games = batch.observation.astype(int).T
+    counts = [np.sum((times == time) & (games == game)) for time in kept_starts(steps, n_step) for game in range(GAMES)]
+    assert sum(counts) == 50_000
+    assert chisquare(counts).pvalue > 0.01
+
+
+def three_steps(**second):
+    """One game: three steps paid 1, 10 and 100, of which the second may be the end of its game."""
+    history = [
+        [Transition((time, game), 0, 10.0**time, (time + 0.5, game), False, False) for game in range(GAMES)]
+        for time in range(3)
+    ]
+    for one in history[1]:
+        vars(one).update(second)
+    batch = sample(remember(history), seed=0, batch=1, n_step=3)
+    return float(batch.reward[0]), float(batch.discount[0]), float(batch.next_observation[0, 0])
+
+
+def test_a_whole_window_is_paid_to_its_end_and_valued_there():
+    assert three_steps() == pytest.approx((1 + 0.9 * 10 + 0.81 * 100, 0.9**3, 2.5))
+
+
+def test_a_terminated_game_is_worth_nothing_beyond_its_end():
+    assert three_steps(terminated=True) == pytest.approx((1 + 0.9 * 10, 0.0, 1.5))
+
+
+def test_a_truncated_game_is_valued_where_it_stopped():
+    assert three_steps(truncated=True) == pytest.approx((1 + 0.9 * 10, 0.9**2, 1.5))

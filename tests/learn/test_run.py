@@ -1,0 +1,325 @@
+"""A training run in its folder: what it leaves there, and that stopping it in any way changes nothing."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.store import load_agent
+from apollonius.errors import InvalidInput
+from apollonius.game.types import Outcome
+from apollonius.learn import run as run_module
+from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.run import Run
+from apollonius.rollout import Results
+from tests.learn.tiny import CHUNK, DQN, GAME, RUN
+
+REPOSITORY = Path(__file__).parents[2]
+TIMES = ("seconds", "env_steps_per_second")
+"""What a metrics line says about the clock; everything else in it must come out the same."""
+CURRICULUM = [f"{side}_curriculum{part}" for side in "EP" for part in ("", "-25", "-50", "-75")]
+
+
+def begin(folder, config=RUN):
+    create_run(config, folder)
+    return folder
+
+
+def metrics(folder):
+    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+    return [{name: value for name, value in line.items() if name not in TIMES} for line in lines]
+
+
+def agents(folder):
+    return {path.stem: path.read_bytes() for path in sorted((folder / "agents").iterdir())}
+
+
+def stop_after(chunks):
+    """Asked after every chunk, says stop after this many."""
+    asked = iter(range(1, 1000))
+    return lambda: next(asked) == chunks
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """The folder of a run of both stages, four chunks each, that nothing disturbed."""
+    folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted")
+    assert Run(RUN, folder).execute()
+    return folder
+
+
+@pytest.fixture
+def checkpoint_after_every_chunk(monkeypatch):
+    monkeypatch.setattr(run_module, "CHECKPOINT_SECONDS", 0.0)
+
+
+def assert_same_end(folder, uninterrupted):
+    assert agents(folder) == agents(uninterrupted)
+    assert metrics(folder) == metrics(uninterrupted)
+
+
+def test_a_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
+    assert sorted(path.name for path in uninterrupted.iterdir()) == [
+        "agents",
+        "checkpoint.safetensors",
+        "config.toml",
+        "metrics.jsonl",
+    ]
+    assert sorted(agents(uninterrupted)) == [*CURRICULUM, "P_stage1"]
+    assert load_config(uninterrupted / "config.toml") == RUN
+
+
+def test_every_chunk_has_a_line_of_metrics(uninterrupted):
+    lines = metrics(uninterrupted)
+    assert [(line["stage"], line["env_steps"]) for line in lines] == [
+        (stage, chunk * CHUNK) for stage in ("fixed-target", "self-play") for chunk in (1, 2, 3, 4)
+    ]
+    for stage in (lines[:4], lines[4:]):
+        finished = np.cumsum([sum(line["outcomes"].values()) for line in stage])
+        assert [line["episodes"] for line in stage] == finished.tolist()
+        assert [line["updates"] for line in stage] == [0, 0, 72, 200]
+        assert [line["evaluation"]["env_steps"] for line in stage] == [line["env_steps"] for line in stage]
+        assert {sum(line["evaluation"]["outcomes"].values()) for line in stage} == {RUN.self_play.evaluation_games}
+    assert set(lines[0]["losses"]) == {"pursuer"}
+    assert set(lines[4]["losses"]) == {"pursuer", "evader"}
+
+
+def test_agents_say_how_they_were_trained(uninterrupted):
+    for name, stage, env_steps in [("E_curriculum-25", "self-play", CHUNK), ("P_curriculum", "self-play", 4 * CHUNK)]:
+        header = load_agent(uninterrupted / "agents" / f"{name}.safetensors").header
+        assert header.role == {"E": "evader", "P": "pursuer"}[name[0]]
+        assert header.training["seed"] == RUN.seed
+        assert header.training["stage"] == stage
+        assert header.training["env_steps"] == env_steps
+        assert header.game["capture_distance"] == GAME.capture_distance
+        assert header.training["config"]["dqn"]["width"] == DQN.width
+
+
+def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, tmp_path):
+    folder = begin(tmp_path / "run")
+    assert not Run(RUN, folder, should_stop=stop_after(3)).execute()
+    assert [line["env_steps"] for line in metrics(folder)] == [CHUNK, 2 * CHUNK, 3 * CHUNK]
+    assert not Run(RUN, folder, should_stop=stop_after(4)).execute()
+    assert metrics(folder)[-1]["stage"] == "self-play"
+    assert Run(RUN, folder).execute()
+    assert_same_end(folder, uninterrupted)
+
+
+def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):
+    before = agents(uninterrupted), metrics(uninterrupted)
+    reports = []
+    assert Run(RUN, uninterrupted, reports.append).execute()
+    assert reports == []
+    assert (agents(uninterrupted), metrics(uninterrupted)) == before
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL: nothing in the program may catch it."""
+
+
+def kill_at(moment, count, monkeypatch):
+    """Kill when it happens for the `count`-th time that a chunk is reported, or that a file is put in place."""
+    seen = iter(range(1, 1000))
+    replace_file = os.replace
+
+    def happens(what):
+        if what == moment and next(seen) == count:
+            raise Killed
+
+    def replace_or_die(source, target):
+        happens(Path(target).name)
+        replace_file(source, target)
+
+    monkeypatch.setattr(os, "replace", replace_or_die)
+    return lambda progress: happens("chunk")
+
+
+@pytest.mark.parametrize(
+    ("moment", "count"),
+    [
+        pytest.param("checkpoint.safetensors", 1, id="before the first checkpoint"),
+        pytest.param("chunk", 3, id="between metrics and checkpoint"),
+        pytest.param("checkpoint.safetensors", 3, id="while a checkpoint is written"),
+        pytest.param("P_stage1.safetensors", 1, id="at the end of stage 1"),
+        pytest.param("checkpoint.safetensors", 5, id="before the first checkpoint of stage 2"),
+        pytest.param("E_curriculum-50.safetensors", 1, id="between two agents"),
+        pytest.param("chunk", 8, id="after the last chunk"),
+    ],
+)
+@pytest.mark.usefixtures("checkpoint_after_every_chunk")
+def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeypatch, moment, count):
+    folder = begin(tmp_path / "run")
+    with pytest.raises(Killed), monkeypatch.context() as patch:
+        Run(RUN, folder, report=kill_at(moment, count, patch)).execute()
+    assert Run(RUN, folder).execute()
+    assert_same_end(folder, uninterrupted)
+    assert not list(folder.rglob("*.tmp"))
+
+
+CHILD = """
+import os, signal, sys
+from pathlib import Path
+from apollonius.learn import run
+from tests.learn.tiny import RUN
+
+def die_in_self_play(progress):
+    if progress.stage == "self-play" and progress.env_steps == 3 * 8192:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+run.CHECKPOINT_SECONDS = 0.0
+run.Run(RUN, Path(sys.argv[1]), die_in_self_play).execute()
+"""
+
+
+def test_a_process_killed_by_the_system_leaves_a_run_that_ends_the_same(uninterrupted, tmp_path):
+    folder = begin(tmp_path / "run")
+    cache = {
+        "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
+    child = subprocess.run(
+        [sys.executable, "-c", CHILD, str(folder)], cwd=REPOSITORY, env=os.environ | cache, check=False
+    )
+    assert child.returncode == -signal.SIGKILL
+    assert len(metrics(folder)) == 7
+    assert Run(RUN, folder).execute()
+    assert_same_end(folder, uninterrupted)
+
+
+@pytest.mark.usefixtures("checkpoint_after_every_chunk")
+def test_a_full_disk_spares_the_last_checkpoint(uninterrupted, tmp_path, monkeypatch):
+    folder = begin(tmp_path / "run")
+    assert not Run(RUN, folder, should_stop=stop_after(2)).execute()
+    checkpoint = (folder / "checkpoint.safetensors").read_bytes()
+
+    def fail(number):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        with pytest.raises(OSError, match="No space left"):
+            Run(RUN, folder).execute()
+    assert (folder / "checkpoint.safetensors").read_bytes() == checkpoint
+    assert Run(RUN, folder).execute()
+    assert_same_end(folder, uninterrupted)
+
+
+@pytest.fixture
+def self_play_starts(monkeypatch):
+    """The pursuer's network with which each self-play began."""
+    networks = []
+    start_self_play = run_module.start_self_play
+
+    def recorded(plan, game, key, pursuer):
+        networks.append(jax.tree.map(jnp.copy, pursuer))
+        return start_self_play(plan, game, key, pursuer)
+
+    monkeypatch.setattr(run_module, "start_self_play", recorded)
+    return networks
+
+
+def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tmp_path, monkeypatch):
+    """Of its four evaluations, the third is the first of the best."""
+    captures = iter([3, 4, 9, 9, 0])
+    evaluated = []
+
+    def scripted_evaluation(game, pursuer, evader, starts, key):
+        evaluated.append(jax.tree.map(lambda leaf: leaf[0], pursuer.members.network))
+        captured = jnp.arange(64) < next(captures)
+        return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
+
+    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
+    folder = begin(tmp_path / "run")
+    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
+
+    best = load_agent(folder / "agents" / "P_stage1.safetensors")
+    assert best.header.training["env_steps"] == 3 * CHUNK
+    assert best.header.training["outcomes"]["captured"] == 9
+    assert eqx.tree_equal(best.network, evaluated[2])
+    assert not eqx.tree_equal(best.network, evaluated[3])
+    assert eqx.tree_equal(self_play_starts, [best.network])
+
+
+def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uninterrupted, tmp_path):
+    config = replace(RUN, stages="self-play", pursuer=str(uninterrupted / "agents" / "P_stage1.safetensors"))
+    folder = begin(tmp_path / "run", config)
+    assert Run(config, folder).execute()
+    assert metrics(folder) == metrics(uninterrupted)[4:]
+    assert sorted(agents(folder)) == CURRICULUM
+    for name in CURRICULUM:
+        mine, theirs = (load_agent(path / "agents" / f"{name}.safetensors") for path in (folder, uninterrupted))
+        assert eqx.tree_equal(mine.network, theirs.network)
+
+
+def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
+    config = replace(RUN, stages="self-play")
+    folder = begin(tmp_path / "run", config)
+    assert Run(config, folder).execute()
+    assert self_play_starts == [None]
+    assert sorted(agents(folder)) == [name.replace("curriculum", "scratch") for name in CURRICULUM]
+    assert metrics(folder) != metrics(uninterrupted)[4:]
+
+
+def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
+    weights = []
+    play_and_learn = run_module.play_and_learn
+
+    def recorded(plan, game, *rest):
+        weights.append(game.reward.progress)
+        return play_and_learn(plan, game, *rest)
+
+    monkeypatch.setattr(run_module, "play_and_learn", recorded)
+    Run(RUN, begin(tmp_path / "run"), should_stop=stop_after(5)).execute()
+    assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
+
+
+def test_another_seed_trains_another_agent_and_stage_1_can_stand_alone(uninterrupted, tmp_path):
+    config = replace(RUN, stages="fixed-target", seed=1)
+    folder = begin(tmp_path / "run", config)
+    assert Run(config, folder).execute()
+    assert list(agents(folder)) == ["P_stage1"]
+    mine, theirs = (load_agent(path / "agents" / "P_stage1.safetensors").network for path in (folder, uninterrupted))
+    assert not np.any(mine.layers[0].weight == theirs.layers[0].weight)
+
+
+@pytest.mark.parametrize("kept", [0, 7, 1000, -1])
+def test_a_truncated_checkpoint_is_refused(uninterrupted, tmp_path, kept):
+    folder = begin(tmp_path / "run")
+    content = (uninterrupted / "checkpoint.safetensors").read_bytes()
+    (folder / "checkpoint.safetensors").write_bytes(content[:kept])
+    with pytest.raises(InvalidInput, match=r"not a whole checkpoint.*train again"):
+        Run(RUN, folder).execute()
+
+
+def test_an_agent_is_no_checkpoint(uninterrupted, tmp_path):
+    folder = begin(tmp_path / "run")
+    (folder / "checkpoint.safetensors").write_bytes(agents(uninterrupted)["P_curriculum"])
+    with pytest.raises(InvalidInput, match=r"no checkpoint of this version.*train again"):
+        Run(RUN, folder).execute()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        replace(RUN, dqn=replace(DQN, depth=2)),
+        replace(RUN, dqn=replace(DQN, width=32)),
+        replace(RUN, dqn=replace(DQN, replay_capacity=2 * CHUNK)),
+        replace(RUN, stages="fixed-target"),
+    ],
+    ids=["depth", "width", "replay_capacity", "stages"],
+)
+def test_a_checkpoint_of_another_config_is_refused(uninterrupted, tmp_path, changed):
+    folder = begin(tmp_path / "run", changed)
+    (folder / "checkpoint.safetensors").write_bytes((uninterrupted / "checkpoint.safetensors").read_bytes())
+    with pytest.raises(InvalidInput, match="train again"):
+        Run(changed, folder).execute()

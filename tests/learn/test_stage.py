@@ -1,0 +1,204 @@
+"""A stage of training: seeds, counters, schedules, and when learning happens.
+
+Most tests read one short stage, played once: exploring in its first chunk, greedy from the second on, learning from
+env step 20,000 (in the third chunk) on.
+"""
+
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.game import Game
+from apollonius.game.types import Outcome
+from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.stage import Metrics, Plan, TrainState, play_and_learn
+from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, STAGE
+
+EVADER = stationary_evader()
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A copy of the state after some chunks, and the metrics of the latest one."""
+
+    state: TrainState
+    metrics: Metrics | None
+
+    @property
+    def learner(self):
+        return self.state.pursuer.learner
+
+    @property
+    def seen(self):
+        return self.state.pursuer.replay.rows
+
+
+def copy(tree):
+    """A copy in NumPy, which outlives the donation of the original; keys become their numbers."""
+    is_key = lambda leaf: jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)  # noqa: E731
+    return jax.tree.map(lambda leaf: np.array(jax.random.key_data(leaf) if is_key(leaf) else leaf), tree)
+
+
+def play_stage(seed, chunks, plan=PLAN, game=GAME):
+    state = start_fixed_target(plan, game, jax.random.key(seed))
+    moments = [Moment(copy(state), None)]
+    for _ in range(chunks):
+        state, metrics = play_and_learn(plan, game, state, None, EVADER)
+        moments.append(Moment(copy(state), copy(metrics)))
+    return moments
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return play_stage(seed=0, chunks=4)
+
+
+def identical(one, other):
+    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
+
+
+def share_equal(one, other):
+    return np.mean(one == other)
+
+
+def test_one_seed_is_identical_to_the_last_bit(stage):
+    again = play_stage(seed=0, chunks=4)
+    for before, after in zip(stage, again, strict=True):
+        assert identical(before.state, after.state)
+        assert identical(before.metrics, after.metrics)
+
+
+def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
+    other = play_stage(seed=1, chunks=1)
+    for mine, theirs in zip(
+        jax.tree.leaves(stage[0].learner.network), jax.tree.leaves(other[0].learner.network), strict=True
+    ):
+        assert share_equal(mine, theirs) < 0.1
+    assert share_equal(stage[0].state.games.state.pursuer.x, other[0].state.games.state.pursuer.x) == 0
+    first_actions = stage[1].seen.action[0], other[1].seen.action[0]
+    assert share_equal(*first_actions) < 0.4  # by chance: 1 in 9
+
+
+def play_eight_steps(key):
+    """Greedy play of 1024 games, of which none ends in 8 steps from rest, and the one update that 8 rows allow."""
+    config = replace(
+        DQN, n_step=7, games=1024, env_steps_per_update=1024, learning_starts=0, replay_capacity=16 * 1024, double=False
+    )
+    plan = Plan(config, replace(STAGE, pursuer_epsilon=0.0))
+    start = start_fixed_target(plan, GAME, jax.random.key(0))
+    state, metrics = play_and_learn(
+        plan, GAME, eqx.tree_at(lambda state: state.key, start, jax.random.key(key)), None, EVADER
+    )
+    return Moment(copy(state), copy(metrics))
+
+
+def test_two_seeds_differ_in_their_first_batch():
+    """Weights, starts and greedy play being the same, only the drawn transitions can make the difference."""
+    one, other = play_eight_steps(key=1), play_eight_steps(key=2)
+    assert identical(one.seen, other.seen)
+    assert not identical(one.learner.network, other.learner.network)
+
+
+def test_updates_wait_for_a_whole_window_and_only_those_made_are_counted():
+    moment = play_eight_steps(key=1)
+    assert moment.learner.updates == 1
+    assert moment.metrics.updates == 1
+
+
+def test_env_steps_episodes_and_updates_are_counted_exactly(stage):
+    episodes = 0
+    for chunk, moment in enumerate(stage[1:], start=1):
+        over = moment.seen.terminated | moment.seen.truncated
+        episodes += over.sum()
+        assert over.sum() > 0
+        assert moment.metrics.outcomes.sum() == over.sum()
+        assert moment.metrics.outcomes[Outcome.NO_RESULT] == moment.seen.truncated.sum()
+        assert moment.state.env_steps == chunk * CHUNK
+        assert moment.state.iterations == chunk * 128
+        assert moment.state.episodes == episodes
+    # The first update comes with the iteration that reaches 20,000 env steps: the 313th, the 57th of chunk 3.
+    assert [int(moment.metrics.updates) for moment in stage[1:]] == [0, 0, 128 - 56, 128]
+    assert [int(moment.learner.updates) for moment in stage] == [0, 0, 0, 72, 200]
+
+
+def test_returns_are_summed_over_finished_games(stage):
+    """One chunk holds every game of length 100 at most that ends in it, but for the 64 that began before it."""
+    seen, metrics = stage[1].seen, stage[1].metrics
+    expected, running = 0.0, np.zeros(64)
+    for reward, over in zip(seen.reward, seen.terminated | seen.truncated, strict=True):
+        running += reward
+        expected += running[over].sum()
+        running[over] = 0
+    assert metrics.pursuer_return == pytest.approx(expected, rel=1e-4)
+
+
+def test_nothing_is_learned_before_learning_starts(stage):
+    start, _, greedy, learning, _ = stage
+    assert identical(start.learner, greedy.learner)
+    assert greedy.metrics.pursuer_loss == 0
+    assert not identical(greedy.learner.network, learning.learner.network)
+    assert not identical(greedy.learner.average, learning.learner.average)
+    assert learning.metrics.pursuer_loss > 0
+
+
+def test_a_side_that_does_not_learn_has_no_loss_and_no_memory(stage):
+    assert stage[4].state.evader is None
+    assert stage[4].metrics.evader_loss == 0
+
+
+def test_the_target_is_copied_at_its_period_and_kept_in_between(stage):
+    """The period is three chunks."""
+    start, _, before, due, after = stage
+    assert identical(before.learner.target, start.learner.network)
+    assert identical(due.learner.target, due.learner.network)
+    assert identical(after.learner.target, due.learner.network)
+    assert not identical(after.learner.target, after.learner.network)
+
+
+def greedy_share(moment, network, rows):
+    """How often the actions in some rows of the replay are the best ones of a network."""
+    values = jax.vmap(jax.vmap(network))(moment.seen.observation[rows])
+    return share_equal(np.argmax(values, axis=-1), moment.seen.action[rows])
+
+
+def test_play_explores_as_scheduled_and_then_is_greedy(stage):
+    """Nothing is learned in the first two chunks, so the network that acted in them is known."""
+    _, exploring, greedy, _, _ = stage
+    network = jax.tree.map(jnp.asarray, greedy.learner.network)
+    assert greedy_share(exploring, network, slice(0, 10)) == pytest.approx(1 / 9 + 0.035, abs=0.07)
+    assert greedy_share(exploring, network, slice(59, 69)) == pytest.approx(0.5 + 0.5 / 9, abs=0.07)
+    assert greedy_share(greedy, network, slice(0, 128)) == 1.0
+
+
+class CountingGame(Game):
+    """A game that counts how often its rules are traced."""
+
+    def step(self, state, pursuer_action, evader_action):
+        traces.append("step")
+        return super().step(state, pursuer_action, evader_action)
+
+
+traces = []
+
+
+def test_a_stage_is_traced_once():
+    """Not again for later chunks, nor for other numbers of the game or another seed."""
+    game = CountingGame(**vars(GAME))
+    play_stage(seed=0, chunks=1, game=game)
+    first = len(traces)
+    assert first > 0
+    play_stage(seed=1, chunks=3, game=replace(game, capture_distance=0.4, max_steps=90))
+    assert len(traces) == first
+
+
+def test_the_state_is_donated():
+    """So that the replay is updated in place."""
+    before = start_fixed_target(PLAN, GAME, jax.random.key(0))
+    address = before.pursuer.replay.rows.observation.unsafe_buffer_pointer()
+    after, _ = play_and_learn(PLAN, GAME, before, None, EVADER)
+    assert before.pursuer.replay.rows.observation.is_deleted()
+    assert after.pursuer.replay.rows.observation.unsafe_buffer_pointer() == address

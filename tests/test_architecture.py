@@ -1,0 +1,189 @@
+"""The house keeps its order: imports go one way, in no circle, and every file holds one noun of modest size."""
+
+import ast
+import graphlib
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "apollonius"
+LONGEST_FILE = 250
+NAMELESS = {"utils", "common", "helpers"}
+
+MAY_IMPORT = {
+    "errors": "",
+    "game": "errors",
+    "agents": "errors game",
+    "rollout": "errors game agents",
+    "solve": "errors game agents",
+    "learn": "errors game agents rollout",
+    "evaluate": "errors game agents rollout solve",
+    "show": "errors game agents rollout solve evaluate",
+    "adapters": "errors game agents",
+    "bench": "errors game agents rollout solve learn evaluate",
+    "terminal": "errors game agents rollout solve learn evaluate",
+    "cli": "errors game agents rollout solve learn evaluate show adapters bench terminal",
+    "__main__": "cli",
+    "apollonius": "errors game agents rollout solve learn evaluate show adapters",
+    "zoo": "",
+}
+"""The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""
+
+
+def read(package):
+    """Source text by module name; a folder's `__init__.py` is the module of the folder."""
+    paths = {path.relative_to(package.parent).with_suffix(""): path for path in package.rglob("*.py")}
+    return {".".join(name.parts).removesuffix(".__init__"): path.read_text() for name, path in paths.items()}
+
+
+def part(module):
+    """The part of the house that a module belongs to: `apollonius.game.arena` is in `game`."""
+    return module.split(".")[1] if "." in module else module
+
+
+def imports(source, module, modules):
+    """Full names that a module imports anywhere, and those among them that it imports when it is loaded itself."""
+    tree = ast.parse(source)
+    later = {
+        inner
+        for block in ast.walk(tree)
+        if isinstance(block, ast.FunctionDef | ast.AsyncFunctionDef) or is_for_type_checkers(block)
+        for inner in ast.walk(block)
+    }
+    everywhere, at_once = set(), set()
+    for node in ast.walk(tree):
+        names = names_of(node, module, modules)
+        everywhere |= names
+        at_once |= names if node not in later else set()
+    return everywhere, at_once
+
+
+def is_for_type_checkers(node):
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+
+
+def names_of(node, module, modules):
+    if isinstance(node, ast.Import):
+        return {alias.name for alias in node.names}
+    if isinstance(node, ast.ImportFrom):
+        above = module.split(".")[: -node.level] if node.level else []
+        source = ".".join([*above, *([node.module] if node.module else [])])
+        submodules = {f"{source}.{alias.name}" for alias in node.names} & modules
+        return submodules or {source}
+    return set()
+
+
+def violations(sources):
+    """Every breach of the house's order, in words; `sources` is text by module name."""
+    modules, found, needs = set(sources), [], {}
+    for module, source in sources.items():
+        here = part(module)
+        everywhere, at_once = imports(source, module, modules)
+        needs[module] = at_once & modules - {module}
+        found += [f"{module}: no arrow says what '{here}' may import"] if here not in MAY_IMPORT else []
+        for name in sorted(everywhere):
+            if name.split(".")[0] == "apollonius" and part(name) not in {here, *MAY_IMPORT.get(here, "").split()}:
+                found.append(f"{module}: imports {name}, against the arrow")
+            if name.split(".")[0] == "matplotlib" and here != "show":
+                found.append(f"{module}: imports {name}, which is for show only")
+        if len(source.splitlines()) > LONGEST_FILE:
+            found.append(f"{module}: has more than {LONGEST_FILE} lines, so it holds more than one noun")
+        if NAMELESS & set(module.split(".")):
+            found.append(f"{module}: is called after nothing in particular")
+        if here == "zoo" and any(not is_docstring(node) for node in ast.parse(source).body):
+            found.append(f"{module}: is code, but the zoo holds data only")
+    try:
+        graphlib.TopologicalSorter(needs).prepare()
+    except graphlib.CycleError as error:
+        found.append(f"imports go in a circle: {' <- '.join(error.args[1])}")
+    return found
+
+
+def is_docstring(node):
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def test_the_house_is_in_order():
+    sources = read(PACKAGE)
+    assert {"apollonius", "apollonius.rollout", "apollonius.game", "apollonius.game.arena"} <= set(sources)
+    assert violations(sources) == []
+
+
+def test_no_part_may_import_itself_by_way_of_others():
+    arrows = {name: set(names.split()) for name, names in MAY_IMPORT.items()}
+    graphlib.TopologicalSorter(arrows).prepare()
+
+
+def test_what_a_part_may_import_it_may_import_with_all_that_stands_behind_it():
+    for name, names in MAY_IMPORT.items():
+        if name != "__main__":
+            for behind in names.split():
+                assert set(MAY_IMPORT[behind].split()) <= set(names.split()), (name, behind)
+
+
+def test_training_and_judging_do_not_know_each_other():
+    assert "learn" not in MAY_IMPORT["evaluate"].split()
+    assert "evaluate" not in MAY_IMPORT["learn"].split()
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("apollonius.agents.greedy", "from apollonius.game.types import Scalar"),
+        ("apollonius.learn.stage", "from apollonius.learn import dqn"),
+        (
+            "apollonius.game.validation",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import apollonius.game",
+        ),
+        ("apollonius.show.curves", "import matplotlib.pyplot as plt"),
+        ("apollonius.cli", "def train():\n    from apollonius.learn.run import Run"),
+        ("apollonius.zoo", '"""Nothing but agents."""'),
+    ],
+)
+def test_good_imports_pass(module, source):
+    assert violations({module: source}) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "complaint"),
+    [
+        ("apollonius.game.arena", "from apollonius.agents.policy import Pool", "against the arrow"),
+        ("apollonius.game.arena", "import apollonius.rollout", "against the arrow"),
+        ("apollonius.game.arena", "import apollonius", "against the arrow"),
+        ("apollonius.game.arena", "def late():\n    from apollonius.rollout import collect", "against the arrow"),
+        ("apollonius.game.arena", "if TYPE_CHECKING:\n    from apollonius.learn import dqn", "against the arrow"),
+        ("apollonius.game.arena", "from ..agents.policy import Pool", "against the arrow"),
+        ("apollonius.learn.stage", "from apollonius.evaluate.match import play_match", "against the arrow"),
+        ("apollonius.evaluate.match", "from apollonius.learn.stage import Plan", "against the arrow"),
+        ("apollonius.solve.grid", "from apollonius.rollout import collect", "against the arrow"),
+        ("apollonius.adapters.onnx", "from apollonius.rollout import collect", "against the arrow"),
+        ("apollonius.agents.catalogue", "from apollonius.zoo import champion", "against the arrow"),
+        ("apollonius.evaluate.match", "import matplotlib.pyplot as plt", "for show only"),
+        ("apollonius.cli", "def show():\n    from matplotlib import pyplot", "for show only"),
+        ("apollonius.game.arena", "x = 1\n" * 251, "more than 250 lines"),
+        ("apollonius.game.utils", "", "after nothing in particular"),
+        ("apollonius.helpers.arena", "", "after nothing in particular"),
+        ("apollonius.sundry", "", "no arrow says"),
+        ("apollonius.zoo", "import jax", "data only"),
+    ],
+)
+def test_each_breach_is_found(module, source, complaint):
+    assert any(complaint in found for found in violations({module: source}))
+
+
+def test_a_circle_of_imports_is_found_even_within_one_part():
+    sources = {
+        "apollonius.game.arena": "from apollonius.game.game import Game",
+        "apollonius.game.game": "from apollonius.game import reward",
+        "apollonius.game.reward": "if True:\n    import apollonius.game.arena",
+    }
+    assert ["circle" in found for found in violations(sources)] == [True]
+
+
+@pytest.mark.parametrize("when", ["def late():\n    ", "if TYPE_CHECKING:\n    "])
+def test_an_import_that_does_not_run_on_loading_closes_no_circle(when):
+    sources = {
+        "apollonius.game.arena": f"{when}from apollonius.game.game import Game",
+        "apollonius.game.game": "from apollonius.game.arena import Arena",
+    }
+    assert violations(sources) == []

@@ -1,0 +1,337 @@
+"""The command: what it prints, and that it refuses bad input in one line and leaves everything as it was."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+import tomli_w
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, save_agent
+from apollonius.cli import main
+from apollonius.game.presets import make_game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Role
+from tests.learn.tiny import RUN
+
+REPOSITORY = Path(__file__).parents[1]
+OUTCOMES = (
+    "captured",
+    "pursuer_hit_obstacle",
+    "evader_hit_obstacle",
+    "pursuer_out_of_range",
+    "evader_out_of_range",
+    "both_failed",
+    "no_result",
+)
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """And with the promotion that optax needs."""
+    monkeypatch.chdir(tmp_path)
+    with jax.numpy_dtype_promotion("standard"):
+        yield
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """A config file of a training that takes seconds."""
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    return "tiny.toml"
+
+
+@pytest.fixture
+def agent():
+    """Files of a pursuer and an evader: `P.safetensors` and `E.safetensors`."""
+    for name, role in (("P", Role.PURSUER), ("E", Role.EVADER)):
+        network = make_network("paper", 4, 1, jax.random.key(0))
+        save_agent(describe(network, role, to_dict(make_game("paper")), {}), Path(f"{name}.safetensors"))
+
+
+def run_main(*arguments):
+    """The exit status of the command."""
+    try:
+        return main(list(arguments))
+    except SystemExit as leaving:
+        return leaving.code
+
+
+def run_process(script, *arguments):
+    """The command in a process of its own, as `script` starts it."""
+    cache = {
+        "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "PYTHONPATH": str(REPOSITORY),
+    }
+    return subprocess.run(
+        [sys.executable, "-c", script, *arguments], env=os.environ | cache, capture_output=True, text=True, check=False
+    )
+
+
+def everything_here():
+    """Every file and folder, with its content."""
+    return {str(path): path.is_file() and path.read_bytes() for path in Path().rglob("*")}
+
+
+def assert_refused(capsys, *arguments, naming):
+    """One line on standard error that names these things, status 2, and nothing written."""
+    before = everything_here()
+    status = run_main(*arguments)
+    printed = capsys.readouterr()
+    assert status == 2
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert printed.err.endswith("\n")
+    for what in naming:
+        assert what in printed.err
+    assert everything_here() == before
+
+
+def test_help_imports_nothing_that_takes_time():
+    result = run_process(
+        "import atexit, sys\n"
+        "from apollonius.cli import main\n"
+        "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
+        "atexit.register(lambda: print('imported:', [name for name in heavy if name in sys.modules]))\n"
+        "main(['--help'])"
+    )
+    assert result.returncode == 0
+    assert "train" in result.stdout
+    assert result.stdout.endswith("imported: []\n")
+
+
+def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
+    assert run_main("evaluate", "random", "still", "--games", "200", "--seed", "3", "--json") == 0
+    printed = capsys.readouterr()
+    assert printed.out.count("\n") == 1
+    assert printed.err == ""
+    result = json.loads(printed.out)
+    assert result["games"] == 200
+    assert set(result["outcomes"]) == set(OUTCOMES)
+    assert sum(result["outcomes"].values()) == 200
+    wins = sum(result["outcomes"][name] for name in ("captured", "evader_hit_obstacle", "evader_out_of_range"))
+    assert result["pursuer_win_rate"] == wins / 200
+    for side in ("pursuer", "evader"):
+        low, high = result[f"{side}_win_interval"]
+        assert 0 <= low <= result[f"{side}_win_rate"] <= high <= 1
+    assert result["mean_steps"] > 1
+    assert [result[name] for name in ("pursuer", "evader", "game", "starts", "seed")] == [
+        "random",
+        "still",
+        "paper",
+        "rest",
+        3,
+    ]
+
+
+def test_evaluate_prints_a_table(capsys):
+    assert run_main("evaluate", "random", "still", "--games", "200") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "random (pursuer) against still (evader), 200 games"
+    assert [line.split("  ")[1] for line in lines[1:8]] == [name.replace("_", " ") for name in OUTCOMES]
+    assert sum(int(line.split()[-2]) for line in lines[1:8]) == 200
+    assert any("95 % interval" in line for line in lines)
+
+
+def test_bench_prints_one_json_object_and_nothing_else(capsys):
+    assert run_main("bench", "env", "--games", "8", "--json") == 0
+    printed = capsys.readouterr()
+    assert printed.out.count("\n") == 1
+    result = json.loads(printed.out)
+    assert result["games"] == 8
+    assert 0 < result["env_steps_per_second_worst"] <= result["env_steps_per_second"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "naming"),
+    [
+        (["fly"], ["fly", "--help"]),
+        ([], ["COMMAND", "--help"]),
+        (["train", "--preset", "huge"], ["huge", "quick", "paper"]),
+        (["train", "--profile", "slow"], ["slow", "fast", "paper"]),
+        (["train", "--stage", "third"], ["third", "fixed-target", "self-play", "both"]),
+        (["train", "--game", "chess"], ["chess", "paper", "four-small", "one-large", "zero-sum"]),
+        (["train", "--seed", "-1"], ["seed = -1", "0"]),
+        (["train", "--seed", "one"], ["one"]),
+        (["train", "--config", "nowhere.toml"], ["nowhere.toml"]),
+        (["resume", "nowhere"], ["nowhere"]),
+        (["evaluate", "nobody", "still"], ["nobody", "random", "still", ".safetensors"]),
+        (["evaluate", "random", "nobody.safetensors"], ["nobody.safetensors"]),
+        (["evaluate", "random", "still", "--games", "0"], ["games = 0", "at least 1"]),
+        (["evaluate", "random", "still", "--games", "many"], ["many"]),
+        (["evaluate", "random", "still", "--seed", "-5"], ["seed = -5", "0"]),
+        (["evaluate", "random", "still", "--game", "chess"], ["chess", "paper", "zero-sum"]),
+        (["evaluate", "random", "still", "--starts", "flying"], ["flying", "rest", "moving"]),
+        (["evaluate", "random"], ["EVADER"]),
+        (["bench", "env", "--games", "0"], ["games = 0", "at least 1"]),
+        (["bench", "train", "--games", "0"], ["games = 0", "more than 0"]),
+        (["bench", "train", "--profile", "slow"], ["slow", "classic", "fast", "paper"]),
+        (["bench", "sleep"], ["sleep", "env", "train"]),
+    ],
+    ids=" ".join,
+)
+def test_bad_arguments_are_refused(capsys, arguments, naming):
+    assert_refused(capsys, *arguments, naming=naming)
+
+
+def test_a_truncated_agent_is_refused(agent, capsys):
+    path = Path("P.safetensors")
+    path.write_bytes(path.read_bytes()[:-100])
+    assert_refused(capsys, "evaluate", "P.safetensors", "still", naming=["P.safetensors", "not a whole"])
+
+
+def test_an_agent_made_for_another_observation_is_refused(agent, capsys):
+    with safe_open("P.safetensors", framework="numpy") as file:
+        metadata = file.metadata()
+    metadata["header"] = metadata["header"].replace('"observation": "paper"', '"observation": "lidar"')
+    save_file(load_file("P.safetensors"), "P.safetensors", metadata)
+    assert_refused(capsys, "evaluate", "P.safetensors", "still", naming=["P.safetensors", "lidar", "encoded"])
+
+
+def test_an_agent_on_the_wrong_side_is_refused(agent, capsys):
+    assert_refused(capsys, "evaluate", "random", "P.safetensors", naming=["P.safetensors", "plays the pursuer"])
+    assert_refused(capsys, "evaluate", "E.safetensors", "still", naming=["E.safetensors", "plays the evader"])
+
+
+@pytest.mark.parametrize(
+    ("config", "naming"),
+    [
+        ("[dqn]\nlearning_rat = 0.1", ["config.toml", "learning_rat", "'learning_rate'"]),
+        ("sede = 3", ["sede", "'seed'"]),
+        ("[game.pursuer]\nv_maximum = 2.0", ["v_maximum", "'v_max'"]),
+        ("[dqn]\nwidth = 'wide'", ["width"]),
+        ("[dqn]\nbatch = 0", ["batch = 0", "more than 0"]),
+        ("[game]\ndt = -0.1", ["dt = -0.1", "more than 0"]),
+        ("stages = 'third'", ["stages"]),
+        ("seed = ", ["config.toml", "no TOML"]),
+    ],
+    ids=["misspelt", "misspelt at the top", "misspelt in the game", "type", "value", "game", "choice", "syntax"],
+)
+def test_a_bad_config_is_refused(capsys, config, naming):
+    Path("config.toml").write_text(config)
+    assert_refused(capsys, "train", "--config", "config.toml", "--out", "run", naming=naming)
+
+
+def test_a_folder_that_holds_a_run_is_refused_without_force(tiny, capsys):
+    Path("run").mkdir()
+    Path("run/config.toml").write_text("seed = 5")
+    assert_refused(capsys, "train", "--config", tiny, "--out", "run", naming=["--out", "run", "--force"])
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+def test_a_folder_that_holds_something_else_is_refused(tiny, capsys, force):
+    Path("thesis").mkdir()
+    Path("thesis/chapter1.tex").write_text("It was a dark and stormy night.")
+    assert_refused(capsys, "train", "--config", tiny, "--out", "thesis", *force, naming=["--out", "thesis"])
+
+
+@pytest.mark.parametrize("out", ["notes.txt", "notes.txt/run"])
+def test_an_out_folder_that_cannot_be_is_refused(tiny, capsys, out):
+    Path("notes.txt").write_text("a regular file")
+    assert_refused(capsys, "train", "--config", tiny, "--out", out, naming=[out])
+
+
+@pytest.fixture
+def old_run():
+    """A run that somebody may still need."""
+    Path("run/agents").mkdir(parents=True)
+    Path("run/agents/P_stage1.safetensors").write_bytes(b"precious")
+    Path("run/config.toml").write_text("sede = 3")
+
+
+OVERWRITE = ["train", "--force", "--out", "run"]
+
+
+@pytest.mark.usefixtures("old_run", "agent")
+@pytest.mark.parametrize(
+    ("arguments", "naming"),
+    [
+        (["resume", "run"], ["sede"]),
+        (["train", "--force", "--out", "run", "--config", "run/config.toml"], ["sede"]),
+        (["train", "--force", "--out", "run", "--preset", "huge"], ["huge"]),
+        (["train", "--force", "--out", "run", "--stage", "self-play", "--pursuer", "nobody"], ["nobody"]),
+        (["train", "--force", "--out", "run", "--stage", "self-play", "--pursuer", "E.safetensors"], ["evader"]),
+        (
+            ["train", "--force", "--out", "run", "--stage", "self-play", "--pursuer", "P.safetensors"],
+            ["paper", "encoded"],
+        ),
+    ],
+    ids=["resume", "config", "preset", "unknown pursuer", "an evader as pursuer", "a pursuer with other eyes"],
+)
+def test_bad_input_never_costs_an_old_run(capsys, arguments, naming):
+    assert_refused(capsys, *arguments, naming=naming)
+
+
+def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
+    """Only a run's own files are replaced."""
+    arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
+    assert run_main(*arguments) == 0
+    printed = capsys.readouterr()
+    assert "P_stage1 (pursuer) against still (evader)" in printed.out
+    assert "100.0%" in printed.err
+    assert set(json.loads(Path("run/evaluation.json").read_text())) == {"P_stage1 against still"}
+    agent = Path("run/agents/P_stage1.safetensors").read_bytes()
+    metrics = Path("run/metrics.jsonl").read_text().splitlines()
+
+    Path("run/notes.txt").write_text("mine")
+    assert run_main(*arguments, "--force") == 0
+    assert Path("run/agents/P_stage1.safetensors").read_bytes() == agent
+    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == len(metrics)
+    assert Path("run/notes.txt").read_text() == "mine"
+
+
+INTERRUPTED = """
+import os, signal, sys
+from apollonius.cli import main
+from apollonius.terminal import TrainingDisplay
+
+class Interrupted(TrainingDisplay):
+    def __call__(self, progress):
+        super().__call__(progress)
+        if progress.env_steps == 2 * 8192:
+            os.kill(os.getpid(), signal.SIGINT)
+
+import apollonius.terminal
+apollonius.terminal.TrainingDisplay = Interrupted
+sys.exit(main())
+"""
+
+
+def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys):
+    arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--out", "run"]
+    stopped = run_process(INTERRUPTED, *arguments)
+    assert stopped.returncode == 130
+    assert stopped.stdout == ""
+    assert stopped.stderr.splitlines()[-1] == "stopped; go on with: apollonius resume run"
+    assert Path("run/checkpoint.safetensors").is_file()
+    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 2
+
+    assert run_main("resume", "run") == 0
+    assert "P_stage1 (pursuer) against still (evader)" in capsys.readouterr().out
+    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 4
+
+
+def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
+    """The config still finds room; the checkpoint at the end of the stage does not."""
+    fsync, written = os.fsync, []
+
+    def fail_after_the_config(number):
+        written.append(number)
+        if len(written) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        fsync(number)
+
+    monkeypatch.setattr(os, "fsync", fail_after_the_config)
+    assert run_main("train", "--config", tiny, "--stage", "fixed-target", "--out", "run") == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.splitlines()[-1] == "apollonius train: cannot use: No space left on device"
+    assert not list(Path("run").rglob("*.tmp"))
