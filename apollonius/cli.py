@@ -91,10 +91,12 @@ def build_parser() -> argparse.ArgumentParser:
 def run_train(options: argparse.Namespace) -> int:
     """Train from scratch in a new folder."""
     from apollonius.learn.folder import create_run
+    from apollonius.learn.run import load_first_pursuer
 
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
+    load_first_pursuer(config)  # refused here, before anything is written
     create_run(config, folder, force=options.force)
     return _train_and_judge(config, folder)
 

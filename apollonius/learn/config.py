@@ -166,6 +166,10 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
+        require(
+            self.pursuer is None or self.stages == "self-play", "pursuer", self.pursuer,
+            "left out unless stages is 'self-play': stage 1 trains the pursuer itself",
+        )  # fmt: skip
 
 
 PRESETS: dict[str, RunConfig] = {
@@ -177,8 +181,8 @@ PRESETS: dict[str, RunConfig] = {
     ),
     "quick": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=1_500_000, evaluations=10, evaluation_games=500),
-        self_play=replace(_self_play(env_steps=1_500_000), evaluations=10, evaluation_games=500),
+        fixed_target=StageConfig(env_steps=1_200_000, evaluations=8, evaluation_games=500),
+        self_play=replace(_self_play(env_steps=800_000), evaluations=8, evaluation_games=500),
     ),
 }
 """`quick`: minutes on two cores. `standard`: about an hour. `paper`: about the paper's 200,000 + 300,000 episodes."""

@@ -20,6 +20,7 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Pool, solo
 from apollonius.agents.store import describe, save_agent
+from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
@@ -86,9 +87,11 @@ class Run:
         best: QNetwork | None = None
         for stage in self.stages[done:]:
             plan = self._plan(stage)
+            here = progress if progress and progress["stage"] == stage else None
+            if self.config.pursuer and not here:
+                best = load_first_pursuer(self.config)
             train = self._start(stage, plan, best)
             saved = Saved(train, _copy(_pursuer(train)) if stage == FIXED_TARGET else None)
-            here = progress if progress and progress["stage"] == stage else None
             if here:
                 saved = load_checkpoint(self.checkpoint, saved)
             else:
@@ -107,8 +110,6 @@ class Run:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
             return start_fixed_target(plan, self.config.game, key)
-        if best is None and self.config.pursuer:
-            best = load_network(self.config.pursuer, Role.PURSUER)
         return start_self_play(plan, self.config.game, key, best)
 
     def _stage_game(self, plan: Plan) -> Game:
@@ -182,6 +183,22 @@ class Run:
         training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
         agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, self.folder / "agents" / f"{name}.safetensors")
+
+
+def load_first_pursuer(config: RunConfig) -> QNetwork | None:
+    """The network that the pursuer of self-play goes on from, if the config names one.
+
+    Raises:
+        InvalidInput: when there is no such agent, or its network is not of the kind that the config trains.
+    """
+    if config.pursuer is None:
+        return None
+    network = load_network(config.pursuer, Role.PURSUER)
+    require(
+        network.observation == config.dqn.observation, "--pursuer", config.pursuer,
+        f"an agent that reads the observation '{config.dqn.observation}' of this profile, not '{network.observation}'",
+    )  # fmt: skip
+    return network
 
 
 def _pursuer(train: TrainState) -> QNetwork:
