@@ -109,7 +109,7 @@ def test_help_imports_nothing_that_takes_time():
 
 
 def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
-    assert run_main("evaluate", "random", "still", "--games", "200", "--seed", "3", "--json") == 0
+    assert run_main("evaluate", "random", "random", "--games", "200", "--seed", "3", "--json") == 0
     printed = capsys.readouterr()
     assert printed.out.count("\n") == 1
     assert printed.err == ""
@@ -123,19 +123,14 @@ def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
         low, high = result[f"{side}_win_interval"]
         assert 0 <= low <= result[f"{side}_win_rate"] <= high <= 1
     assert result["mean_steps"] > 1
-    assert [result[name] for name in ("pursuer", "evader", "game", "starts", "seed")] == [
-        "random",
-        "still",
-        "paper",
-        "rest",
-        3,
-    ]
+    match = [result[name] for name in ("pursuer", "evader", "game", "starts", "seed")]
+    assert match == ["random", "random", "paper", "rest", 3]
 
 
 def test_evaluate_prints_a_table(capsys):
-    assert run_main("evaluate", "random", "still", "--games", "200") == 0
+    assert run_main("evaluate", "random", "random", "--games", "200") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "random (pursuer) against still (evader), 200 games"
+    assert lines[0] == "random (pursuer) against random (evader), 200 games"
     assert [line.split("  ")[1] for line in lines[1:8]] == [name.replace("_", " ") for name in OUTCOMES]
     assert sum(int(line.split()[-2]) for line in lines[1:8]) == 200
     assert any("95 % interval" in line for line in lines)

@@ -92,8 +92,8 @@ def save_agent(agent: Agent, path: Path) -> None:
         OSError: when the file cannot be written.
     """
     arrays = {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}
-    metadata = {"format": FORMAT, "header": json.dumps(asdict(agent.header), sort_keys=True)}
-    write_atomically(path, save(arrays, metadata))
+    # One entry: safetensors writes several in an order of their own, and one seed must give one file.
+    write_atomically(path, save(arrays, {"header": json.dumps(asdict(agent.header), sort_keys=True)}))
 
 
 def load_agent(path: Path) -> Agent:
@@ -111,16 +111,17 @@ def load_agent(path: Path) -> Agent:
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"'{path}' is not a whole safetensors file ({error}): copy or train it again.") from error
-    if metadata.get("format") != FORMAT:
-        raise InvalidInput(f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder.")
     header = _read_header(path, metadata)
     template = make_network(header.observation, header.width, header.depth, jax.random.key(0))
     return Agent(_fill(path, template, arrays), header)
 
 
 def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
+    foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder."
     try:
         fields = json.loads(metadata["header"])
+        if fields.get("format") != FORMAT:
+            raise InvalidInput(foreign)
         version = fields.get("version")
         if version != FORMAT_VERSION:
             raise InvalidInput(
@@ -128,7 +129,7 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
             )
         header = AgentHeader(**fields)
     except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
-        raise InvalidInput(f"'{path}' has no readable agent header ({error}): copy or train it again.") from error
+        raise InvalidInput(foreign) from error
     size = OBSERVATION_SIZES.get(header.observation)
     if size != header.observation_size:
         known = ", ".join(f"{name} ({size})" for name, size in OBSERVATION_SIZES.items())

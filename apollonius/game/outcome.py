@@ -52,7 +52,7 @@ def decide(
     return jnp.where(captured, Outcome.CAPTURED, outcome)
 
 
-def pursuer_wins(outcome: Int[Array, ""]) -> Bool[Array, ""]:
+def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
     """Captured, or the evader failed alone (the win rate of Table II)."""
     return (
         (outcome == Outcome.CAPTURED)
@@ -61,7 +61,7 @@ def pursuer_wins(outcome: Int[Array, ""]) -> Bool[Array, ""]:
     )
 
 
-def evader_wins(outcome: Int[Array, ""], time_limit_wins: bool) -> Bool[Array, ""]:
+def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
     """The pursuer failed alone or, where the rules say so, the evader outlived the time limit."""
     wins = (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
     if time_limit_wins:

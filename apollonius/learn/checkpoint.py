@@ -24,7 +24,7 @@ def save_checkpoint(path: Path, state: Any, progress: dict[str, Any]) -> None:
         OSError: when the disk is full or read-only; the previous checkpoint is untouched.
     """
     arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
-    write_atomically(path, save(arrays, {"format": FORMAT, "progress": json.dumps(progress)}))
+    write_atomically(path, save(arrays, {FORMAT: json.dumps(progress)}))
 
 
 def load_progress(path: Path) -> dict[str, Any]:
@@ -40,9 +40,9 @@ def load_progress(path: Path) -> dict[str, Any]:
             metadata = file.metadata() or {}
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"'{path}' is not a whole checkpoint ({error}): train again.") from error
-    if metadata.get("format") != FORMAT:
+    if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
-    return json.loads(metadata["progress"])
+    return json.loads(metadata[FORMAT])
 
 
 def load_checkpoint(path: Path, template: T) -> T:

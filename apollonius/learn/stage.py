@@ -163,15 +163,21 @@ def _iterate(
         env_steps=env_steps,
         episodes=state.episodes + jnp.sum(over.astype(jnp.int32)),
     )
-    learns = env_steps >= plan.dqn.learning_starts
     return after, Metrics(
         outcomes=jnp.stack([jnp.sum((over & (transitions.outcome == o)).astype(jnp.int32)) for o in Outcome]),
         pursuer_return=jnp.sum(jnp.where(over, transitions.pursuer.episode_return, 0.0)),
         evader_return=jnp.sum(jnp.where(over, transitions.evader.episode_return, 0.0)),
         pursuer_loss=pursuer_loss,
         evader_loss=evader_loss,
-        updates=jnp.where(learns, plan.dqn.updates_per_iteration, 0),
+        updates=_updates(after) - _updates(state),
     )
+
+
+def _updates(state: TrainState) -> Int[Array, ""]:
+    """Updates made so far by each learning side."""
+    side = state.pursuer or state.evader
+    assert side is not None, "one side at least must learn"
+    return side.learner.updates
 
 
 def _explorer(plan: Plan, state: TrainState, side: Learning | None, first_epsilon: float) -> Pool:

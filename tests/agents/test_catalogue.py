@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import pytest
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.agents.catalogue import ZOO, find_agent, zoo_names
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
@@ -16,7 +16,7 @@ from apollonius.game.types import Role
 
 @pytest.fixture(scope="module")
 def pursuer():
-    return describe(make_network("encoded", 4, 1, jax.random.key(0)), Role.PURSUER, {}, {"seed": 5})
+    return describe(make_network("encoded", 4, 2, jax.random.key(0)), Role.PURSUER, {}, {"seed": 5})
 
 
 @pytest.mark.parametrize("role", Role)
@@ -46,3 +46,12 @@ def test_a_file_plays_no_other_side(pursuer, tmp_path):
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still.* or give a \.safetensors file"):
         find_agent("nobody", Role.PURSUER)
+
+
+@pytest.mark.parametrize("name", zoo_names())
+def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
+    role = {"P": Role.PURSUER, "E": Role.EVADER}[name[0]]
+    header = find_agent(name, role).header
+    assert (ZOO / f"{name}.safetensors").stat().st_size < 1_000_000
+    assert {"command", "seed", "stage", "env_steps", "episodes", "config"} <= set(header.training)
+    assert header.game["arena"]["discs"]

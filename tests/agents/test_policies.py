@@ -72,7 +72,7 @@ def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
 
 
 def test_a_network_is_layers_of_weights_and_relu():
-    network = make_network("encoded", width=5, depth=2, key=jax.random.key(3))
+    network = make_network("encoded", width=4, depth=2, key=jax.random.key(3))
     observation = np.linspace(-1, 1, 17, dtype=np.float32)
     first, second, last = [(np.asarray(layer.weight), np.asarray(layer.bias)) for layer in network.layers]
     hidden = np.maximum(first[0] @ observation + first[1], 0)

@@ -24,7 +24,7 @@ TRAINING = {"command": "apollonius train", "seed": 3, "env_steps": 1000}
 
 @pytest.fixture(scope="module")
 def agent():
-    return describe(make_network("paper", 6, 2, jax.random.key(0)), Role.EVADER, GAME, TRAINING)
+    return describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, GAME, TRAINING)
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def rewrite(path, **changes):
 
 @pytest.mark.parametrize("observation", ["paper", "encoded"])
 def test_an_agent_comes_back_to_the_last_bit(observation, tmp_path):
-    agent = describe(make_network(observation, 6, 2, jax.random.key(1)), Role.PURSUER, GAME, TRAINING)
+    agent = describe(make_network(observation, 4, 2, jax.random.key(1)), Role.PURSUER, GAME, TRAINING)
     save_agent(agent, tmp_path / "agent.safetensors")
     loaded = load_agent(tmp_path / "agent.safetensors")
     assert loaded.header == agent.header
@@ -81,7 +81,7 @@ def test_the_header_says_what_the_agent_was_made_for(agent):
         "observation": "paper",
         "observation_size": 8,
         "num_actions": 9,
-        "width": 6,
+        "width": 4,
         "depth": 2,
         "game": GAME,
         "training": TRAINING,

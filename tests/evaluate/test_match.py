@@ -14,7 +14,9 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
+from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome
 from apollonius.rollout import Results
 
@@ -74,26 +76,26 @@ def test_another_seed_has_other_starts(starts):
     assert not np.any(starts[0].pursuer.x == starts[1].pursuer.x)
 
 
-@pytest.mark.parametrize(
-    ("game", "evader_wins"), [(PAPER, 0.0), (ZERO_SUM, 1.0)], ids=["no result", "the evader's win"]
-)
-def test_the_time_limit_is_scored_by_the_rules(game, evader_wins):
-    result = play_match(game, Still(), Still(), GAMES, seed=0)
+def test_a_game_out_of_time_has_no_result():
+    result = play_match(replace(PAPER, max_steps=1), Uniform(), Uniform(), GAMES, seed=0)
     assert result.outcomes["no_result"] == GAMES
-    assert result.pursuer_win_rate == 0
-    assert result.evader_win_rate == evader_wins
+    assert result.pursuer_win_rate == result.evader_win_rate == 0
     assert result.evader_undefeated_rate == 1
-    assert result.mean_steps == 150
+    assert result.mean_steps == 1
     assert result.mean_capture_steps is None
 
 
-def test_rates_are_those_of_the_counts(monkeypatch):
-    """Of 20 games: 5 captures, 1 and 2 crashes, 3 and 4 exits, 2 double failures, 3 without result."""
+@pytest.mark.parametrize(
+    ("game", "evader_wins"), [(PAPER, 1 + 3), (ZERO_SUM, 1 + 3 + 3)], ids=["time has no winner", "time is the evader's"]
+)
+def test_rates_are_those_of_the_counts(monkeypatch, game, evader_wins):
+    """Of 20 games: 5 captures, 1 and 2 crashes, 3 and 4 exits, 2 double failures, 3 out of time."""
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
     steps = jnp.arange(10, 30)
+    monkeypatch.setattr(match, "_reset_batch", lambda game, key, games: None)
     monkeypatch.setattr(match, "play_out", lambda *arguments, slots: Results(outcome, steps))
-    result = play_match(PAPER, Still(), Still(), games=20, seed=0)
+    result = play_match(game, Still(), Still(), games=20, seed=0)
     assert result.outcomes == {
         "captured": 5,
         "pursuer_hit_obstacle": 1,
@@ -104,18 +106,23 @@ def test_rates_are_those_of_the_counts(monkeypatch):
         "no_result": 3,
     }
     assert result.pursuer_win_rate == (5 + 2 + 4) / 20
-    assert result.pursuer_win_interval == wilson_interval(11, 20)
-    assert result.evader_win_rate == (1 + 3) / 20
-    assert result.evader_win_interval == wilson_interval(4, 20)
+    assert result.pursuer_win_interval == wilson_interval(5 + 2 + 4, 20)
+    assert result.evader_win_rate == evader_wins / 20
+    assert result.evader_win_interval == wilson_interval(evader_wins, 20)
     assert result.evader_undefeated_rate == (1 + 3 + 3) / 20
     assert result.mean_steps == 19.5
     assert result.mean_capture_steps == 12
 
 
-def test_starts_at_rest_are_never_doomed_and_others_not_known(starts):
-    moving = replace(PAPER, starts=replace(PAPER.starts, speed="moving"))
-    assert play_match(PAPER, Still(), Still(), GAMES, seed=0).doomed_start_rate == 0
-    assert play_match(moving, Still(), Still(), GAMES, seed=0).doomed_start_rate is None
+MOVING = replace(PAPER, starts=Starts(speed="moving"))
+UNSTOPPABLE = replace(PAPER, evader=Unicycle(v_min=0.1))
+
+
+@pytest.mark.parametrize(("game", "rate"), [(PAPER, 0.0), (MOVING, None), (UNSTOPPABLE, None)])
+def test_starts_are_known_not_to_be_doomed_where_both_can_stay_at_rest(monkeypatch, game, rate):
+    monkeypatch.setattr(match, "_reset_batch", lambda game, key, games: None)
+    monkeypatch.setattr(match, "play_out", lambda *arguments, slots: Results(jnp.array([7]), jnp.array([1])))
+    assert play_match(game, Still(), Still(), games=1, seed=0).doomed_start_rate == rate
 
 
 def test_a_result_survives_json(random_match):

@@ -32,14 +32,16 @@ def row(**values):
     return [values.get(f"_{action}", 0.0) for action in range(9)]
 
 
-def random_batch(key, size=32):
-    keys = jax.random.split(key, 5)
+def random_batch(rng, size=32):
+    def normal(*shape):
+        return jnp.asarray(rng.normal(size=shape), jnp.float32)
+
     return replay.Batch(
-        observation=jax.random.normal(keys[0], (size, 8)),
-        action=jax.random.randint(keys[1], (size,), 0, 9),
-        reward=jax.random.normal(keys[2], (size,)),
-        next_observation=jax.random.normal(keys[3], (size, 8)),
-        discount=jax.random.uniform(keys[4], (size,)),
+        observation=normal(size, 8),
+        action=jnp.asarray(rng.integers(9, size=size), jnp.int32),
+        reward=normal(size),
+        next_observation=normal(size, 8),
+        discount=jnp.asarray(rng.uniform(size=size), jnp.float32),
     )
 
 
@@ -82,7 +84,7 @@ def test_targets_and_loss_agree_with_rlax(config):
         warnings.simplefilter("ignore")
         rlax = pytest.importorskip("rlax")
         network, target = (make_network("paper", 16, 1, jax.random.key(seed)) for seed in (1, 2))
-        batch = random_batch(jax.random.key(3))
+        batch = random_batch(np.random.default_rng(3))
         values, next_values = jax.vmap(network)(batch.observation), jax.vmap(target)(batch.next_observation)
         next_choice = jax.vmap(network)(batch.next_observation)
         if config.double:

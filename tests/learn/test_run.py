@@ -15,9 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.store import load_agent
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.errors import InvalidInput
-from apollonius.game.types import Outcome
+from apollonius.game.types import Outcome, Role
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.run import Run
@@ -259,6 +260,29 @@ def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uni
     for name in CURRICULUM:
         mine, theirs = (load_agent(path / "agents" / f"{name}.safetensors") for path in (folder, uninterrupted))
         assert eqx.tree_equal(mine.network, theirs.network)
+
+
+def test_self_play_resumes_without_the_file_of_its_first_pursuer(uninterrupted, tmp_path):
+    borrowed = tmp_path / "P.safetensors"
+    borrowed.write_bytes(agents(uninterrupted)["P_stage1"])
+    config = replace(RUN, stages="self-play", pursuer=str(borrowed))
+    folder = begin(tmp_path / "run", config)
+    assert not Run(config, folder, should_stop=stop_after(2)).execute()
+    borrowed.unlink()
+    assert Run(config, folder).execute()
+    assert metrics(folder) == metrics(uninterrupted)[4:]
+
+
+@pytest.mark.parametrize(
+    ("network", "named"),
+    [(("encoded", 16, 1), "'paper'.*'encoded'"), (("paper", 8, 1), "16.*8"), (("paper", 16, 2), "1.*2")],
+    ids=["observation", "width", "depth"],
+)
+def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, network, named):
+    path = tmp_path / "P.safetensors"
+    save_agent(describe(make_network(*network, jax.random.key(0)), Role.PURSUER, {}, {}), path)
+    with pytest.raises(InvalidInput, match=f"{path}.*{named}"):
+        run_module.load_first_pursuer(replace(RUN, stages="self-play", pursuer=str(path)))
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):

@@ -12,11 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.game.arena import Arena
 from apollonius.game.game import Game
+from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome
 from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
-from apollonius.learn.stage import Metrics, Plan, TrainState, play_and_learn
-from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, STAGE
+from apollonius.learn.stage import Metrics, TrainState, play_and_learn
+from tests.learn.tiny import CHUNK, GAME, PLAN
 
 EVADER = stationary_evader()
 
@@ -43,11 +45,11 @@ def copy(tree):
     return jax.tree.map(lambda leaf: np.array(jax.random.key_data(leaf) if is_key(leaf) else leaf), tree)
 
 
-def play_stage(seed, chunks, plan=PLAN, game=GAME):
-    state = start_fixed_target(plan, game, jax.random.key(seed))
+def play_stage(seed, chunks, game=GAME):
+    state = start_fixed_target(PLAN, game, jax.random.key(seed))
     moments = [Moment(copy(state), None)]
     for _ in range(chunks):
-        state, metrics = play_and_learn(plan, game, state, None, EVADER)
+        state, metrics = play_and_learn(PLAN, game, state, None, EVADER)
         moments.append(Moment(copy(state), copy(metrics)))
     return moments
 
@@ -83,30 +85,34 @@ def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
     assert share_equal(*first_actions) < 0.4  # by chance: 1 in 9
 
 
-def play_eight_steps(key):
-    """Greedy play of 1024 games, of which none ends in 8 steps from rest, and the one update that 8 rows allow."""
-    config = replace(
-        DQN, n_step=7, games=1024, env_steps_per_update=1024, learning_starts=0, replay_capacity=16 * 1024, double=False
+def play_from(env_steps, key=0, game=GAME):
+    """A chunk that begins with this count of env steps, but with an empty replay and an untrained network."""
+    start = start_fixed_target(PLAN, game, jax.random.key(0))
+    start = eqx.tree_at(
+        lambda state: (state.env_steps, state.key), start, (jnp.asarray(env_steps, jnp.int32), jax.random.key(key))
     )
-    plan = Plan(config, replace(STAGE, pursuer_epsilon=0.0))
-    start = start_fixed_target(plan, GAME, jax.random.key(0))
-    state, metrics = play_and_learn(
-        plan, GAME, eqx.tree_at(lambda state: state.key, start, jax.random.key(key)), None, EVADER
-    )
+    state, metrics = play_and_learn(PLAN, game, start, None, EVADER)
     return Moment(copy(state), copy(metrics))
 
 
 def test_two_seeds_differ_in_their_first_batch():
-    """Weights, starts and greedy play being the same, only the drawn transitions can make the difference."""
-    one, other = play_eight_steps(key=1), play_eight_steps(key=2)
+    """Greedy play from the same starts in an endless plain, and one update: only its batch can make a difference."""
+    plain = replace(
+        GAME,
+        arena=Arena(x_max=1e4, y_max=1e4, discs=GAME.arena.discs),
+        max_steps=10**6,
+        starts=Starts(clearance=100.0, separation=100.0),
+    )
+    one, other = (play_from(env_steps=20_000 - CHUNK, key=key, game=plain) for key in (1, 2))
+    assert one.learner.updates == 1
     assert identical(one.seen, other.seen)
     assert not identical(one.learner.network, other.learner.network)
 
 
 def test_updates_wait_for_a_whole_window_and_only_those_made_are_counted():
-    moment = play_eight_steps(key=1)
-    assert moment.learner.updates == 1
-    assert moment.metrics.updates == 1
+    moment = play_from(env_steps=20_000)
+    assert 128 - 3 <= moment.learner.updates < 128
+    assert moment.metrics.updates == moment.learner.updates
 
 
 def test_env_steps_episodes_and_updates_are_counted_exactly(stage):

@@ -33,7 +33,7 @@ DQN = DQNConfig(
 STAGE = StageConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64)
 PLAN = Plan(DQN, STAGE)
 GAME = replace(
-    make_game("paper"),
+    make_game("one-large"),
     pursuer=Unicycle(v_min=0.6),
     evader=Unicycle(v_min=0.3),
     capture_distance=1.5,
