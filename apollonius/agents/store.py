@@ -142,11 +142,15 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
 
 def _fill(path: Path, template: QNetwork, arrays: dict[str, np.ndarray]) -> QNetwork:
     expected = named_leaves(template)
-    shapes = {name: leaf.shape for name, leaf in expected.items()}
-    if {name: array.shape for name, array in arrays.items()} != shapes:
+    if kinds_of(arrays) != kinds_of(expected):
         raise InvalidInput(f"'{path}' has weights that do not fit its header: copy or train it again.")
     leaves = [jnp.asarray(arrays[name]) for name in expected]
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
+
+
+def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """Shape and number type of every named array: what two files of one structure have in common."""
+    return {name: (array.shape, array.dtype) for name, array in arrays.items()}
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:

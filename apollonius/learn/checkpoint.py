@@ -10,7 +10,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from apollonius.agents.store import named_leaves, write_atomically
+from apollonius.agents.store import kinds_of, named_leaves, write_atomically
 from apollonius.errors import InvalidInput
 
 FORMAT = "apollonius-checkpoint-1"
@@ -51,11 +51,12 @@ def load_checkpoint(path: Path, template: T) -> T:
     Raises:
         InvalidInput: when the file does not hold this structure.
     """
+    expected = named_leaves(template)
     with safe_open(path, framework="numpy") as file:
-        names = set(file.keys())
-        if names != set(named_leaves(template)):
-            raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
-        leaves = [_like(leaf, file.get_tensor(name)) for name, leaf in named_leaves(template).items()]
+        saved = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    if kinds_of(saved) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
+        raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
+    leaves = [_like(leaf, saved[name]) for name, leaf in expected.items()]
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
 
 

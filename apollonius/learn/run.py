@@ -20,7 +20,7 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Pool, solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.errors import require
+from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
@@ -83,6 +83,10 @@ class Run:
             InvalidInput: when there is a checkpoint that this run cannot go on from.
         """
         progress = load_progress(self.checkpoint) if self.checkpoint.exists() else None
+        if progress is None:
+            truncate_metrics(self.metrics, 0)
+        elif progress["stage"] not in self.stages:
+            raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
         done = self.stages.index(progress["stage"]) if progress else 0
         best: QNetwork | None = None
         for stage in self.stages[done:]:
@@ -96,7 +100,7 @@ class Run:
                 saved = load_checkpoint(self.checkpoint, saved)
             else:
                 here = {"stage": stage, "chunks": 0, "seconds": 0.0, "best": None, "evaluation": None}
-                here["metrics_bytes"] = self.metrics.stat().st_size if self.metrics.exists() else 0
+                here["metrics_bytes"] = self.metrics.stat().st_size
             saved, finished = self._train_stage(stage, plan, saved, here)
             if not finished:
                 return False
@@ -193,11 +197,11 @@ def load_first_pursuer(config: RunConfig) -> QNetwork | None:
     """
     if config.pursuer is None:
         return None
-    network = load_network(config.pursuer, Role.PURSUER)
-    require(
-        network.observation == config.dqn.observation, "--pursuer", config.pursuer,
-        f"an agent that reads the observation '{config.dqn.observation}' of this profile, not '{network.observation}'",
-    )  # fmt: skip
+    network, dqn = load_network(config.pursuer, Role.PURSUER), config.dqn
+    made_for = (network.observation, len(network.layers) - 1, network.layers[0].out_features)
+    wanted = (dqn.observation, dqn.depth, dqn.width)
+    bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
+    require(made_for == wanted, "--pursuer", config.pursuer, bound)
     return network
 
 
