@@ -1,0 +1,58 @@
+"""Training configurations: what cannot be trained is refused, and a file brings back what was saved."""
+
+import math
+
+import pytest
+
+from apollonius.errors import InvalidInput
+from apollonius.learn.config import PRESETS, PROFILES, DQNConfig, RunConfig, StageConfig
+from apollonius.learn.folder import create_run, load_config
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "named"),
+    [
+        (DQNConfig, {"batch": 0}, "batch = 0 .*more than 0"),
+        (DQNConfig, {"width": -1}, "width = -1 .*more than 0"),
+        (DQNConfig, {"learning_rate": math.nan}, "learning_rate = nan .*more than 0"),
+        (DQNConfig, {"gamma": 1.01}, "gamma = 1.01 .*between 0 and 1"),
+        (DQNConfig, {"averaging": 0.0}, "averaging = 0.0 .*more than 0 and at most 1"),
+        (DQNConfig, {"final_epsilon": -0.1}, "final_epsilon = -0.1 .*between 0 and 1"),
+        (DQNConfig, {"n_step": 3, "final_n_step": 4}, "final_n_step = 4 .*at most n_step = 3"),
+        (DQNConfig, {"games": 64, "env_steps_per_update": 96}, "env_steps_per_update = 96 .*games = 64"),
+        (DQNConfig, {"games": 128, "n_step": 16, "replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
+        (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
+        (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
+        (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*between 0"),
+        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*self-play"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused(kind, values, named):
+    with pytest.raises(InvalidInput, match=named):
+        kind(**values)
+
+
+def test_the_replay_that_is_asked_for_is_enough():
+    assert DQNConfig(games=128, n_step=16, env_steps_per_update=128, replay_capacity=4352).rows == 34
+
+
+@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)
+def test_a_config_comes_back_from_its_file(config, tmp_path):
+    create_run(config, tmp_path / "run")
+    assert load_config(tmp_path / "run" / "config.toml") == config
+
+
+@pytest.mark.parametrize(
+    ("games", "env_steps_per_update", "steps", "updates"),
+    [(64, 64, 1, 1), (64, 256, 4, 1), (64, 16, 1, 4), (1, 1, 1, 1)],
+)
+def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_steps_per_update, steps, updates):
+    config = DQNConfig(games=games, env_steps_per_update=env_steps_per_update)
+    assert (config.steps_per_iteration, config.updates_per_iteration) == (steps, updates)
+    assert config.env_steps_per_iteration == env_steps_per_update * updates
+
+
+def test_the_paper_profile_is_plain_dqn():
+    paper = PROFILES["paper"]
+    assert (paper.observation, paper.double, paper.n_step, paper.averaging) == ("paper", False, 1, 1.0)
+    assert (paper.width, paper.depth, paper.learning_rate, paper.gamma) == (256, 4, 1e-4, 0.99)
