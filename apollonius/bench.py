@@ -33,6 +33,7 @@ CLASSIC = DQNConfig(
     final_n_step=1,
     averaging=1.0,
     learning_rate=1e-4,
+    final_learning_rate=1e-4,
     batch=128,
     env_steps_per_update=4,
     games=64,

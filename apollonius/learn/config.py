@@ -65,6 +65,11 @@ class DQNConfig:
         require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
         require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
         require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
+        require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
+        rates = 0 < self.final_learning_rate <= self.learning_rate < 1
+        require(
+            rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1"
+        )
         shape = (self.games, self.env_steps_per_update)
         require(
             max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
@@ -135,6 +140,9 @@ class StageConfig:
 
     def __post_init__(self) -> None:
         _require_positive(self, "env_steps", "evaluations", "evaluation_games")
+        require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
+        for name in ("pursuer_epsilon", "evader_epsilon"):
+            require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
 
 
 def _self_play(env_steps: int) -> StageConfig:

@@ -28,8 +28,9 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
             require(is_run, "--out", folder, "new, empty or a run's folder, but holds something else; choose another")
             require(force, "--out", folder, "a new folder, as this one holds a run; choose another or add --force")
             _remove_run(folder)
-    (folder / "agents").mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / "config.toml", tomli_w.dumps(to_dict(config)).encode())
+    (folder / "agents").mkdir(exist_ok=True)
 
 
 def _remove_run(folder: Path) -> None:
