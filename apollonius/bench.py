@@ -4,7 +4,7 @@ import functools
 import os
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -42,6 +42,7 @@ CLASSIC = DQNConfig(
 _STEPS = 250
 _START_ROWS = 16
 _BARE_UPDATES = 200
+_BARE_BATCHES = 10
 
 
 def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
@@ -71,7 +72,7 @@ def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
     return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
 
 
-def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
+def bench_train(config: DQNConfig, repeats: int = 9) -> dict[str, Any]:
     """Stage 1 training as configured, from the first update on, and the bare updates of the same run beside it.
 
     Raises:
@@ -89,9 +90,9 @@ def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
-    seconds = _time(run, repeats)
+    seconds, bare_seconds = _time_in_turns((run, _bare_updates(config)), repeats)
     updates = plan.iterations_per_chunk * config.updates_per_iteration
-    arithmetic = _bare_updates_per_second(config, repeats)
+    shares = [updates / one / (_BARE_UPDATES / bare) for one, bare in zip(seconds, bare_seconds, strict=True)]
     return {
         "what": "train",
         "games": config.games,
@@ -100,27 +101,32 @@ def bench_train(config: DQNConfig, repeats: int = 5) -> dict[str, Any]:
         **_machine(),
         **_rate("env_steps", plan.env_steps_per_chunk, seconds),
         **_rate("updates", updates, seconds),
-        "bare_updates_per_second": arithmetic,
-        "share_of_bare_updates": updates / statistics.median(seconds) / arithmetic,
+        "bare_updates_per_second": _BARE_UPDATES / statistics.median(bare_seconds),
+        "share_of_bare_updates": statistics.median(shares),
     }
 
 
-def _bare_updates_per_second(config: DQNConfig, repeats: int) -> float:
-    """Updates on one fixed batch, with no game and no replay: what the arithmetic of learning alone allows."""
+def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
+    """`_BARE_UPDATES` updates with no game and no replay: what the arithmetic of learning alone allows.
+
+    The batches are fixed, but each differs from the one before and its next observations from its observations: what
+    is the same, the compiler computes only once.
+    """
     learner = dqn.init(config, jax.random.key(0))
     size = OBSERVATION_SIZES[config.observation]
-    observation = jax.random.normal(jax.random.key(1), (config.batch, size))
-    flat = observation[:, 0]
-    batch = Batch(observation, jnp.zeros(config.batch, jnp.int32), flat, observation, flat)
+    observation, after = jax.random.normal(jax.random.key(1), (2, _BARE_BATCHES, config.batch, size))
+    flat = observation[:, :, 0]
+    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
 
     @jax.jit
     def run(learner: dqn.Learner) -> dqn.Learner:
         def update(learner: dqn.Learner, step: Int[Array, ""]) -> tuple[dqn.Learner, None]:
+            batch = jax.tree.map(lambda leaf: leaf[step % _BARE_BATCHES], batches)
             return dqn.update(learner, batch, jnp.asarray(1e-4), config)[0], None
 
         return jax.lax.scan(update, learner, jnp.arange(_BARE_UPDATES))[0]
 
-    return _BARE_UPDATES / statistics.median(_time(lambda repeat: run(learner), repeats))
+    return lambda repeat: run(learner)
 
 
 class _Stepped(eqx.Module):
@@ -156,13 +162,20 @@ def _random_play(game: Game, carry: _Stepped, starts: GameState, key: PRNGKeyArr
 
 
 def _time(run: Callable[[int], Any], repeats: int) -> list[float]:
-    """Wall seconds of each repeat, after one that compiles and warms up."""
-    jax.block_until_ready(run(0))
-    seconds = []
-    for repeat in range(1, repeats + 1):
-        began = time.perf_counter()
-        jax.block_until_ready(run(repeat))
-        seconds.append(time.perf_counter() - began)
+    """Wall seconds of each repeat; one that compiles and warms up goes before."""
+    (seconds,) = _time_in_turns((run,), repeats)
+    return seconds
+
+
+def _time_in_turns(runs: Sequence[Callable[[int], Any]], repeats: int) -> list[list[float]]:
+    """Wall seconds of each repeat of each of several, side by side in time, so that a busy machine slows all alike."""
+    seconds: list[list[float]] = [[] for _ in runs]
+    for repeat in range(repeats + 1):
+        for run, spent in zip(runs, seconds, strict=True):
+            began = time.perf_counter()
+            jax.block_until_ready(run(repeat))
+            if repeat > 0:
+                spent.append(time.perf_counter() - began)
     return seconds
 
 

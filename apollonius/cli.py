@@ -35,6 +35,9 @@ def main(arguments: list[str] | None = None) -> int:
     except InvalidInput as error:
         print(f"apollonius {options.command}: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
+        return 1
     except OSError as error:
         where = f" '{error.filename}'" if error.filename else ""
         print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}", file=sys.stderr)

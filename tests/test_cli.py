@@ -95,6 +95,13 @@ def assert_refused(capsys, *arguments, naming):
     assert everything_here() == before
 
 
+def test_a_reader_that_leaves_early_is_no_error():
+    closing_first = "import os, sys; os.close(os.dup(1)); r, w = os.pipe(); os.dup2(w, 1); os.close(w); os.close(r);"
+    command = "from apollonius.cli import main; sys.exit(main(sys.argv[1:]))"
+    result = run_process(f"{closing_first} {command}", "evaluate", "random", "still", "--games", "2")
+    assert (result.returncode, result.stderr) == (1, "")
+
+
 def test_help_imports_nothing_that_takes_time():
     result = run_process(
         "import atexit, sys\n"

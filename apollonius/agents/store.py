@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -112,7 +113,7 @@ def load_agent(path: Path) -> Agent:
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"'{path}' is not a whole safetensors file ({error}): copy or train it again.") from error
     header = _read_header(path, metadata)
-    template = make_network(header.observation, header.width, header.depth, jax.random.key(0))
+    template = eqx.filter_eval_shape(make_network, header.observation, header.width, header.depth, jax.random.key(0))
     return Agent(_fill(path, template, arrays), header)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
 
@@ -29,11 +30,21 @@ def zero_sum() -> Game:
     return Game(arena=paper().arena, reward=Reward(profile="zero-sum"))
 
 
+def robot() -> Game:
+    """The `paper` game between robots of radius 0.2 m: what touches walls and discs is a body, not a point.
+
+    Their centres are 0.5 m apart when they are caught, so that bodies do not overlap first.
+    """
+    body = Unicycle(radius=0.2)
+    return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
+
+
 PRESETS: dict[str, Callable[[], Game]] = {
     "paper": paper,
     "four-small": four_small,
     "one-large": one_large,
     "zero-sum": zero_sum,
+    "robot": robot,
 }
 
 

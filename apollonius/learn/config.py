@@ -1,6 +1,7 @@
 """Everything a training run can be told, with what it means; saved as `config.toml` and read back strictly."""
 
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Literal
 
 from apollonius.errors import require
@@ -67,9 +68,7 @@ class DQNConfig:
         require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
         require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
         rates = 0 < self.final_learning_rate <= self.learning_rate < 1
-        require(
-            rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1"
-        )
+        require(rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1")
         shape = (self.games, self.env_steps_per_update)
         require(
             max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
@@ -123,16 +122,16 @@ PROFILES: dict[str, DQNConfig] = {
 
 @dataclass(frozen=True)
 class StageConfig:
-    """How long a stage of the curriculum lasts and how often it is looked at."""
+    """How long a stage of the curriculum lasts and how often it is looked at. The defaults are those of stage 1."""
 
-    env_steps: int
+    env_steps: int = 17_000_000
     """Length of the stage."""
     pursuer_epsilon: float = 1.0
     """Share of random actions of a learning pursuer when the stage begins."""
     evader_epsilon: float = 1.0
     """Share of random actions of a learning evader when the stage begins."""
-    progress: float | None = None
-    """Weight c of Eq. 8 and 9 [1/m] while training; the game's own where it is left out."""
+    progress: float = 3.0
+    """Weight c of Eq. 8 and 9 [1/m] while training, in place of the game's own."""
     evaluations: int = 40
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
@@ -141,16 +140,21 @@ class StageConfig:
     def __post_init__(self) -> None:
         _require_positive(self, "env_steps", "evaluations", "evaluation_games")
         require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
+        require(0 <= self.progress < inf, "progress", self.progress, "at least 0 and finite")
         for name in ("pursuer_epsilon", "evader_epsilon"):
             require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
 
 
-def _self_play(env_steps: int) -> StageConfig:
+@dataclass(frozen=True)
+class SelfPlayConfig(StageConfig):
     """Stage 2 as it works best: the pursuer explores little, for it has learned already, and progress weighs little.
 
     With c = 3 an evader that gains three metres on its way into a wall is paid more than it loses there.
     """
-    return StageConfig(env_steps=env_steps, pursuer_epsilon=0.2, progress=1.0)
+
+    env_steps: int = 40_000_000
+    pursuer_epsilon: float = 0.2
+    progress: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -165,9 +169,9 @@ class RunConfig:
     """The game, number by number."""
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns."""
-    fixed_target: StageConfig = field(default_factory=lambda: StageConfig(env_steps=17_000_000))
+    fixed_target: StageConfig = field(default_factory=StageConfig)
     """Stage 1: the pursuer against a stationary evader."""
-    self_play: StageConfig = field(default_factory=lambda: _self_play(env_steps=40_000_000))
+    self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     """Stage 2: both against each other."""
     pursuer: str | None = None
     """Agent that the pursuer of self-play goes on from, where stage 1 is left out; from scratch where this is too."""
@@ -185,12 +189,12 @@ PRESETS: dict[str, RunConfig] = {
     "standard": replace(
         RunConfig(),
         fixed_target=StageConfig(env_steps=5_000_000),
-        self_play=_self_play(env_steps=8_000_000),
+        self_play=SelfPlayConfig(env_steps=8_000_000),
     ),
     "quick": replace(
         RunConfig(),
         fixed_target=StageConfig(env_steps=1_200_000, evaluations=8, evaluation_games=500),
-        self_play=replace(_self_play(env_steps=800_000), evaluations=8, evaluation_games=500),
+        self_play=SelfPlayConfig(env_steps=800_000, evaluations=8, evaluation_games=500),
     ),
 }
 """`quick`: minutes on two cores. `standard`: about an hour. `paper`: about the paper's 200,000 + 300,000 episodes."""

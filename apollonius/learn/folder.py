@@ -35,7 +35,14 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 def _remove_run(folder: Path) -> None:
     # The config goes last: until then a half-removed folder is still known as a run's.
-    for pattern in ("agents/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json", "config.toml"):
+    for pattern in (
+        "agents/*.safetensors",
+        "checkpoint.safetensors",
+        "*.jsonl",
+        "evaluation.json",
+        "**/*.tmp",
+        "config.toml",
+    ):
         for path in folder.glob(pattern):
             path.unlink()
 

@@ -118,8 +118,6 @@ class Run:
 
     def _stage_game(self, plan: Plan) -> Game:
         """The game with the stage's own weight of progress; only rewards differ, so the judge need not know."""
-        if plan.stage.progress is None:
-            return self.config.game
         return replace(self.config.game, reward=replace(self.config.game.reward, progress=plan.stage.progress))
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:

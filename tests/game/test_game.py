@@ -258,6 +258,13 @@ def test_each_named_game_has_its_own_discs_and_is_otherwise_the_papers(name, dis
     assert replace(game, arena=Arena(), reward=Reward()) == Game()
 
 
+def test_the_robots_of_the_robot_game_have_bodies_that_do_not_meet_before_the_capture():
+    game = make_game("robot")
+    assert game.pursuer == game.evader == Unicycle(radius=0.2)
+    assert game.capture_distance > game.pursuer.radius + game.evader.radius
+    assert replace(game, pursuer=Unicycle(), evader=Unicycle(), capture_distance=0.3) == make_game("paper")
+
+
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(ValueError, match="'chess'") as refusal:
         make_game("chess")

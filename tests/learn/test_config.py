@@ -1,11 +1,12 @@
 """Training configurations: what cannot be trained is refused, and a file brings back what was saved."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from apollonius.errors import InvalidInput
-from apollonius.learn.config import PRESETS, PROFILES, DQNConfig, RunConfig, StageConfig
+from apollonius.learn.config import PRESETS, PROFILES, DQNConfig, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
 
 
@@ -23,6 +24,8 @@ from apollonius.learn.folder import create_run, load_config
         (DQNConfig, {"games": 128, "n_step": 16, "replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
         (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
+        (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
+        (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*between 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*self-play"),
     ],
@@ -40,6 +43,12 @@ def test_the_replay_that_is_asked_for_is_enough():
 def test_a_config_comes_back_from_its_file(config, tmp_path):
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
+
+
+def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_path):
+    path = tmp_path / "config.toml"
+    path.write_text("[self_play]\nevaluations = 3\n")
+    assert load_config(path) == replace(RunConfig(), self_play=SelfPlayConfig(evaluations=3))
 
 
 @pytest.mark.parametrize(

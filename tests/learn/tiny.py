@@ -1,11 +1,11 @@
 """The smallest training that still has everything in it: two stages of four chunks, seconds in all."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
-from apollonius.learn.config import DQNConfig, RunConfig, StageConfig
+from apollonius.learn.config import DQNConfig, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.stage import Plan
 
 CHUNK = 8192
@@ -41,4 +41,6 @@ GAME = replace(
     starts=Starts(clearance=0.8, separation=2.5),
 )
 """Neither robot can stop, so that all kinds of outcomes are common, though none within 8 steps of the start."""
-RUN = RunConfig(game=GAME, dqn=DQN, fixed_target=STAGE, self_play=replace(STAGE, progress=1.0))
+RUN = RunConfig(
+    game=GAME, dqn=DQN, fixed_target=STAGE, self_play=SelfPlayConfig(**asdict(replace(STAGE, progress=1.0)))
+)
