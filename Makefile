@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint check bench lock clean
+.PHONY: demo paper test lint check bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -15,6 +15,12 @@ demo: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest
+
+# Every figure and table of the paper; BUDGET=quick takes minutes.
+BUDGET ?= paper
+SEEDS ?= 1
+paper: $(VENV)/installed
+	$(BIN)/apollonius reproduce --budget $(BUDGET) --seeds $(SEEDS) --out runs/paper --resume
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .
@@ -30,7 +36,7 @@ bench: $(VENV)/installed
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --no-emit-find-links --extra build pyproject.toml
+	--no-emit-index-url --no-emit-find-links --extra build --extra plot pyproject.toml
 lock:
 	$(LOCK) --output-file requirements.lock
 	$(LOCK) --extra dev --output-file requirements-dev.lock

@@ -4,4 +4,5 @@ import sys
 
 from apollonius.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # the processes that train side by side import this file too
+    sys.exit(main())

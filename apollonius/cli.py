@@ -1,21 +1,15 @@
-"""The command `apollonius`: parse, call, print. JAX is imported only by the commands that compute."""
+"""The command line of `apollonius`: what can be asked, and how errors are told."""
 
 import argparse
-import json
 import os
-import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import NoReturn
 
-from apollonius.errors import InvalidInput, require
-
-if TYPE_CHECKING:
-    from apollonius.learn.config import RunConfig
+from apollonius import commands
+from apollonius.errors import InvalidInput
 
 STAGES = ("fixed-target", "self-play", "both")
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells use it."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -43,31 +37,36 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return commands.INTERRUPTED
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command."""
     parser = OneLineParser(prog="apollonius", description="Learn, solve and play pursuit-evasion games.")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=OneLineParser)
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=OneLineParser)
 
-    train = commands.add_parser("train", help="train a pursuer and an evader, then judge them")
-    train.add_argument("--preset", default="quick", help="length of training: quick (minutes, default) or paper")
+    train = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
+    train.add_argument(
+        "--preset", default="quick", help="length of training: quick (minutes, default), standard or paper"
+    )
     train.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     train.add_argument("--profile", help="how to learn: fast (default) or paper (plain DQN as printed)")
     train.add_argument("--game", help="name of the game (default: paper)")
     train.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     train.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
     train.add_argument("--pursuer", help="agent that the pursuer of --stage self-play goes on from (default: none)")
+    train.add_argument(
+        "--evader", help="player that the pursuer of --stage fixed-target learns to catch (default: still)"
+    )
     train.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     train.add_argument("--force", action="store_true", help="overwrite a run that is already there")
-    train.set_defaults(run=run_train)
+    train.set_defaults(run=commands.run_train)
 
-    resume = commands.add_parser("resume", help="go on with a training run that was stopped")
+    resume = subparsers.add_parser("resume", help="go on with a training run that was stopped")
     resume.add_argument("folder", type=Path, metavar="DIR", help="folder of the run")
-    resume.set_defaults(run=run_resume)
+    resume.set_defaults(run=commands.run_resume)
 
-    evaluate = commands.add_parser("evaluate", help="play many games between two agents and count")
+    evaluate = subparsers.add_parser("evaluate", help="play many games between two agents and count")
     agent_help = "a built-in player (random, still), a zoo agent, or a .safetensors file"
     evaluate.add_argument("pursuer", metavar="PURSUER", help=agent_help)
     evaluate.add_argument("evader", metavar="EVADER", help=agent_help)
@@ -76,9 +75,19 @@ def build_parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
     evaluate.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    evaluate.set_defaults(run=run_evaluate)
+    evaluate.set_defaults(run=commands.run_evaluate)
 
-    bench = commands.add_parser("bench", help="measure speed on this machine")
+    reproduce = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
+    reproduce.add_argument(
+        "--budget", default="quick", help="length of each training: quick (default), standard or paper"
+    )
+    reproduce.add_argument("--seeds", type=int, default=1, help="number of seeds, from 0 (default: %(default)s)")
+    reproduce.add_argument("--games", type=int, default=10_000, help="games in a match (default: %(default)s)")
+    reproduce.add_argument("--out", type=Path, help="folder of the study (default: runs/reproduce-BUDGET)")
+    reproduce.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
+    reproduce.set_defaults(run=commands.run_reproduce)
+
+    bench = subparsers.add_parser("bench", help="measure speed on this machine")
     bench.add_argument("what", choices=("env", "train"), help="random play, or stage 1 training")
     bench.add_argument("--games", type=int, help="games at a time (default: 4096 for env, the profile's for train)")
     bench.add_argument(
@@ -87,140 +96,5 @@ def build_parser() -> argparse.ArgumentParser:
         help="for train: classic (batch 128, an update every 4 env steps; default), fast or paper",
     )
     bench.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    bench.set_defaults(run=run_bench)
+    bench.set_defaults(run=commands.run_bench)
     return parser
-
-
-def run_train(options: argparse.Namespace) -> int:
-    """Train from scratch in a new folder."""
-    from apollonius.learn.folder import create_run
-    from apollonius.learn.run import load_first_pursuer
-
-    config = _requested_config(options)
-    name = options.config.stem if options.config else options.preset
-    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
-    load_first_pursuer(config)  # refused here, before anything is written
-    create_run(config, folder, force=options.force)
-    return _train_and_judge(config, folder)
-
-
-def run_resume(options: argparse.Namespace) -> int:
-    """Go on from a run's checkpoint."""
-    from apollonius.learn.folder import load_config
-
-    require(options.folder.is_dir(), "DIR", options.folder, "the folder of a training run; check the path")
-    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder)
-
-
-def run_evaluate(options: argparse.Namespace) -> int:
-    """Play a match and print its result."""
-    from dataclasses import replace
-
-    from apollonius.agents.catalogue import find_agent
-    from apollonius.evaluate.match import play_match
-    from apollonius.game.presets import make_game
-    from apollonius.game.types import Role
-    from apollonius.terminal import match_table
-
-    game = make_game(options.game)
-    game = replace(game, starts=replace(game.starts, speed=options.starts))
-    pursuer, evader = find_agent(options.pursuer, Role.PURSUER), find_agent(options.evader, Role.EVADER)
-    result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
-    if options.json:
-        match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
-        print(json.dumps(match | {"seed": options.seed} | result.to_dict()))
-    else:
-        print(match_table(pursuer.name, evader.name, result))
-    return 0
-
-
-def run_bench(options: argparse.Namespace) -> int:
-    """Measure and print."""
-    from dataclasses import replace
-
-    from apollonius.bench import CLASSIC, bench_env, bench_train
-    from apollonius.learn.config import PROFILES
-
-    if options.what == "env":
-        result = bench_env(4096 if options.games is None else options.games)
-    else:
-        profiles = {"classic": CLASSIC, **PROFILES}
-        require(options.profile in profiles, "--profile", options.profile, f"one of {', '.join(profiles)}")
-        config = profiles[options.profile]
-        result = bench_train(config if options.games is None else replace(config, games=options.games))
-    if options.json:
-        print(json.dumps(result))
-    else:
-        for key, value in result.items():
-            digits = f",.{0 if value >= 100 else 2}f" if isinstance(value, float) else ""
-            print(f"{key:<30} {value:{digits}}")
-    return 0
-
-
-def _requested_config(options: argparse.Namespace) -> "RunConfig":
-    """The preset or file, with what the command line changes."""
-    from dataclasses import replace
-
-    from apollonius.game.presets import make_game
-    from apollonius.learn.config import PRESETS, PROFILES
-    from apollonius.learn.folder import load_config
-
-    require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
-    require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
-    config = load_config(options.config) if options.config else PRESETS[options.preset]
-    changes: dict[str, Any] = {
-        "stages": options.stage,
-        "seed": options.seed,
-        "pursuer": options.pursuer,
-        "dqn": PROFILES.get(options.profile),
-        "game": make_game(options.game) if options.game else None,
-    }
-    return replace(config, **{key: value for key, value in changes.items() if value is not None})
-
-
-def _train_and_judge(config: "RunConfig", folder: Path) -> int:
-    """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
-    from apollonius.learn.run import Run
-    from apollonius.terminal import TrainingDisplay
-
-    interrupts: list[int] = []
-
-    def on_interrupt(number: int, frame: object) -> None:
-        interrupts.append(number)
-        if len(interrupts) > 1:
-            raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, on_interrupt)
-    try:
-        with TrainingDisplay() as display:
-            finished = Run(config, folder, display, lambda: bool(interrupts)).execute()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if not finished:
-        print(f"stopped; go on with: apollonius resume {folder}", file=sys.stderr)
-        return INTERRUPTED
-    _judge(config, folder)
-    return 0
-
-
-def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
-    """Play the agents of a finished run; print the tables and keep them in `evaluation.json`."""
-    from apollonius.agents.catalogue import find_agent
-    from apollonius.agents.store import write_atomically
-    from apollonius.evaluate.match import play_match
-    from apollonius.game.types import Role
-    from apollonius.terminal import match_table
-
-    files = sorted((folder / "agents").glob("*.safetensors"))
-    agents = {path.stem: str(path) for path in files if "-" not in path.stem}
-    evaders = ["random", *[name for name in agents if name.startswith("E_")]]
-    record = {}
-    for name in [name for name in agents if name.startswith("P_")]:
-        for opponent in ["still"] if name == "P_stage1" else evaders:
-            pursuer = find_agent(agents[name], Role.PURSUER)
-            evader = find_agent(agents.get(opponent, opponent), Role.EVADER)
-            result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
-            record[f"{name} against {opponent}"] = result.to_dict()
-            print(match_table(name, opponent, result), end="\n\n")
-    write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
-    print(f"agents and metrics are in {folder}{os.sep}")

@@ -161,6 +161,8 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["train", "--profile", "slow"], ["slow", "fast", "paper"]),
         (["train", "--stage", "third"], ["third", "fixed-target", "self-play", "both"]),
         (["train", "--game", "chess"], ["chess", "paper", "four-small", "one-large", "zero-sum"]),
+        (["train", "--stage", "fixed-target", "--evader", "nobody"], ["nobody", "random", "still"]),
+        (["train", "--evader", "random"], ["evader = random", "fixed-target"]),
         (["train", "--seed", "-1"], ["seed = -1", "0"]),
         (["train", "--seed", "one"], ["one"]),
         (["train", "--config", "nowhere.toml"], ["nowhere.toml"]),

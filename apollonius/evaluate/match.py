@@ -6,14 +6,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PRNGKeyArray
 
 from apollonius.agents.policy import AbstractPolicy, solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
-from apollonius.game.types import Outcome
-from apollonius.rollout import play_out
+from apollonius.game.types import GameState, Outcome
+from apollonius.rollout import Results, Trajectory, play_out, trace
 
 _reset_batch = jax.jit(reset_batch, static_argnames="games")
 
@@ -55,12 +56,41 @@ def play_match(
     Raises:
         InvalidInput: unless `games` is at least 1 and `seed` is not negative.
     """
+    return count(game, play_games(game, pursuer, evader, games, seed, slots))
+
+
+def play_games(
+    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, slots: int = 512
+) -> Results:
+    """The games of a match, one by one; arguments and errors as those of `play_match`."""
+    starts, key = _begin(game, games, seed)
+    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots)
+
+
+def replay_game(
+    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, index: int
+) -> Trajectory:
+    """One game of a match, step by step; the other arguments and errors are those of `play_match`.
+
+    Args:
+        index: which of the games, from 0.
+    """
+    require(0 <= index < games, "index", index, f"at least 0 and less than games = {games}")
+    return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed), index)
+
+
+def _begin(game: Game, games: int, seed: int) -> tuple[GameState, PRNGKeyArray]:
+    """The starts of a match, and the key of everything random in its games."""
     require(games >= 1, "games", games, "at least 1")
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
     start_key, play_key = jax.random.split(jax.random.key(seed))
-    starts = _reset_batch(game, start_key, games=games)
-    results = play_out(game, solo(pursuer), solo(evader), starts, play_key, slots=slots)
+    return _reset_batch(game, start_key, games=games), play_key
+
+
+def count(game: Game, results: Results) -> MatchResult:
+    """What games that were played to their ends come to."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
+    games = len(outcome)
     pursuer_won = int(jnp.sum(pursuer_wins(results.outcome)))
     evader_won = int(jnp.sum(evader_wins(results.outcome, game.reward.time_limit_wins)))
     both_failed = int(np.sum(outcome == Outcome.BOTH_FAILED))

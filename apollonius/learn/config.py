@@ -42,15 +42,15 @@ class DQNConfig:
     """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
     batch: int = 256
     """Transitions in an update."""
-    env_steps_per_update: int = 128
+    env_steps_per_update: int = 512
     """Env steps between two updates of each learner."""
-    target_period: int = 32_000
+    target_period: int = 128_000
     """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
-    games: int = 128
+    games: int = 512
     """Games played at a time."""
     replay_capacity: int = 524_288
     """Transitions kept."""
-    learning_starts: int = 10_000
+    learning_starts: int = 40_000
     """Env steps before the first update."""
     final_epsilon: float = 0.02
     """Share of random actions once exploration has settled."""
@@ -114,6 +114,7 @@ PROFILES: dict[str, DQNConfig] = {
         averaging=1.0,
         target_period=1_000,
         games=1,
+        learning_starts=10_000,
         final_epsilon=0.05,
     ),
 }
@@ -124,7 +125,7 @@ PROFILES: dict[str, DQNConfig] = {
 class StageConfig:
     """How long a stage of the curriculum lasts and how often it is looked at. The defaults are those of stage 1."""
 
-    env_steps: int = 17_000_000
+    env_steps: int = 19_000_000
     """Length of the stage."""
     pursuer_epsilon: float = 1.0
     """Share of random actions of a learning pursuer when the stage begins."""
@@ -152,7 +153,7 @@ class SelfPlayConfig(StageConfig):
     With c = 3 an evader that gains three metres on its way into a wall is paid more than it loses there.
     """
 
-    env_steps: int = 40_000_000
+    env_steps: int = 90_000_000
     pursuer_epsilon: float = 0.2
     progress: float = 1.0
 
@@ -173,6 +174,8 @@ class RunConfig:
     """Stage 1: the pursuer against a stationary evader."""
     self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     """Stage 2: both against each other."""
+    evader: str = "still"
+    """Player that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, `random`, or any evader."""
     pursuer: str | None = None
     """Agent that the pursuer of self-play goes on from, where stage 1 is left out; from scratch where this is too."""
 
@@ -182,19 +185,23 @@ class RunConfig:
             self.pursuer is None or self.stages == "self-play", "pursuer", self.pursuer,
             "left out unless stages is 'self-play': stage 1 trains the pursuer itself",
         )  # fmt: skip
+        require(
+            self.evader == "still" or self.stages == "fixed-target", "evader", self.evader,
+            "left out unless stages is 'fixed-target': the pursuer of the curriculum begins with one that stays",
+        )  # fmt: skip
 
 
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
     "standard": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=5_000_000),
-        self_play=SelfPlayConfig(env_steps=8_000_000),
+        fixed_target=StageConfig(env_steps=12_000_000),
+        self_play=SelfPlayConfig(env_steps=16_000_000),
     ),
     "quick": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=1_200_000, evaluations=8, evaluation_games=500),
-        self_play=SelfPlayConfig(env_steps=800_000, evaluations=8, evaluation_games=500),
+        fixed_target=StageConfig(env_steps=4_000_000, evaluations=8, evaluation_games=500),
+        self_play=SelfPlayConfig(env_steps=2_500_000, evaluations=8, evaluation_games=500),
     ),
 }
 """`quick`: minutes on two cores. `standard`: about an hour. `paper`: about the paper's 200,000 + 300,000 episodes."""

@@ -69,7 +69,9 @@ def update(learner: Learner, batch: Batch, learning_rate: Scalar, config: DQNCon
     value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
-    average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
+    average = network
+    if config.averaging < 1:
+        average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
     return Learner(network, learner.target, average, optimiser, learner.updates + 1), value
 
 

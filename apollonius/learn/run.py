@@ -15,19 +15,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.catalogue import load_network
+from apollonius.agents.catalogue import find_agent, load_network
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import Pool, solo
+from apollonius.agents.policy import solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.outcome import counts_by_name
+from apollonius.game.outcome import counts_by_name, pursuer_wins
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
 from apollonius.learn.config import RunConfig
-from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import Plan, TrainState, play_and_learn
@@ -73,6 +73,7 @@ class Run:
         self.should_stop = should_stop
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
+        self.evader = solo(find_agent(config.evader, Role.EVADER).policy)
         self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
 
     def execute(self) -> bool:
@@ -113,7 +114,7 @@ class Run:
     def _start(self, stage: str, plan: Plan, best: QNetwork | None) -> TrainState:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
-            return start_fixed_target(plan, self.config.game, key)
+            return start_fixed_target(plan, self.config.game, key, self.evader)
         return start_self_play(plan, self.config.game, key, best)
 
     def _stage_game(self, plan: Plan) -> Game:
@@ -122,7 +123,7 @@ class Run:
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        pursuer, evader = (None, stationary_evader()) if stage == FIXED_TARGET else (None, None)
+        pursuer, evader = None, self.evader if stage == FIXED_TARGET else None
         train, best = saved.train, saved.best
         game = self._stage_game(plan)
         truncate_metrics(self.metrics, here["metrics_bytes"])
@@ -147,7 +148,8 @@ class Run:
             if stop and here["chunks"] < plan.chunks:
                 return Saved(train, best), False
         if best is not None:
-            self._save_agent(best, Role.PURSUER, "P_stage1", here["best"], stage)
+            name = "P_stage1" if self.config.evader == "still" else f"P_{Path(self.config.evader).stem}"
+            self._save_agent(best, Role.PURSUER, name, here["best"], stage)
         return Saved(train, best), True
 
     def _evaluate(
@@ -157,14 +159,15 @@ class Run:
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
-        evader: Pool = stationary_evader() if train.evader is None else solo(Greedy(train.evader.learner.average))
+        evader = self.evader if train.evader is None else solo(Greedy(train.evader.learner.average))
         results = play_out(self.config.game, solo(Greedy(_pursuer(train))), evader, starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
         if stage != FIXED_TARGET:
             return None
-        if here["best"] is None or outcomes["captured"] > here["best"]["outcomes"]["captured"]:
-            here["best"] = here["evaluation"]
+        wins = int(jnp.sum(pursuer_wins(results.outcome)))
+        if here["best"] is None or wins > here["best"]["wins"]:
+            here["best"] = here["evaluation"] | {"wins": wins}
             return _copy(_pursuer(train))
         return best
 

@@ -12,7 +12,7 @@ from apollonius.agents.classical import Still
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
-from apollonius.evaluate.match import play_match
+from apollonius.evaluate.match import count, play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
@@ -88,14 +88,12 @@ def test_a_game_out_of_time_has_no_result():
 @pytest.mark.parametrize(
     ("game", "evader_wins"), [(PAPER, 1 + 3), (ZERO_SUM, 1 + 3 + 3)], ids=["time has no winner", "time is the evader's"]
 )
-def test_rates_are_those_of_the_counts(monkeypatch, game, evader_wins):
+def test_rates_are_those_of_the_counts(game, evader_wins):
     """Of 20 games: 5 captures, 1 and 2 crashes, 3 and 4 exits, 2 double failures, 3 out of time."""
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
     steps = jnp.arange(10, 30)
-    monkeypatch.setattr(match, "_reset_batch", lambda game, key, games: None)
-    monkeypatch.setattr(match, "play_out", lambda *arguments, slots: Results(outcome, steps))
-    result = play_match(game, Still(), Still(), games=20, seed=0)
+    result = count(game, Results(outcome, steps))
     assert result.outcomes == {
         "captured": 5,
         "pursuer_hit_obstacle": 1,
@@ -119,10 +117,8 @@ UNSTOPPABLE = replace(PAPER, evader=Unicycle(v_min=0.1))
 
 
 @pytest.mark.parametrize(("game", "rate"), [(PAPER, 0.0), (MOVING, None), (UNSTOPPABLE, None)])
-def test_starts_are_known_not_to_be_doomed_where_both_can_stay_at_rest(monkeypatch, game, rate):
-    monkeypatch.setattr(match, "_reset_batch", lambda game, key, games: None)
-    monkeypatch.setattr(match, "play_out", lambda *arguments, slots: Results(jnp.array([7]), jnp.array([1])))
-    assert play_match(game, Still(), Still(), games=1, seed=0).doomed_start_rate == rate
+def test_starts_are_known_not_to_be_doomed_where_both_can_stay_at_rest(game, rate):
+    assert count(game, Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == rate
 
 
 def test_a_result_survives_json(random_match):

@@ -9,6 +9,8 @@ from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, PROFILES, DQNConfig, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
 
+SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
+
 
 @pytest.mark.parametrize(
     ("kind", "values", "named"),
@@ -21,9 +23,10 @@ from apollonius.learn.folder import create_run, load_config
         (DQNConfig, {"final_epsilon": -0.1}, "final_epsilon = -0.1 .*between 0 and 1"),
         (DQNConfig, {"n_step": 3, "final_n_step": 4}, "final_n_step = 4 .*at most n_step = 3"),
         (DQNConfig, {"games": 64, "env_steps_per_update": 96}, "env_steps_per_update = 96 .*games = 64"),
-        (DQNConfig, {"games": 128, "n_step": 16, "replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
+        (DQNConfig, SMALL | {"replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
         (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
+        (RunConfig, {"evader": "random"}, "evader = random .*stages is 'fixed-target'"),
         (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*between 0"),
@@ -36,7 +39,7 @@ def test_what_cannot_be_trained_is_refused(kind, values, named):
 
 
 def test_the_replay_that_is_asked_for_is_enough():
-    assert DQNConfig(games=128, n_step=16, env_steps_per_update=128, replay_capacity=4352).rows == 34
+    assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)

@@ -251,6 +251,36 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
     assert eqx.tree_equal(self_play_starts, [best.network])
 
 
+def test_stage_1_against_another_evader_keeps_the_pursuer_that_wins_most(tmp_path, monkeypatch):
+    """A random evader mostly loses by itself, and that counts."""
+    wins = iter([(1, 5), (2, 9), (8, 2), (3, 0)])
+    seen = []
+
+    def scripted_evaluation(game, pursuer, evader, starts, key):
+        seen.append(type(evader.members).__name__)
+        captured, failed = next(wins)
+        games = jnp.arange(64)
+        outcome = jnp.where(games < captured + failed, Outcome.EVADER_OUT_OF_RANGE, Outcome.NO_RESULT)
+        return Results(jnp.where(games < captured, Outcome.CAPTURED, outcome), jnp.ones(64, jnp.int32))
+
+    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
+    config = replace(RUN, stages="fixed-target", evader="random")
+    folder = begin(tmp_path / "run", config)
+    assert Run(config, folder).execute()
+    assert seen == ["Uniform"] * 4
+    assert list(agents(folder)) == ["P_random"]
+    training = load_agent(folder / "agents" / "P_random.safetensors").header.training
+    assert (training["env_steps"], training["wins"]) == (2 * CHUNK, 11)
+
+
+def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupted, tmp_path):
+    config = replace(RUN, stages="fixed-target", evader="random")
+    folder = begin(tmp_path / "run", config)
+    assert not Run(config, folder, should_stop=stop_after(1)).execute()
+    (first,) = metrics(folder)
+    assert first["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
+
+
 def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uninterrupted, tmp_path):
     config = replace(RUN, stages="self-play", pursuer=str(uninterrupted / "agents" / "P_stage1.safetensors"))
     folder = begin(tmp_path / "run", config)

@@ -12,15 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import Still
+from apollonius.agents.policy import solo
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome
-from apollonius.learn.fixed_target import start_fixed_target, stationary_evader
+from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.stage import Metrics, TrainState, play_and_learn
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
-EVADER = stationary_evader()
+EVADER = solo(Still())
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def copy(tree):
 
 
 def play_stage(seed, chunks, game=GAME):
-    state = start_fixed_target(PLAN, game, jax.random.key(seed))
+    state = start_fixed_target(PLAN, game, jax.random.key(seed), EVADER)
     moments = [Moment(copy(state), None)]
     for _ in range(chunks):
         state, metrics = play_and_learn(PLAN, game, state, None, EVADER)
@@ -87,7 +89,7 @@ def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
 
 def play_from(env_steps, key=0, game=GAME):
     """A chunk that begins with this count of env steps, but with an empty replay and an untrained network."""
-    start = start_fixed_target(PLAN, game, jax.random.key(0))
+    start = start_fixed_target(PLAN, game, jax.random.key(0), EVADER)
     start = eqx.tree_at(
         lambda state: (state.env_steps, state.key), start, (jnp.asarray(env_steps, jnp.int32), jax.random.key(key))
     )
@@ -203,7 +205,7 @@ def test_a_stage_is_traced_once():
 
 def test_the_state_is_donated():
     """So that the replay is updated in place."""
-    before = start_fixed_target(PLAN, GAME, jax.random.key(0))
+    before = start_fixed_target(PLAN, GAME, jax.random.key(0), EVADER)
     address = before.pursuer.replay.rows.observation.unsafe_buffer_pointer()
     after, _ = play_and_learn(PLAN, GAME, before, None, EVADER)
     assert before.pursuer.replay.rows.observation.is_deleted()

@@ -1,0 +1,69 @@
+"""A claim of the paper against what was measured: the value, the interval, and the verdict."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from apollonius.evaluate.statistics import difference_interval, seeds_interval, wilson_interval
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something the paper says, or that we hold ourselves to. Rates are in [0, 1]."""
+
+    name: str
+    source: str
+    """Where it comes from, as `Table II`."""
+    paper: float
+    """The paper's value."""
+    bound: float
+    """What has to be reached."""
+    at_most: bool
+    """Whether the bound is an upper one."""
+    seeds: tuple[tuple[float, Interval], ...]
+    """Measured, seed by seed, each with its interval over games."""
+
+    @property
+    def mean(self) -> float:
+        """Mean over seeds."""
+        return sum(value for value, _ in self.seeds) / len(self.seeds)
+
+    @property
+    def interval(self) -> Interval:
+        """Of the mean over seeds, by bootstrap; with one seed, of its games alone."""
+        if len(self.seeds) == 1:
+            return self.seeds[0][1]
+        return seeds_interval([value for value, _ in self.seeds])
+
+    @property
+    def verdict(self) -> str:
+        """`holds` or `does not hold` where the whole interval says so, else `undecided`."""
+        low, high = self.interval
+        if self.at_most:
+            low, high = -high, -low
+        bound = -self.bound if self.at_most else self.bound
+        if low >= bound:
+            return "holds"
+        return "does not hold" if high < bound else "undecided"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The claim with its mean, interval and verdict, as JSON-like data."""
+        return asdict(self) | {"mean": self.mean, "interval": self.interval, "verdict": self.verdict}
+
+
+def rate_claim(
+    name: str, source: str, paper: float, bound: float, counts: Sequence[tuple[int, int]], at_most: bool = False
+) -> Claim:
+    """A claim about how often something happens; `counts` are (times, games) of each seed."""
+    seeds = tuple((times / games, wilson_interval(times, games)) for times, games in counts)
+    return Claim(name, source, paper, bound, at_most, seeds)
+
+
+def difference_claim(
+    name: str, source: str, paper: float, bound: float, rates: Sequence[tuple[float, float]], games: int
+) -> Claim:
+    """A claim about how much more often one thing happens than another; `rates` are both, of each seed."""
+    seeds = tuple((first - second, difference_interval(first, second, games)) for first, second in rates)
+    return Claim(name, source, paper, bound, False, seeds)

@@ -1,0 +1,67 @@
+"""Do both sides beat their own past? Every pursuer kept during self-play against every evader kept.
+
+    python -m apollonius.experiments.cross_play runs/first --games 2000
+
+prints the pursuer's win rates with Wilson 95 % intervals as a Markdown table: a row is a pursuer, a column an evader,
+at 25, 50, 75 and 100 % of the stage. A pursuer that improves wins more further down; an evader that does lets it win
+less further to the right. `all` is the sum of a row or a column.
+"""
+
+import argparse
+from pathlib import Path
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.evaluate.match import play_match
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+
+PERCENTAGES = (25, 50, 75, 100)
+
+
+def agent_file(run: Path, side: str, percent: int) -> Path:
+    """The agent of one side (`P` or `E`) kept at a percentage of self-play."""
+    suffix = "" if percent == 100 else f"-{percent}"
+    (path,) = [run / "agents" / f"{side}_{kind}{suffix}.safetensors" for kind in kinds(run)]
+    return path
+
+
+def kinds(run: Path) -> list[str]:
+    """How the run's agents are called: `curriculum` or `scratch`."""
+    return [path.stem.removeprefix("E_") for path in (run / "agents").glob("E_*.safetensors") if "-" not in path.stem]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, help="folder of a training run with self-play")
+    parser.add_argument("--games", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+
+    game = make_game("paper")
+    columns = [*[f"{percent} %" for percent in PERCENTAGES], "all"]
+    print("| pursuer \\ evader | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 1) + "|")
+    in_column = [0] * len(PERCENTAGES)
+    for own in PERCENTAGES:
+        pursuer = find_agent(str(agent_file(options.run, "P", own)), Role.PURSUER)
+        wins = []
+        for other in PERCENTAGES:
+            evader = find_agent(str(agent_file(options.run, "E", other)), Role.EVADER)
+            result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
+            wins.append(round(result.pursuer_win_rate * options.games))
+        print(row(f"{own} %", wins, options.games), flush=True)
+        in_column = [total + won for total, won in zip(in_column, wins, strict=True)]
+    print(row("all", in_column, options.games * len(PERCENTAGES)))
+
+
+def row(name: str, wins: list[int], games: int) -> str:
+    """A row of the table: wins out of so many games each, and out of all of them."""
+    counts = [*[(won, games) for won in wins], (sum(wins), games * len(wins))]
+    cells = [
+        f"{won / of:.1%} [{low:.1%}, {high:.1%}]" for won, of in counts for low, high in [wilson_interval(won, of)]
+    ]
+    return f"| {name} | " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    main()

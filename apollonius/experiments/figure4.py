@@ -1,0 +1,41 @@
+"""Fig. 4: success rate and average reward in stage 1, over episodes."""
+
+from apollonius.experiments.claims import rate_claim
+from apollonius.experiments.finding import Finding, win_count
+from apollonius.experiments.study import Study
+from apollonius.show import style
+from apollonius.show.curves import draw_seeds, smooth
+
+_WINDOW = 50
+"""Chunks over which the reward is averaged."""
+
+
+def run(study: Study) -> Finding:
+    """Greedy success in a fixed set of games, and the reward of the exploring pursuer."""
+    successes, rewards = [], []
+    for seed in study.seeds:
+        lines = study.metrics("curriculum", seed, "fixed-target")
+        evaluations = [line["evaluation"] for line in lines if "evaluation" in line]
+        games = sum(evaluations[0]["outcomes"].values())
+        successes.append(
+            (
+                [evaluation["episodes"] for evaluation in evaluations],
+                [100 * evaluation["outcomes"]["captured"] / games for evaluation in evaluations],
+            )
+        )
+        played = [line for line in lines if sum(line["outcomes"].values())]
+        returns = smooth([line["pursuer_return"] for line in played], _WINDOW)
+        rewards.append(([line["episodes"] for line in played], returns))
+    with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
+        draw_seeds(left, successes, style.PURSUER, "greedy")
+        left.axhline(96, color=style.INK, linewidth=0.8, linestyle=":")
+        left.annotate("paper: 96 % after 200,000", (0.98, 0.88), xycoords="axes fraction", ha="right", fontsize=7.5)
+        left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
+        draw_seeds(right, rewards, style.PURSUER, "exploring")
+        right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
+    matches = [study.match("P_stage1", "still", seed) for seed in study.seeds]
+    claim = rate_claim("stage 1: success", "section IV, Fig. 4", 0.96, 0.96, [win_count(m) for m in matches])
+    episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
+    text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
+    data = {"success": successes, "matches": [match.to_dict() for match in matches]}
+    return Finding("Fig. 4: stage 1", text, ("figure4.png",), (claim,), data)

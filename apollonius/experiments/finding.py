@@ -1,0 +1,52 @@
+"""What an experiment finds: words, pictures, numbers and verdicts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from apollonius.evaluate.match import MatchResult
+from apollonius.experiments.claims import Claim
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One section of the report."""
+
+    title: str
+    text: str
+    """Markdown, without heading and pictures."""
+    pictures: tuple[str, ...] = ()
+    """File names in the folder of the study."""
+    claims: tuple[Claim, ...] = ()
+    data: dict[str, Any] = field(default_factory=dict)
+    """What goes to `results.json` besides the claims."""
+
+
+def percent(rate: float) -> str:
+    """A rate as the reports print it."""
+    return f"{rate:.1%}"
+
+
+def outcome_table(columns: Sequence[tuple[str, dict[str, float]]]) -> str:
+    """Shares of outcomes as a Markdown table, a column each, in the order of the paper's tables."""
+    head = "| | " + " | ".join(name for name, _ in columns) + " |\n" + "|---" * (len(columns) + 1) + "|\n"
+    rows = {outcome: [shares.get(outcome) for _, shares in columns] for outcome in columns[0][1]}
+    return head + "\n".join(
+        f"| {outcome.replace('_', ' ')} | "
+        + " | ".join("-" if share is None else percent(share) for share in shares)
+        + " |"
+        for outcome, shares in rows.items()
+    )
+
+
+def mean_shares(results: Sequence[MatchResult]) -> dict[str, float]:
+    """Share of each outcome, averaged over the matches of several seeds."""
+    return {
+        outcome: sum(result.outcomes[outcome] / result.games for result in results) / len(results)
+        for outcome in results[0].outcomes
+    }
+
+
+def win_count(result: MatchResult) -> tuple[int, int]:
+    """The pursuer's wins, and the games."""
+    return round(result.pursuer_win_rate * result.games), result.games

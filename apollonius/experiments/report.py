@@ -1,0 +1,56 @@
+"""The report of a study: `report.md` for people, `results.json` for programs."""
+
+import json
+from collections.abc import Sequence
+
+from apollonius.agents.store import write_atomically
+from apollonius.experiments.claims import Claim
+from apollonius.experiments.finding import Finding, percent
+from apollonius.experiments.study import Study
+
+
+def write_report(study: Study, findings: Sequence[Finding]) -> None:
+    """Write both files into the study's folder, atomically."""
+    claims = [claim for finding in findings for claim in finding.claims]
+    results = {
+        "budget": study.budget,
+        "seeds": list(study.seeds),
+        "games": study.games,
+        "claims": [claim.to_dict() for claim in claims],
+        "findings": {finding.title: finding.data for finding in findings},
+    }
+    write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
+    sections = [
+        "# The paper's evaluation, again",
+        f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
+        "the same starts. Intervals are 95 %: with one seed Wilson's over its games, with more a bootstrap over seeds.",
+        claim_table(claims),
+        *[_section(finding) for finding in findings],
+    ]
+    write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
+
+
+def claim_table(claims: Sequence[Claim]) -> str:
+    """All claims with the paper's value, ours, its interval and the verdict, as a Markdown table."""
+    head = "| claim | source | paper | to reach | here | 95 % interval | by seed | verdict |\n" + "|---" * 8 + "|\n"
+    return head + "\n".join(_claim_row(claim) for claim in claims)
+
+
+def _claim_row(claim: Claim) -> str:
+    low, high = claim.interval
+    cells = (
+        claim.name,
+        claim.source,
+        percent(claim.paper),
+        f"at {'most' if claim.at_most else 'least'} {percent(claim.bound)}",
+        percent(claim.mean),
+        f"{percent(low)} to {percent(high)}",
+        ", ".join(percent(value) for value, _ in claim.seeds),
+        claim.verdict,
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def _section(finding: Finding) -> str:
+    pictures = "".join(f"\n\n![{finding.title}]({picture})" for picture in finding.pictures)
+    return f"## {finding.title}\n\n{finding.text}{pictures}"

@@ -1,0 +1,59 @@
+"""The whole evaluation of the paper: train what is missing, play, draw, report."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from apollonius.errors import require
+from apollonius.experiments import beyond, figure4, figure5, figure6, figure7, figure8, table2, table3
+from apollonius.experiments.report import write_report
+from apollonius.experiments.study import Study
+from apollonius.experiments.training import train_missing
+from apollonius.learn.config import PRESETS
+
+EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, beyond)
+"""In the order of the report."""
+
+
+def reproduce(
+    folder: Path, budget: str, seeds: int, resume: bool, games: int = 10_000, report: Callable[[str], None] = print
+) -> bool:
+    """Train the agents of all seeds, then run every experiment and write the report.
+
+    Args:
+        folder: of the study.
+        budget: name of a training preset.
+        seeds: how many, from 0.
+        resume: go on with a study that was stopped.
+        games: games in a match.
+        report: called with every line of progress.
+
+    Returns:
+        Whether it is finished; False after Ctrl-C.
+
+    Raises:
+        InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
+            `resume` is not given.
+    """
+    require(budget in PRESETS, "--budget", budget, f"one of {', '.join(PRESETS)}")
+    require(seeds >= 1, "--seeds", seeds, "at least 1")
+    require(games >= 1, "--games", games, "at least 1")
+    is_new = not folder.exists() or not any(folder.iterdir())
+    require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
+    folder.mkdir(parents=True, exist_ok=True)
+    study = Study(folder, budget, tuple(range(seeds)), games)
+    if not train_missing(study, available_cores(), report):
+        return False
+    findings = []
+    for experiment in EXPERIMENTS:
+        findings.append(experiment.run(study))
+        report(f"done: {findings[-1].title}")
+    write_report(study, findings)
+    return True
+
+
+def available_cores() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))

@@ -1,0 +1,89 @@
+"""A study: the paper's six agents, trained with several seeds, and the matches between them."""
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from apollonius.agents.catalogue import Named, find_agent
+from apollonius.evaluate.match import MatchResult, count, play_games
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.learn.config import PRESETS, RunConfig
+from apollonius.rollout import Results
+
+RUN_OF = {
+    "P_stage1": "curriculum",
+    "P_curriculum": "curriculum",
+    "E_curriculum": "curriculum",
+    "P_scratch": "scratch",
+    "E_scratch": "scratch",
+    "P_random": "random",
+}
+"""The training run that each agent comes from."""
+MATCH_SEED = 0
+"""Seed of the starts of every match: all pairings meet the same ones."""
+
+
+def run_configs(budget: str, seed: int) -> dict[str, RunConfig]:
+    """The three trainings of one seed, by name.
+
+    `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
+    (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
+    its games are half as long, so that is as many episodes.
+    """
+    preset = replace(PRESETS[budget], seed=seed)
+    half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2
+    return {
+        "curriculum": preset,
+        "scratch": replace(preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)),
+        "random": replace(
+            preset, stages="fixed-target", evader="random", fixed_target=replace(preset.fixed_target, env_steps=half)
+        ),
+    }
+
+
+@dataclass
+class Study:
+    """Where the agents of a study are, and their matches, each played once."""
+
+    folder: Path
+    budget: str
+    seeds: tuple[int, ...]
+    games: int = 10_000
+    """Games in a match."""
+    _played: dict[tuple[str, str, int], Results] = field(default_factory=dict, repr=False)
+
+    @property
+    def game(self) -> Game:
+        """The game they were trained for."""
+        return PRESETS[self.budget].game
+
+    def run(self, name: str, seed: int) -> Path:
+        """Folder of a training run."""
+        return self.folder / f"seed-{seed}" / name
+
+    def agent(self, name: str, seed: int, percent: int = 100) -> Named:
+        """An agent of a seed, `random` or `still`; or an earlier one, kept at a percentage of self-play."""
+        role = Role.PURSUER if name.startswith("P_") else Role.EVADER
+        if name not in RUN_OF:
+            return find_agent(name, role)
+        suffix = "" if percent == 100 else f"-{percent}"
+        return find_agent(str(self.run(RUN_OF[name], seed) / "agents" / f"{name}{suffix}.safetensors"), role)
+
+    def play(self, pursuer: str, evader: str, seed: int) -> Results:
+        """The games of a match between two agents of a seed."""
+        match = (pursuer, evader, seed)
+        if match not in self._played:
+            chasing, fleeing = self.agent(pursuer, seed).policy, self.agent(evader, seed).policy
+            self._played[match] = play_games(self.game, chasing, fleeing, self.games, MATCH_SEED)
+        return self._played[match]
+
+    def match(self, pursuer: str, evader: str, seed: int) -> MatchResult:
+        """What a match between two agents of a seed came to."""
+        return count(self.game, self.play(pursuer, evader, seed))
+
+    def metrics(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
+        """The lines of a run's `metrics.jsonl` that belong to a stage."""
+        lines = (self.run(name, seed) / "metrics.jsonl").read_text().splitlines()
+        return [line for line in map(json.loads, lines) if line["stage"] == stage]

@@ -1,0 +1,39 @@
+"""Table II: against the random evader."""
+
+from apollonius.experiments.claims import difference_claim, rate_claim
+from apollonius.experiments.finding import Finding, mean_shares, outcome_table, win_count
+from apollonius.experiments.study import Study
+
+PAPER = {
+    "P_random": {
+        "captured": 336, "pursuer_hit_obstacle": 28, "evader_hit_obstacle": 26,
+        "pursuer_out_of_range": 17, "evader_out_of_range": 93, "no_result": 0,
+    },
+    "P_curriculum": {
+        "captured": 62, "pursuer_hit_obstacle": 15, "evader_hit_obstacle": 52,
+        "pursuer_out_of_range": 19, "evader_out_of_range": 351, "no_result": 1,
+    },
+}  # fmt: skip
+"""Games of 500."""
+
+
+def run(study: Study) -> Finding:
+    """Both pursuers against the random evader: wins, and how many of them by capture."""
+    results = {name: [study.match(name, "random", seed) for seed in study.seeds] for name in PAPER}
+    captures = [
+        tuple(result.outcomes["captured"] / result.games for result in pair)
+        for pair in zip(results["P_random"], results["P_curriculum"], strict=True)
+    ]
+    wins = {name: [win_count(result) for result in matches] for name, matches in results.items()}
+    claims = (
+        rate_claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
+        rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
+        difference_claim(
+            "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
+            [(first, second) for first, second in captures], study.games,
+        ),
+    )  # fmt: skip
+    columns = [(name, mean_shares(results[name])) for name in PAPER]
+    columns += [(f"{name}, paper", {row: n / 500 for row, n in PAPER[name].items()}) for name in PAPER]
+    data = {name: [result.to_dict() for result in matches] for name, matches in results.items()}
+    return Finding("Table II: against the random evader", outcome_table(columns), claims=claims, data=data)

@@ -1,0 +1,33 @@
+"""Table III: against the evader of self-play from scratch."""
+
+from apollonius.experiments.claims import difference_claim
+from apollonius.experiments.finding import Finding, mean_shares, outcome_table
+from apollonius.experiments.study import Study
+
+PAPER = {
+    "P_random": {
+        "captured": 115, "pursuer_hit_obstacle": 69, "evader_hit_obstacle": 66,
+        "pursuer_out_of_range": 13, "evader_out_of_range": 36, "no_result": 201,
+    },
+    "P_curriculum": {
+        "captured": 188, "pursuer_hit_obstacle": 62, "evader_hit_obstacle": 135,
+        "pursuer_out_of_range": 22, "evader_out_of_range": 30, "no_result": 63,
+    },
+}  # fmt: skip
+"""Games of 500."""
+
+
+def run(study: Study) -> Finding:
+    """Both pursuers against E_scratch."""
+    results = {name: [study.match(name, "E_scratch", seed) for seed in study.seeds] for name in PAPER}
+    rates = [
+        (ours.pursuer_win_rate, theirs.pursuer_win_rate)
+        for ours, theirs in zip(results["P_curriculum"], results["P_random"], strict=True)
+    ]
+    claim = difference_claim(
+        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates, study.games
+    )
+    columns = [(name, mean_shares(results[name])) for name in PAPER]
+    columns += [(f"{name}, paper", {row: n / 500 for row, n in PAPER[name].items()}) for name in PAPER]
+    data = {name: [result.to_dict() for result in matches] for name, matches in results.items()}
+    return Finding("Table III: against E_scratch", outcome_table(columns), claims=(claim,), data=data)

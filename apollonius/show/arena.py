@@ -1,0 +1,56 @@
+"""An arena from above, and the trails that two robots left in it."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Rectangle
+
+from apollonius.game.arena import Arena
+from apollonius.game.game import Game
+from apollonius.game.types import Outcome, RobotState
+from apollonius.rollout import Trajectory
+from apollonius.show import style
+
+
+def draw_arena(axes: Axes, arena: Arena) -> None:
+    """Walls and discs, to scale, axes in metres."""
+    x, y = float(arena.x_min), float(arena.y_min)
+    width, height = float(arena.x_max) - x, float(arena.y_max) - y
+    axes.add_patch(Rectangle((x, y), width, height, fill=False, edgecolor=style.INK, linewidth=1.4))
+    for disc in arena.discs:
+        axes.add_patch(
+            Circle((float(disc.x), float(disc.y)), float(disc.radius), facecolor=style.OBSTACLE, edgecolor="none")
+        )
+    margin = 0.03 * max(width, height)
+    axes.set_xlim(x - margin, x + width + margin)
+    axes.set_ylim(y - margin, y + height + margin)
+    axes.set_aspect("equal")
+    axes.grid(False)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -> None:
+    """One game: both trails from a ring at the start to a dot at the end, and below the title how it ended."""
+    draw_arena(axes, game.arena)
+    states = trajectory.states
+    for robot, colour, name in (
+        (states.pursuer, style.PURSUER, "pursuer"),
+        (states.evader, style.EVADER, "evader"),
+    ):
+        _draw_trail(axes, robot, colour, name)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    axes.set_title(f"{title}\n{describe_end(game, trajectory)}" if title else describe_end(game, trajectory))
+
+
+def describe_end(game: Game, trajectory: Trajectory) -> str:
+    """How the game ended and when, as `captured after 12.3 s`."""
+    steps = trajectory.states.steps.shape[0] - 1
+    name = Outcome(int(trajectory.outcome)).name.lower().replace("_", " ")
+    return f"{name} after {steps * float(game.dt):.1f} s"
+
+
+def _draw_trail(axes: Axes, robot: RobotState, colour: str, name: str) -> None:
+    x, y = np.asarray(robot.x), np.asarray(robot.y)
+    axes.plot(x, y, color=colour, linewidth=1.2, alpha=0.9, label=name)
+    axes.plot(x[0], y[0], marker="o", markersize=6, markerfacecolor="white", markeredgecolor=colour)
+    axes.plot(x[-1], y[-1], marker="o", markersize=5, color=colour)

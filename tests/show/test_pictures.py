@@ -1,0 +1,52 @@
+"""Pictures show what they are given: shapes to scale, means of seeds, bars with their figures."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from apollonius.game.presets import make_game
+from apollonius.show import style
+from apollonius.show.arena import draw_arena
+from apollonius.show.curves import draw_bars, draw_seeds, smooth
+
+
+@pytest.fixture
+def axes():
+    return Figure().subplots()
+
+
+def test_discs_are_drawn_where_they_are(axes):
+    arena = make_game("paper").arena
+    draw_arena(axes, arena)
+    drawn = [(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)]
+    assert drawn == [(disc.x, disc.y, disc.radius) for disc in arena.discs]
+    assert axes.get_aspect() == 1.0
+    left, right = axes.get_xlim()
+    assert left < arena.x_min < arena.x_max < right
+
+
+def test_the_mean_of_seeds_covers_what_all_of_them_cover(axes):
+    draw_seeds(axes, [([0.0, 10.0, 20.0], [0.0, 1.0, 2.0]), ([5.0, 15.0, 25.0], [2.0, 3.0, 4.0])], "red", "mean")
+    *seeds, mean = axes.get_lines()
+    assert len(seeds) == 2
+    assert (mean.get_xdata()[0], mean.get_xdata()[-1]) == (5, 20)
+    np.testing.assert_allclose(mean.get_ydata()[[0, -1]], [(0.5 + 2) / 2, (2 + 3.5) / 2])
+
+
+def test_running_means_are_of_neighbours():
+    assert smooth([1.0, 1.0, 4.0, 1.0, 1.0], 3) == pytest.approx([1, 2, 2, 2, 1])
+
+
+def test_bars_carry_their_figures(axes):
+    draw_bars(axes, ["a", "b"], [0.5, 0.25], [(0.4, 0.6), (0.2, 0.3)], "blue")
+    assert [patch.get_height() for patch in axes.patches] == [50, 25]
+    assert [text.get_text() for text in axes.texts] == ["50.0 %", "25.0 %"]
+
+
+def test_a_picture_has_its_panels_and_is_saved_when_done(tmp_path):
+    path = tmp_path / "picture.png"
+    with style.picture(path, columns=3) as panels:
+        assert len(panels) == 3
+        assert not path.exists()
+    assert path.read_bytes().startswith(b"\x89PNG")
