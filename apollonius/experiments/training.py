@@ -2,16 +2,21 @@
 
 import multiprocessing
 import os
+import queue
 import signal
+import sys
+import threading
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing.queues import Queue
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from apollonius.errors import InvalidInput
 from apollonius.experiments.study import RUN_OF, Study, run_configs
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_config
+
+_STOPPED = 130
+"""Exit status of a training that was stopped early."""
 
 
 def train_missing(study: Study, cores: list[int], report: Callable[[str], None]) -> bool:
@@ -25,7 +30,8 @@ def train_missing(study: Study, cores: list[int], report: Callable[[str], None])
         Whether all are finished; False after Ctrl-C, when every run has saved a checkpoint.
 
     Raises:
-        InvalidInput: when a run's folder holds another training than the study's; before anything is trained.
+        InvalidInput: when a run's folder holds another training than the study's, before anything is trained; when a
+            training fails, after the others that run beside it.
     """
     runs = {
         study.run(name, seed): (config, name)
@@ -36,24 +42,37 @@ def train_missing(study: Study, cores: list[int], report: Callable[[str], None])
     for folder in missing:
         if not folder.exists():
             create_run(runs[folder][0], folder)
-    # A process that spawns inherits no threads of JAX; a forked one may hang.
-    context = multiprocessing.get_context("spawn")
-    free: Queue[int] = context.Queue()
+    free: queue.SimpleQueue[int] = queue.SimpleQueue()
     for core in cores:
         free.put(core)
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # each process stops by itself, then the pool is done
+    over = threading.Event()
+
+    def train(folder: Path) -> bool:
+        """One run in a process of its own, on a core that is free; none begins after one was stopped or failed."""
+        if over.is_set():
+            return False
+        core = free.get()
+        # A process that spawns inherits no threads of JAX; a forked one may hang.
+        process = multiprocessing.get_context("spawn").Process(target=_train, args=(folder, core, os.getpid()))
+        process.start()
+        process.join()
+        free.put(core)
+        if process.exitcode != 0:
+            over.set()
+        if process.exitcode not in (0, _STOPPED):
+            raise InvalidInput(f"the training in '{folder}' failed, see above: mend the cause and add --resume.")
+        return process.exitcode == 0
+
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # every process hears of Ctrl-C and stops by itself
     try:
-        with ProcessPoolExecutor(len(cores), context, initializer=_claim_core, initargs=(free,)) as pool:
-            trainings = {pool.submit(_train, folder, os.getpid()): folder for folder in missing}
+        with ThreadPoolExecutor(len(cores)) as pool:
+            trainings = {pool.submit(train, folder): folder for folder in missing}
             report(f"{len(missing)} of {len(runs)} trainings to do, {len(cores)} at a time")
-            finished = True
             for training in as_completed(trainings):
-                done = training.result()
-                finished = finished and done
-                report(f"{'trained' if done else 'stopped'} {trainings[training]}")
+                report(f"{'trained' if training.result() else 'stopped'} {trainings[training]}")
+            return not over.is_set()
     finally:
         signal.signal(signal.SIGINT, before)
-    return finished
 
 
 def _is_finished(folder: Path, config: RunConfig, name: str) -> bool:
@@ -66,18 +85,21 @@ def _is_finished(folder: Path, config: RunConfig, name: str) -> bool:
     return all((folder / "agents" / f"{agent}.safetensors").is_file() for agent in agents)
 
 
-def _claim_core(free: "Queue[int]") -> None:
-    """Run this process, and every thread it will start, on one core: two trainings on two cores disturb each other."""
-    core = free.get()
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {core})
+def _train(folder: Path, core: int, parent: int) -> None:
+    """One run on one core, from its checkpoint if it has one; the whole life of a process.
 
-
-def _train(folder: Path, parent: int) -> bool:
-    """One run, from its checkpoint if it has one; stops early on Ctrl-C or when the parent process is gone."""
+    It stops early on Ctrl-C or when the parent process is gone.
+    """
     from apollonius.learn.run import Run
 
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})  # two trainings whose threads share two cores disturb each other
     interrupted: list[int] = []
     signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
-    config = load_config(folder / "config.toml")
-    return Run(config, folder, should_stop=lambda: bool(interrupted) or os.getppid() != parent).execute()
+    try:
+        config = load_config(folder / "config.toml")
+        finished = Run(config, folder, should_stop=lambda: bool(interrupted) or os.getppid() != parent).execute()
+    except (InvalidInput, OSError) as error:
+        print(f"{folder}: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(0 if finished else _STOPPED)
