@@ -19,6 +19,7 @@ OTHER = "#b98a2f"
 _SETTINGS: dict[Any, Any] = {
     "figure.dpi": 120,
     "savefig.dpi": 160,
+    "savefig.bbox": "tight",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
