@@ -29,7 +29,8 @@ def difference_interval(first: float, second: float, trials: int) -> tuple[float
     """95 % interval of the difference of two rates, `first - second`, each from as many independent trials.
 
     Newcombe's hybrid score interval (method 10 of Newcombe, "Interval estimation for the difference between
-    independent proportions", 1998): built from Wilson's intervals of both.
+    independent proportions", 1998): built from Wilson's intervals of both. On paired starts, where both rates rise and
+    fall together, it is too wide.
     """
     (low_1, high_1), (low_2, high_2) = (wilson_interval(round(rate * trials), trials) for rate in (first, second))
     below = sqrt((first - low_1) ** 2 + (high_2 - second) ** 2)

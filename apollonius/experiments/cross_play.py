@@ -15,20 +15,16 @@ from apollonius.evaluate.match import play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-
-PERCENTAGES = (25, 50, 75, 100)
-
-
-def agent_file(run: Path, side: str, percent: int) -> Path:
-    """The agent of one side (`P` or `E`) kept at a percentage of self-play."""
-    suffix = "" if percent == 100 else f"-{percent}"
-    (path,) = [run / "agents" / f"{side}_{kind}{suffix}.safetensors" for kind in kinds(run)]
-    return path
+from apollonius.learn.folder import agent_file
+from apollonius.learn.run import SNAPSHOTS
 
 
-def kinds(run: Path) -> list[str]:
+def kind_of(run: Path) -> str:
     """How the run's agents are called: `curriculum` or `scratch`."""
-    return [path.stem.removeprefix("E_") for path in (run / "agents").glob("E_*.safetensors") if "-" not in path.stem]
+    (kind,) = [
+        path.stem.removeprefix("E_") for path in (run / "agents").glob("E_*.safetensors") if "-" not in path.stem
+    ]
+    return kind
 
 
 def main() -> None:
@@ -38,20 +34,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
 
-    game = make_game("paper")
-    columns = [*[f"{percent} %" for percent in PERCENTAGES], "all"]
+    game, kind = make_game("paper"), kind_of(options.run)
+    columns = [*[f"{percent} %" for percent in SNAPSHOTS], "all"]
     print("| pursuer \\ evader | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 1) + "|")
-    in_column = [0] * len(PERCENTAGES)
-    for own in PERCENTAGES:
-        pursuer = find_agent(str(agent_file(options.run, "P", own)), Role.PURSUER)
+    in_column = [0] * len(SNAPSHOTS)
+    for own in SNAPSHOTS:
+        pursuer = find_agent(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
         wins = []
-        for other in PERCENTAGES:
-            evader = find_agent(str(agent_file(options.run, "E", other)), Role.EVADER)
+        for other in SNAPSHOTS:
+            evader = find_agent(str(agent_file(options.run, f"E_{kind}", other)), Role.EVADER)
             result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
             wins.append(round(result.pursuer_win_rate * options.games))
         print(row(f"{own} %", wins, options.games), flush=True)
         in_column = [total + won for total, won in zip(in_column, wins, strict=True)]
-    print(row("all", in_column, options.games * len(PERCENTAGES)))
+    print(row("all", in_column, options.games * len(SNAPSHOTS)))
 
 
 def row(name: str, wins: list[int], games: int) -> str:

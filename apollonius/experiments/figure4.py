@@ -2,12 +2,10 @@
 
 from apollonius.experiments.claims import rate_claim
 from apollonius.experiments.finding import Finding, win_count
+from apollonius.experiments.reward import reward_curve
 from apollonius.experiments.study import Study
 from apollonius.show import style
-from apollonius.show.curves import draw_seeds, smooth
-
-_WINDOW = 50
-"""Chunks over which the reward is averaged."""
+from apollonius.show.curves import draw_seeds
 
 
 def run(study: Study) -> Finding:
@@ -23,9 +21,7 @@ def run(study: Study) -> Finding:
                 [100 * evaluation["outcomes"]["captured"] / games for evaluation in evaluations],
             )
         )
-        played = [line for line in lines if sum(line["outcomes"].values())]
-        returns = smooth([line["pursuer_return"] for line in played], _WINDOW)
-        rewards.append(([line["episodes"] for line in played], returns))
+        rewards.append(reward_curve(study, "curriculum", seed, "fixed-target"))
     with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
         draw_seeds(left, successes, style.PURSUER, "greedy")
         left.axhline(96, color=style.INK, linewidth=0.8, linestyle=":")

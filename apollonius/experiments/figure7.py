@@ -1,18 +1,16 @@
 """Fig. 7: average reward in training, curriculum against one-sided training on a random evader."""
 
 from apollonius.experiments.finding import Finding
+from apollonius.experiments.reward import reward_curve
 from apollonius.experiments.study import Study
 from apollonius.show import style
-from apollonius.show.curves import Curve, draw_seeds, smooth
-
-_WINDOW = 50
-"""Chunks over which the reward is averaged."""
+from apollonius.show.curves import Curve, draw_seeds
 
 
 def run(study: Study) -> Finding:
     """The pursuer's reward over all episodes: stage 1 and then self-play, against the random evader throughout."""
-    curriculum = [_reward(study, seed, "curriculum", ("fixed-target", "self-play")) for seed in study.seeds]
-    random = [_reward(study, seed, "random", ("fixed-target",)) for seed in study.seeds]
+    curriculum = [_curriculum(study, seed) for seed in study.seeds]
+    random = [reward_curve(study, "random", seed, "fixed-target") for seed in study.seeds]
     with style.picture(study.folder / "figure7.png", width=6.0) as (axes,):
         draw_seeds(axes, curriculum, style.PURSUER, "curriculum")
         draw_seeds(axes, random, style.OTHER, "trained on a random evader")
@@ -25,12 +23,8 @@ def run(study: Study) -> Finding:
     return Finding("Fig. 7: average reward", text, ("figure7.png",))
 
 
-def _reward(study: Study, seed: int, name: str, stages: tuple[str, ...]) -> Curve:
-    episodes: list[float | int] = []
-    rewards: list[float | int] = []
-    for stage in stages:
-        played = [line for line in study.metrics(name, seed, stage) if sum(line["outcomes"].values())]
-        before = episodes[-1] if episodes else 0
-        episodes += [before + line["episodes"] for line in played]
-        rewards += smooth([line["pursuer_return"] for line in played], _WINDOW)
-    return episodes, rewards
+def _curriculum(study: Study, seed: int) -> Curve:
+    """Self-play's episodes are counted on from those of stage 1."""
+    episodes, rewards = reward_curve(study, "curriculum", seed, "fixed-target")
+    later, more = reward_curve(study, "curriculum", seed, "self-play")
+    return [*episodes, *(episodes[-1] + episode for episode in later)], [*rewards, *more]

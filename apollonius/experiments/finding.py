@@ -47,6 +47,19 @@ def mean_shares(results: Sequence[MatchResult]) -> dict[str, float]:
     }
 
 
+def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dict[str, int]]) -> str:
+    """Shares of outcomes here, averaged over seeds, and the paper's from its counts, as a Markdown table."""
+    columns = [(name, mean_shares(matches)) for name, matches in results.items()]
+    for name, counts in paper.items():
+        columns.append((f"{name}, paper", {outcome: count / sum(counts.values()) for outcome, count in counts.items()}))
+    return outcome_table(columns)
+
+
+def as_data(results: dict[str, list[MatchResult]]) -> dict[str, list[dict[str, Any]]]:
+    """Matches by name as JSON-like data."""
+    return {name: [match.to_dict() for match in matches] for name, matches in results.items()}
+
+
 def win_count(result: MatchResult) -> tuple[int, int]:
     """The pursuer's wins, and the games."""
     return round(result.pursuer_win_rate * result.games), result.games

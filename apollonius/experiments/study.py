@@ -10,6 +10,7 @@ from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.config import PRESETS, RunConfig
+from apollonius.learn.folder import agent_file
 from apollonius.rollout import Results
 
 RUN_OF = {
@@ -68,8 +69,7 @@ class Study:
         role = Role.PURSUER if name.startswith("P_") else Role.EVADER
         if name not in RUN_OF:
             return find_agent(name, role)
-        suffix = "" if percent == 100 else f"-{percent}"
-        return find_agent(str(self.run(RUN_OF[name], seed) / "agents" / f"{name}{suffix}.safetensors"), role)
+        return find_agent(str(agent_file(self.run(RUN_OF[name], seed), name, percent)), role)
 
     def play(self, pursuer: str, evader: str, seed: int) -> Results:
         """The games of a match between two agents of a seed."""

@@ -1,7 +1,7 @@
 """Table II: against the random evader."""
 
 from apollonius.experiments.claims import difference_claim, rate_claim
-from apollonius.experiments.finding import Finding, mean_shares, outcome_table, win_count
+from apollonius.experiments.finding import Finding, as_data, beside_the_paper, win_count
 from apollonius.experiments.study import Study
 
 PAPER = {
@@ -20,20 +20,17 @@ PAPER = {
 def run(study: Study) -> Finding:
     """Both pursuers against the random evader: wins, and how many of them by capture."""
     results = {name: [study.match(name, "random", seed) for seed in study.seeds] for name in PAPER}
-    captures = [
-        tuple(result.outcomes["captured"] / result.games for result in pair)
-        for pair in zip(results["P_random"], results["P_curriculum"], strict=True)
-    ]
+    captures = {
+        name: [result.outcomes["captured"] / result.games for result in matches] for name, matches in results.items()
+    }
     wins = {name: [win_count(result) for result in matches] for name, matches in results.items()}
     claims = (
         rate_claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
         rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
         difference_claim(
             "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
-            [(first, second) for first, second in captures], study.games,
+            list(zip(captures["P_random"], captures["P_curriculum"], strict=True)), study.games,
         ),
     )  # fmt: skip
-    columns = [(name, mean_shares(results[name])) for name in PAPER]
-    columns += [(f"{name}, paper", {row: n / 500 for row, n in PAPER[name].items()}) for name in PAPER]
-    data = {name: [result.to_dict() for result in matches] for name, matches in results.items()}
-    return Finding("Table II: against the random evader", outcome_table(columns), claims=claims, data=data)
+    text = beside_the_paper(results, PAPER)
+    return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))

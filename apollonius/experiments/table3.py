@@ -1,7 +1,7 @@
 """Table III: against the evader of self-play from scratch."""
 
 from apollonius.experiments.claims import difference_claim
-from apollonius.experiments.finding import Finding, mean_shares, outcome_table
+from apollonius.experiments.finding import Finding, as_data, beside_the_paper
 from apollonius.experiments.study import Study
 
 PAPER = {
@@ -27,7 +27,5 @@ def run(study: Study) -> Finding:
     claim = difference_claim(
         "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates, study.games
     )
-    columns = [(name, mean_shares(results[name])) for name in PAPER]
-    columns += [(f"{name}, paper", {row: n / 500 for row, n in PAPER[name].items()}) for name in PAPER]
-    data = {name: [result.to_dict() for result in matches] for name, matches in results.items()}
-    return Finding("Table III: against E_scratch", outcome_table(columns), claims=(claim,), data=data)
+    text = beside_the_paper(results, PAPER)
+    return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))

@@ -13,7 +13,7 @@ from pathlib import Path
 from apollonius.errors import InvalidInput
 from apollonius.experiments.study import RUN_OF, Study, run_configs
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.folder import agent_file, create_run, load_config
 
 _STOPPED = 130
 """Exit status of a training that was stopped early."""
@@ -40,7 +40,7 @@ def train_missing(study: Study, cores: list[int], report: Callable[[str], None])
     }
     missing = [folder for folder, (config, name) in runs.items() if not _is_finished(folder, config, name)]
     for folder in missing:
-        if not folder.exists():
+        if not (folder / "config.toml").is_file():
             create_run(runs[folder][0], folder)
     free: queue.SimpleQueue[int] = queue.SimpleQueue()
     for core in cores:
@@ -82,7 +82,7 @@ def _is_finished(folder: Path, config: RunConfig, name: str) -> bool:
     if load_config(folder / "config.toml") != config:
         raise InvalidInput(f"'{folder}' holds another training than this study's: choose another --out or --budget.")
     agents = [agent for agent, run in RUN_OF.items() if run == name]
-    return all((folder / "agents" / f"{agent}.safetensors").is_file() for agent in agents)
+    return all(agent_file(folder, agent).is_file() for agent in agents)
 
 
 def _train(folder: Path, core: int, parent: int) -> None:

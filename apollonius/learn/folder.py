@@ -33,6 +33,11 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
     (folder / "agents").mkdir(exist_ok=True)
 
 
+def agent_file(run: Path, name: str, percent: int = 100) -> Path:
+    """Where a run keeps an agent: the one at its end, or the one at an earlier percentage of self-play."""
+    return run / "agents" / f"{name}{'' if percent == 100 else f'-{percent}'}.safetensors"
+
+
 def _remove_run(folder: Path) -> None:
     # The config goes last: until then a half-removed folder is still known as a run's.
     for pattern in (

@@ -28,6 +28,7 @@ from apollonius.game.types import Outcome, Role
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
 from apollonius.learn.config import RunConfig
 from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import Plan, TrainState, play_and_learn
@@ -178,16 +179,17 @@ class Run:
         for percent in SNAPSHOTS:
             if before < -(-plan.chunks * percent // 100) <= here["chunks"]:
                 record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
-                suffix = "" if percent == 100 else f"-{percent}"
-                self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}{suffix}", record, stage)
-                self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}{suffix}", record, stage)
+                self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}", record, stage, percent)
+                self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}", record, stage, percent)
 
-    def _save_agent(self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str) -> None:
+    def _save_agent(
+        self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str, percent: int = 100
+    ) -> None:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
         training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
         agent = describe(network, role, to_dict(self.config.game), training)
-        save_agent(agent, self.folder / "agents" / f"{name}.safetensors")
+        save_agent(agent, agent_file(self.folder, name, percent))
 
 
 def load_first_pursuer(config: RunConfig) -> QNetwork | None:
