@@ -54,9 +54,9 @@ def build_parser() -> argparse.ArgumentParser:
     train.add_argument("--game", help="name of the game (default: paper)")
     train.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     train.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
-    train.add_argument("--pursuer", help="agent that the pursuer of --stage self-play goes on from (default: none)")
+    train.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
     train.add_argument(
-        "--evader", help="player that the pursuer of --stage fixed-target learns to catch (default: still)"
+        "--evader", nargs="+", help="players that the pursuer of --stage fixed-target learns to catch (default: still)"
     )
     train.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     train.add_argument("--force", action="store_true", help="overwrite a run that is already there")

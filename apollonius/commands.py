@@ -19,7 +19,7 @@ INTERRUPTED = 130
 
 def run_train(options: argparse.Namespace) -> int:
     """Train from scratch in a new folder."""
-    from apollonius.agents.catalogue import find_agent
+    from apollonius.agents.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
     from apollonius.learn.run import load_first_pursuer
@@ -27,7 +27,7 @@ def run_train(options: argparse.Namespace) -> int:
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
-    find_agent(config.evader, Role.EVADER)  # refused here, before anything is written
+    find_pool(config.evaders, Role.EVADER)  # refused here, before anything is written
     load_first_pursuer(config)
     create_run(config, folder, force=options.force)
     return _train_and_judge(config, folder)
@@ -118,7 +118,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     changes: dict[str, Any] = {
         "stages": options.stage,
         "seed": options.seed,
-        "evader": options.evader,
+        "evaders": tuple(options.evader) if options.evader else None,
         "pursuer": options.pursuer,
         "dqn": PROFILES.get(options.profile),
         "game": make_game(options.game) if options.game else None,

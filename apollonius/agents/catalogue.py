@@ -1,16 +1,19 @@
 """Agents by name: the built-in players, the zoo that ships with the package, and files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
+
 from apollonius.agents.classical import Still
-from apollonius.agents.greedy import Greedy
+from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
 from apollonius.agents.store import Agent, AgentHeader, load_agent
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, require
 from apollonius.game.types import Role
 
 ZOO = Path(__file__).parent.parent / "zoo"
@@ -44,6 +47,35 @@ def find_agent(name: str, role: Role) -> Named:
         return Named(name, BUILT_IN[name]())
     agent, path = _load(name, role)
     return Named(path.stem, Greedy(agent.network), agent.header)
+
+
+def find_pool(names: Sequence[str], role: Role) -> Pool:
+    """The pool of the players of these names; each game meets one of them.
+
+    Several must be trained agents with networks of one shape, or `random`.
+
+    Raises:
+        InvalidInput: as `find_agent`, for no name, and for players that do not go together.
+    """
+    side, listed = f"{role.name.lower()}s", ", ".join(names)
+    require(names, side, "none", "one player at least")
+    policies = [find_agent(name, role).policy for name in names]
+    if len(policies) == 1:
+        return solo(policies[0])
+    networks = [policy.network for policy in policies if isinstance(policy, Greedy)]
+    bound = "one player, or trained agents with networks of one shape and random"
+    together = all(isinstance(policy, Greedy | Uniform) for policy in policies)
+    alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
+    require(together and alike, side, listed, bound)
+    # One structure for all: whoever explores always is random, whatever its network.
+    return stack(
+        [
+            EpsilonGreedy(policy.network, jnp.asarray(0.0))
+            if isinstance(policy, Greedy)
+            else EpsilonGreedy(networks[0], jnp.asarray(1.0))
+            for policy in policies
+        ]
+    )
 
 
 def load_network(name: str, role: Role) -> QNetwork:

@@ -39,7 +39,10 @@ def run_configs(budget: str, seed: int) -> dict[str, RunConfig]:
         "curriculum": preset,
         "scratch": replace(preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)),
         "random": replace(
-            preset, stages="fixed-target", evader="random", fixed_target=replace(preset.fixed_target, env_steps=half)
+            preset,
+            stages="fixed-target",
+            evaders=("random",),
+            fixed_target=replace(preset.fixed_target, env_steps=half),
         ),
     }
 

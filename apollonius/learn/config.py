@@ -133,6 +133,8 @@ class StageConfig:
     """Share of random actions of a learning evader when the stage begins."""
     progress: float = 3.0
     """Weight c of Eq. 8 and 9 [1/m] while training, in place of the game's own."""
+    failure: float = 10.0
+    """Price of a robot's own failure (Eq. 8, 9) while training, in place of the game's own."""
     evaluations: int = 40
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
@@ -141,7 +143,8 @@ class StageConfig:
     def __post_init__(self) -> None:
         _require_positive(self, "env_steps", "evaluations", "evaluation_games")
         require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
-        require(0 <= self.progress < inf, "progress", self.progress, "at least 0 and finite")
+        for name in ("progress", "failure"):
+            require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
         for name in ("pursuer_epsilon", "evader_epsilon"):
             require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
 
@@ -171,22 +174,23 @@ class RunConfig:
     dqn: DQNConfig = field(default_factory=DQNConfig)
     """How each side learns."""
     fixed_target: StageConfig = field(default_factory=StageConfig)
-    """Stage 1: the pursuer against a stationary evader."""
+    """Stage 1: the pursuer against evaders that do not learn."""
     self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     """Stage 2: both against each other."""
-    evader: str = "still"
-    """Player that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, `random`, or any evader."""
+    evaders: tuple[str, ...] = ("still",)
+    """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
+    meets one."""
     pursuer: str | None = None
-    """Agent that the pursuer of self-play goes on from, where stage 1 is left out; from scratch where this is too."""
+    """Agent that the pursuer of a lone stage goes on from; None is from scratch."""
 
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
         require(
-            self.pursuer is None or self.stages == "self-play", "pursuer", self.pursuer,
-            "left out unless stages is 'self-play': stage 1 trains the pursuer itself",
+            self.pursuer is None or self.stages != "both", "pursuer", self.pursuer,
+            "left out unless stages is one stage: the curriculum trains the pursuer from scratch",
         )  # fmt: skip
         require(
-            self.evader == "still" or self.stages == "fixed-target", "evader", self.evader,
+            self.evaders == ("still",) or self.stages == "fixed-target", "evaders", ", ".join(self.evaders),
             "left out unless stages is 'fixed-target': the pursuer of the curriculum begins with one that stays",
         )  # fmt: skip
 

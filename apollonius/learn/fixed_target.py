@@ -3,13 +3,22 @@
 import jax
 from jaxtyping import PRNGKeyArray
 
+from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Pool
 from apollonius.game.game import Game
 from apollonius.learn import dqn
 from apollonius.learn.stage import Plan, TrainState, start
 
 
-def start_fixed_target(plan: Plan, game: Game, key: PRNGKeyArray, evader: Pool) -> TrainState:
-    """The state before the first step: a pursuer with random weights. The key is consumed."""
+def start_fixed_target(
+    plan: Plan, game: Game, key: PRNGKeyArray, evaders: Pool, pursuer: QNetwork | None = None
+) -> TrainState:
+    """The state before the first step. The key is consumed.
+
+    Args:
+        evaders: who is chased.
+        pursuer: the network to go on from; None starts from scratch (Algorithm 1, line 2).
+    """
     network_key, stage_key = jax.random.split(key)
-    return start(plan, game, stage_key, dqn.init(plan.dqn, network_key), evader)
+    chaser = dqn.init(plan.dqn, network_key) if pursuer is None else dqn.start_from(pursuer)
+    return start(plan, game, stage_key, chaser, evaders)

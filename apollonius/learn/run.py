@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.catalogue import find_agent, load_network
+from apollonius.agents.catalogue import find_pool, load_network
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import solo
@@ -74,7 +74,7 @@ class Run:
         self.should_stop = should_stop
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
-        self.evader = solo(find_agent(config.evader, Role.EVADER).policy)
+        self.evaders = find_pool(config.evaders, Role.EVADER)
         self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
 
     def execute(self) -> bool:
@@ -115,16 +115,17 @@ class Run:
     def _start(self, stage: str, plan: Plan, best: QNetwork | None) -> TrainState:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
-            return start_fixed_target(plan, self.config.game, key, self.evader)
+            return start_fixed_target(plan, self.config.game, key, self.evaders, best)
         return start_self_play(plan, self.config.game, key, best)
 
     def _stage_game(self, plan: Plan) -> Game:
-        """The game with the stage's own weight of progress; only rewards differ, so the judge need not know."""
-        return replace(self.config.game, reward=replace(self.config.game.reward, progress=plan.stage.progress))
+        """The game with the stage's own weights; only rewards differ, so the judge need not know."""
+        weights = {"progress": plan.stage.progress, "failure": plan.stage.failure}
+        return replace(self.config.game, reward=replace(self.config.game.reward, **weights))
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        pursuer, evader = None, self.evader if stage == FIXED_TARGET else None
+        pursuer, evader = None, self.evaders if stage == FIXED_TARGET else None
         train, best = saved.train, saved.best
         game = self._stage_game(plan)
         truncate_metrics(self.metrics, here["metrics_bytes"])
@@ -149,8 +150,7 @@ class Run:
             if stop and here["chunks"] < plan.chunks:
                 return Saved(train, best), False
         if best is not None:
-            name = "P_stage1" if self.config.evader == "still" else f"P_{Path(self.config.evader).stem}"
-            self._save_agent(best, Role.PURSUER, name, here["best"], stage)
+            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), here["best"], stage)
         return Saved(train, best), True
 
     def _evaluate(
@@ -160,7 +160,7 @@ class Run:
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
-        evader = self.evader if train.evader is None else solo(Greedy(train.evader.learner.average))
+        evader = self.evaders if train.evader is None else solo(Greedy(train.evader.learner.average))
         results = play_out(self.config.game, solo(Greedy(_pursuer(train))), evader, starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
@@ -193,7 +193,7 @@ class Run:
 
 
 def load_first_pursuer(config: RunConfig) -> QNetwork | None:
-    """The network that the pursuer of self-play goes on from, if the config names one.
+    """The network that the pursuer goes on from, if the config names one.
 
     Raises:
         InvalidInput: when there is no such agent, or its network is not of the kind that the config trains.
@@ -206,6 +206,13 @@ def load_first_pursuer(config: RunConfig) -> QNetwork | None:
     bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
     require(made_for == wanted, "--pursuer", config.pursuer, bound)
     return network
+
+
+def _stage1_name(evaders: tuple[str, ...]) -> str:
+    """Name of the pursuer that learned to catch these evaders."""
+    if evaders == ("still",):
+        return "P_stage1"
+    return f"P_{Path(evaders[0]).stem}" if len(evaders) == 1 else "P_pool"
 
 
 def _pursuer(train: TrainState) -> QNetwork:

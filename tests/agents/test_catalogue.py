@@ -2,9 +2,11 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import ZOO, find_agent, zoo_names
+from apollonius.agents.catalogue import ZOO, find_agent, find_pool, zoo_names
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
@@ -46,6 +48,33 @@ def test_a_file_plays_no_other_side(pursuer, tmp_path):
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still.* or give a \.safetensors file"):
         find_agent("nobody", Role.PURSUER)
+
+
+def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
+    other = describe(make_network("encoded", 4, 2, jax.random.key(1)), Role.PURSUER, {}, {})
+    files = []
+    for index, agent in enumerate((pursuer, other)):
+        files.append(str(tmp_path / f"{index}.safetensors"))
+        save_agent(agent, tmp_path / f"{index}.safetensors")
+    pool = find_pool([files[0], "random", files[1]], Role.PURSUER)
+    assert pool.size == 3
+    observation = jnp.tile(jnp.linspace(-1, 1, 17), (6000, 1))
+    words = jax.random.bits(jax.random.key(2), (6000,))
+    actions = [np.asarray(pool.act(jnp.full(6000, member), observation, words)) for member in range(3)]
+    for member, name in ((0, files[0]), (2, files[1])):
+        alone = find_agent(name, Role.PURSUER).policy(observation[0], words[0])
+        assert (actions[member] == int(alone)).all()
+    assert np.bincount(actions[1], minlength=9).min() > 550
+
+
+@pytest.mark.parametrize("names", [[], ["random", "still"], ["random", "random"]], ids=str)
+def test_players_that_do_not_go_together_make_no_pool(names):
+    with pytest.raises(InvalidInput, match="pursuers = "):
+        find_pool(names, Role.PURSUER)
+
+
+def test_a_lone_player_is_a_pool_of_its_own():
+    assert isinstance(find_pool(["still"], Role.EVADER).members, Still)
 
 
 @pytest.mark.parametrize("name", zoo_names())

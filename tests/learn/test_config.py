@@ -26,11 +26,12 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DQNConfig, SMALL | {"replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
         (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
-        (RunConfig, {"evader": "random"}, "evader = random .*stages is 'fixed-target'"),
+        (RunConfig, {"evaders": ("random",)}, "evaders = random .*stages is 'fixed-target'"),
         (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
+        (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*between 0"),
-        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*self-play"),
+        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
     ],
 )
 def test_what_cannot_be_trained_is_refused(kind, values, named):

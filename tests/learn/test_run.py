@@ -264,7 +264,7 @@ def test_stage_1_against_another_evader_keeps_the_pursuer_that_wins_most(tmp_pat
         return Results(jnp.where(games < captured, Outcome.CAPTURED, outcome), jnp.ones(64, jnp.int32))
 
     monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
-    config = replace(RUN, stages="fixed-target", evader="random")
+    config = replace(RUN, stages="fixed-target", evaders=("random",))
     folder = begin(tmp_path / "run", config)
     assert Run(config, folder).execute()
     assert seen == ["Uniform"] * 4
@@ -274,11 +274,39 @@ def test_stage_1_against_another_evader_keeps_the_pursuer_that_wins_most(tmp_pat
 
 
 def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupted, tmp_path):
-    config = replace(RUN, stages="fixed-target", evader="random")
+    config = replace(RUN, stages="fixed-target", evaders=("random",))
     folder = begin(tmp_path / "run", config)
     assert not Run(config, folder, should_stop=stop_after(1)).execute()
     (first,) = metrics(folder)
     assert first["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
+
+
+def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path):
+    """No update in the first chunk, so what plays in it is what was given."""
+    mine = uninterrupted / "agents"
+    evaders = (str(mine / "E_curriculum.safetensors"), "random", str(mine / "E_curriculum-25.safetensors"))
+    config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
+    config = replace(config, dqn=replace(config.dqn, learning_starts=5 * CHUNK))
+    folder = begin(tmp_path / "run", config)
+    assert Run(config, folder).execute()
+    assert list(agents(folder)) == ["P_pool"]
+    given, kept = (load_agent(path).network for path in (Path(config.pursuer), folder / "agents/P_pool.safetensors"))
+    assert eqx.tree_equal(given, kept)
+
+
+def test_the_price_of_a_failure_is_the_stages_own(tmp_path):
+    """Some pursuers fail in the first chunk, where nothing has been learned yet: only the price differs."""
+    returns = []
+    for failure in (10.0, 30.0):
+        config = replace(RUN, stages="fixed-target", fixed_target=replace(RUN.fixed_target, failure=failure))
+        folder = begin(tmp_path / str(failure), config)
+        assert not Run(config, folder, should_stop=stop_after(1)).execute()
+        (first,) = metrics(folder)
+        returns.append(first["pursuer_return"])
+    games = sum(first["outcomes"].values())
+    failed = sum(first["outcomes"][name] for name in ("pursuer_hit_obstacle", "pursuer_out_of_range", "both_failed"))
+    assert failed > 0
+    assert returns[0] - returns[1] == pytest.approx(20.0 * failed / games, abs=1e-3)
 
 
 def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uninterrupted, tmp_path):
