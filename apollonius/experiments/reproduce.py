@@ -41,7 +41,7 @@ def reproduce(
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)
-    study = Study(folder, budget, tuple(range(seeds)), games)
+    study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
     if not train_missing(study, available_cores(), report):
         return False
     findings = []

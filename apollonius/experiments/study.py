@@ -9,7 +9,7 @@ from apollonius.agents.catalogue import Named, find_agent
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.learn.config import PRESETS, RunConfig
+from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.rollout import Results
 
@@ -26,14 +26,14 @@ MATCH_SEED = 0
 """Seed of the starts of every match: all pairings meet the same ones."""
 
 
-def run_configs(budget: str, seed: int) -> dict[str, RunConfig]:
+def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
     """The three trainings of one seed, by name.
 
     `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
     (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
     its games are half as long, so that is as many episodes.
     """
-    preset = replace(PRESETS[budget], seed=seed)
+    preset = replace(preset, seed=seed)
     half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2
     return {
         "curriculum": preset,
@@ -53,6 +53,9 @@ class Study:
 
     folder: Path
     budget: str
+    """What the length of its trainings is called."""
+    preset: RunConfig
+    """How its agents are trained."""
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
@@ -61,7 +64,7 @@ class Study:
     @property
     def game(self) -> Game:
         """The game they were trained for."""
-        return PRESETS[self.budget].game
+        return self.preset.game
 
     def run(self, name: str, seed: int) -> Path:
         """Folder of a training run."""

@@ -36,7 +36,7 @@ def train_missing(study: Study, cores: list[int], report: Callable[[str], None])
     runs = {
         study.run(name, seed): (config, name)
         for seed in study.seeds
-        for name, config in run_configs(study.budget, seed).items()
+        for name, config in run_configs(study.preset, seed).items()
     }
     missing = [folder for folder, (config, name) in runs.items() if not _is_finished(folder, config, name)]
     for folder in missing:

@@ -33,7 +33,7 @@ def study(tmp_path_factory):
     """A study that a kill left after three chunks of one training, then gone on with."""
     folder = tmp_path_factory.mktemp("study")
     begun = folder / "seed-0" / "scratch"
-    config = run_configs("tiny", 0)["scratch"]
+    config = run_configs(RUN, 0)["scratch"]
     create_run(config, begun)
     chunks = iter([False, False, True])
     assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
@@ -61,7 +61,7 @@ def test_every_agent_figure_and_claim_is_there(study):
 
 
 def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(study, tmp_path):
-    config = run_configs("tiny", 0)["scratch"]
+    config = run_configs(RUN, 0)["scratch"]
     create_run(config, tmp_path / "run")
     assert Run(config, tmp_path / "run").execute()
     resumed = study / "seed-0" / "scratch" / "agents"
@@ -113,7 +113,7 @@ def test_a_study_is_overwritten_by_no_other(study):
 
 
 def test_the_three_trainings_of_a_seed_are_the_papers():
-    runs = run_configs("paper", 3)
+    runs = run_configs(PRESETS["paper"], 3)
     assert {run.seed for run in runs.values()} == {3}
     assert (runs["curriculum"].stages, runs["scratch"].stages, runs["random"].stages) == (
         "both",

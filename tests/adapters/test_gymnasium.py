@@ -1,0 +1,70 @@
+"""Gymnasium's interface: what its checker says, and that it is the very same game."""
+
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from apollonius.adapters.gymnasium import OneSide
+from apollonius.errors import InvalidInput
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome, Role
+
+
+@pytest.mark.parametrize("name", ["apollonius/Pursuit-v0", "apollonius/Evasion-v0"])
+@pytest.mark.parametrize("observation", ["paper", "encoded"])
+def test_gymnasiums_checker_has_no_complaint(name, observation):
+    """Warnings are errors here."""
+    env = gymnasium.make(name, opponent="random", observation=observation)
+    check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("role", Role)
+def test_a_game_goes_as_the_rules_say(role):
+    game = make_game("paper")
+    env = OneSide(role, opponent="still")
+    seen, info = env.reset(seed=5)
+    assert info == {"outcome": "ongoing"}
+    word = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)
+    state = game.reset(jax.random.key(np.uint32(word)))
+    np.testing.assert_allclose(seen, game.observe(state, role, "encoded"), atol=1e-6)
+    step = jax.jit(game.step)
+    for turn in range(400):
+        action, still = jnp.int32(6 + turn % 2), jnp.int32(4)
+        seen, reward, terminated, truncated, info = env.step(int(action))
+        after = step(state, *((action, still) if role == Role.PURSUER else (still, action)))
+        rewards = (after.pursuer_reward, after.evader_reward)
+        np.testing.assert_allclose(seen, game.observe(after.state, role, "encoded"), atol=1e-4)
+        assert reward == pytest.approx(float(rewards[role]), abs=1e-4)
+        assert (terminated, truncated) == (bool(after.terminated), bool(after.truncated))
+        assert info["outcome"] == Outcome(int(after.outcome)).name.lower()
+        state = after.state
+        if terminated:
+            break
+    assert info["outcome"] in {
+        f"{role.name.lower()}_hit_obstacle", f"{role.name.lower()}_out_of_range", "captured",
+    }  # fmt: skip
+
+
+def test_one_seed_gives_one_game_and_another_seed_another():
+    def course(seed):
+        env = OneSide(Role.PURSUER)
+        first, _ = env.reset(seed=seed)
+        return np.concatenate([first, *(env.step(6)[0] for _ in range(20))])
+
+    assert (course(0) == course(0)).all()
+    assert (course(0) != course(1)).any()
+
+
+def test_a_step_before_the_first_reset_is_refused():
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        OneSide(Role.PURSUER).step(0)
+
+
+def test_an_unknown_observation_or_opponent_is_refused():
+    with pytest.raises(InvalidInput, match="observation = eyes"):
+        OneSide(Role.PURSUER, observation="eyes")
+    with pytest.raises(InvalidInput, match="nobody"):
+        OneSide(Role.PURSUER, opponent="nobody")
