@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo paper test lint check bench lock clean
+.PHONY: demo paper test bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -13,7 +13,11 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius evaluate P_stage1 still --games 10000
 	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
 
+# Style, types, tests.
 test: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/python -m pytest
 
 # Every figure and table of the paper; BUDGET=quick takes minutes.
@@ -22,13 +26,6 @@ SEEDS ?= 1
 paper: $(VENV)/installed
 	$(BIN)/apollonius reproduce --budget $(BUDGET) --seeds $(SEEDS) --out runs/paper --resume
 
-lint: $(VENV)/installed-dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/pyright --pythonpath $(BIN)/python
-
-check: lint test
-
 bench: $(VENV)/installed
 	$(BIN)/apollonius bench env --games 4096
 	$(BIN)/apollonius bench train
@@ -36,7 +33,7 @@ bench: $(VENV)/installed
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --no-emit-find-links --extra build --extra plot pyproject.toml
+	--no-emit-index-url --no-emit-find-links --extra build --extra plot --extra gym pyproject.toml
 lock:
 	$(LOCK) --output-file requirements.lock
 	$(LOCK) --extra dev --output-file requirements-dev.lock
