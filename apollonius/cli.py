@@ -67,7 +67,7 @@ def build_parser() -> argparse.ArgumentParser:
     resume.set_defaults(run=commands.run_resume)
 
     evaluate = subparsers.add_parser("evaluate", help="play many games between two agents and count")
-    agent_help = "a built-in player (random, still), a zoo agent, or a .safetensors file"
+    agent_help = "a built-in player (random, still), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
     evaluate.add_argument("pursuer", metavar="PURSUER", help=agent_help)
     evaluate.add_argument("evader", metavar="EVADER", help=agent_help)
     evaluate.add_argument("--games", type=int, default=1000, help="number of games (default: %(default)s)")

@@ -27,7 +27,7 @@ def run_train(options: argparse.Namespace) -> int:
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
-    find_pool(config.evaders, Role.EVADER)  # refused here, before anything is written
+    find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
     load_first_pursuer(config)
     create_run(config, folder, force=options.force)
     return _train_and_judge(config, folder)
@@ -53,7 +53,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
 
     game = make_game(options.game)
     game = replace(game, starts=replace(game.starts, speed=options.starts))
-    pursuer, evader = find_agent(options.pursuer, Role.PURSUER), find_agent(options.evader, Role.EVADER)
+    pursuer = find_agent(options.pursuer, Role.PURSUER, game)
+    evader = find_agent(options.evader, Role.EVADER, game)
     result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
     if options.json:
         match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}

@@ -1,7 +1,7 @@
 """Agents by name: the built-in players, the zoo that ships with the package, and files."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jax
@@ -11,9 +11,11 @@ from apollonius.agents.classical import Still
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
+from apollonius.agents.shield import shielded
 from apollonius.agents.store import Agent, AgentHeader, load_agent
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput, require
+from apollonius.game.game import Game
 from apollonius.game.types import Role
 
 ZOO = Path(__file__).parent.parent / "zoo"
@@ -21,6 +23,8 @@ ZOO = Path(__file__).parent.parent / "zoo"
 
 BUILT_IN: dict[str, Callable[[], AbstractPolicy]] = {"random": Uniform, "still": Still}
 """Players that need no file and play either side."""
+SHIELDED = "shielded:"
+"""Before a player's name: the same, behind a shield."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +41,29 @@ def zoo_names() -> list[str]:
     return sorted(path.stem for path in ZOO.glob("*.safetensors"))
 
 
-def find_agent(name: str, role: Role) -> Named:
+def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
     """The player of this name: built in, in the zoo, or a file; greedy if it was trained.
 
+    Args:
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`).
+        role: the side it is to play.
+        game: what is played, which a shield has to know.
+
     Raises:
-        InvalidInput: when there is none, its file is bad, or it was trained for the other side.
+        InvalidInput: when there is none, its file is bad, it was trained for the other side, or a shield cannot help.
     """
+    if name.startswith(SHIELDED):
+        bare = find_agent(name.removeprefix(SHIELDED), role)
+        require(game is not None, "AGENT", name, "without a shield here, as no game is known yet")
+        assert game is not None
+        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
     if name in BUILT_IN:
         return Named(name, BUILT_IN[name]())
     agent, path = _load(name, role)
     return Named(path.stem, Greedy(agent.network), agent.header)
 
 
-def find_pool(names: Sequence[str], role: Role) -> Pool:
+def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
     """The pool of the players of these names; each game meets one of them.
 
     Several must be trained agents with networks of one shape, or `random`.
@@ -59,7 +73,7 @@ def find_pool(names: Sequence[str], role: Role) -> Pool:
     """
     side, listed = f"{role.name.lower()}s", ", ".join(names)
     require(names, side, "none", "one player at least")
-    policies = [find_agent(name, role).policy for name in names]
+    policies = [find_agent(name, role, game).policy for name in names]
     if len(policies) == 1:
         return solo(policies[0])
     networks = [policy.network for policy in policies if isinstance(policy, Greedy)]

@@ -1,7 +1,7 @@
 """Players that act by a network's action values: the best action, or now and then a random one."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy
@@ -21,6 +21,12 @@ class Greedy(AbstractPolicy):
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
         return jnp.argmax(self.network(observation)).astype(jnp.int32)
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The allowed action of highest value."""
+        return jnp.argmax(jnp.where(allowed, self.network(observation), -jnp.inf)).astype(jnp.int32)
 
 
 class EpsilonGreedy(AbstractPolicy):

@@ -5,7 +5,7 @@ from abc import abstractmethod
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
 
 class AbstractPolicy(eqx.Module):
@@ -25,6 +25,13 @@ class AbstractPolicy(eqx.Module):
             word: 32 random bits, fresh for every step; consumed. One word instead of a key, since splitting keys for
                 thousands of games costs more than the games themselves.
         """
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The action where only some are allowed: the player's own, or else the allowed one of lowest index."""
+        action = self(observation, word)
+        return jnp.where(allowed[action], action, jnp.argmax(allowed)).astype(jnp.int32)
 
 
 class Pool(eqx.Module):

@@ -40,10 +40,22 @@ class Arena(eqx.Module):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest wall or disc; negative outside the walls or inside a disc."""
-        walls = jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
+        least = self._to_walls(x, y)
         for disc in self.discs:
-            walls = jnp.minimum(walls, jnp.hypot(x - disc.x, y - disc.y) - disc.radius)
-        return walls
+            least = jnp.minimum(least, jnp.hypot(x - disc.x, y - disc.y) - disc.radius)
+        return least
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
+        least = jnp.minimum(self._to_walls(before.x, before.y), self._to_walls(after.x, after.y))
+        dx, dy = after.x - before.x, after.y - before.y
+        for disc in self.discs:
+            approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
+            least = jnp.minimum(least, jnp.sqrt(approach) - disc.radius)
+        return least
+
+    def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
+        return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Whether a body of this radius [m] touches a disc anywhere along the segment between two states."""

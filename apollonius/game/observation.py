@@ -68,3 +68,19 @@ def observe(
     for body, robot in robots:
         parts += _clearances(arena, body, robot)
     return jnp.stack(parts)
+
+
+def own_state(profile: str, arena: Arena, own_body: Unicycle, observation: Float[Array, " size"]) -> RobotState:
+    """The state of `own` that an observation tells: `observe`, undone, for one of the two profiles."""
+    heading = observation[3] * jnp.pi if profile == "paper" else jnp.arctan2(observation[4], observation[3])
+    return RobotState(
+        x=_unscale(observation[0], arena.x_min, arena.x_max),
+        y=_unscale(observation[1], arena.y_min, arena.y_max),
+        v=_unscale(observation[2], own_body.v_min, own_body.v_max),
+        heading=heading,
+    )
+
+
+def _unscale(value: Scalar, low: Real, high: Real) -> Scalar:
+    """Map [-1, 1] to [low, high]."""
+    return (value * (high - low) + low + high) / 2

@@ -74,7 +74,7 @@ class Run:
         self.should_stop = should_stop
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
-        self.evaders = find_pool(config.evaders, Role.EVADER)
+        self.evaders = find_pool(config.evaders, Role.EVADER, config.game)
         self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
 
     def execute(self) -> bool:

@@ -79,3 +79,10 @@ def test_a_wall_may_be_touched_but_not_passed(wall, outwards, radius):
     touching = np.subtract(wall, np.multiply(radius, outwards))
     assert not leaves(ARENA, at(*touching), radius)
     assert leaves(ARENA, at(*(touching + np.multiply(1e-6, outwards))), radius)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_clearance_along_a_segment_is_the_least_of_its_points(seed):
+    (x1, x2), (y1, y2) = np.random.default_rng(seed).uniform([[-1], [0]], [[3], [2]], (2, 2))
+    points = clearances(ARENA, jnp.linspace(x1, x2, 2001), jnp.linspace(y1, y2, 2001))
+    assert float(ARENA.clearance_along(at(x1, y1), at(x2, y2))) == pytest.approx(float(points.min()), abs=2e-3)

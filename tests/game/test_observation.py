@@ -10,7 +10,7 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.observation import OBSERVATION_SIZES, own_state
 from apollonius.game.types import GameState, RobotState, Role
 
 GAME = Game(
@@ -102,3 +102,12 @@ def test_where_the_opponent_is_does_not_depend_on_where_north_is():
         seen.append(observe(square, turned, Role.PURSUER, "encoded")[10:13])
     assert np.linalg.norm(seen[0]) > 0.3
     np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (7, 3)), atol=1e-6)
+
+
+@pytest.mark.parametrize("profile", OBSERVATION_SIZES)
+@pytest.mark.parametrize("role", Role)
+def test_the_own_state_is_read_back_from_what_is_seen(profile, role):
+    placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))
+    own, body = (placed.pursuer, GAME.pursuer) if role == Role.PURSUER else (placed.evader, GAME.evader)
+    read = own_state(profile, GAME.arena, body, observe(GAME, placed, role, profile))
+    np.testing.assert_allclose(jax.tree.leaves(read), jax.tree.leaves(own), atol=3e-6)
