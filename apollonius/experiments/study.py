@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.catalogue import Named, find_agent
+from apollonius.agents.catalogue import SHIELDED, Named, find_agent
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -71,11 +71,14 @@ class Study:
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, seed: int, percent: int = 100) -> Named:
-        """An agent of a seed, `random` or `still`; or an earlier one, kept at a percentage of self-play."""
-        role = Role.PURSUER if name.startswith("P_") else Role.EVADER
-        if name not in RUN_OF:
-            return find_agent(name, role)
-        return find_agent(str(agent_file(self.run(RUN_OF[name], seed), name, percent)), role)
+        """An agent of a seed, `random` or `still`; or an earlier one, kept at a percentage of self-play.
+
+        `shielded:` before its name puts it behind a shield.
+        """
+        bare = name.removeprefix(SHIELDED)
+        role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
+        player = str(agent_file(self.run(RUN_OF[bare], seed), bare, percent)) if bare in RUN_OF else bare
+        return find_agent(SHIELDED + player if bare != name else player, role, self.game)
 
     def play(self, pursuer: str, evader: str, seed: int) -> Results:
         """The games of a match between two agents of a seed."""

@@ -199,8 +199,8 @@ PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
     "standard": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=12_000_000),
-        self_play=SelfPlayConfig(env_steps=16_000_000),
+        fixed_target=StageConfig(env_steps=8_000_000),
+        self_play=SelfPlayConfig(env_steps=10_000_000),
     ),
     "quick": replace(
         RunConfig(),
@@ -208,4 +208,5 @@ PRESETS: dict[str, RunConfig] = {
         self_play=SelfPlayConfig(env_steps=2_500_000, evaluations=8, evaluation_games=500),
     ),
 }
-"""`quick`: minutes on two cores. `standard`: about an hour. `paper`: about the paper's 200,000 + 300,000 episodes."""
+"""`quick`: minutes on two cores. `standard`: some three times that. `paper`: about the paper's 200,000 + 300,000
+episodes."""
