@@ -142,7 +142,9 @@ def collect(
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
 
-def _words(key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]) -> UInt32[Array, "2 games"]:
+def random_words(
+    key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
+) -> UInt32[Array, "2 games"]:
     """Random words of either side: they depend on the game's index and its step alone; step -1 is the beginning."""
 
     def draw(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
@@ -176,7 +178,7 @@ def play_out(
 
     def load(index: Int[Array, " slots"]) -> Games:
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
-        return begin(state, pursuer, evader, _words(key, index, jnp.full(index.shape, -1)))
+        return begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
 
     def unfinished(carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
         return jnp.any(carry[1] < count)
@@ -185,7 +187,7 @@ def play_out(
         carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results],
     ) -> tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]:
         games, index, upcoming, results = carry
-        words = _words(key, index, games.state.steps)
+        words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
         over = transition.terminated | transition.truncated
         record = jnp.where(over, index, count)
@@ -202,45 +204,3 @@ def play_out(
     nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32))
     *_, results = jax.lax.while_loop(unfinished, one_step, (load(first), first, jnp.asarray(slots), nothing))
     return results
-
-
-class Trajectory(eqx.Module):
-    """One game from its start to its end: the states, leaves `[steps + 1]`, and how it ended."""
-
-    states: GameState
-    outcome: Int[Array, ""]
-
-
-def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
-    """The course of one of the games that `play_out` plays with the same arguments.
-
-    Args:
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-        index: which of the games.
-    """
-    states, outcomes = _trace(game, pursuer, evader, starts, key, jnp.asarray([index]), int(game.max_steps))
-    last = int(jnp.argmax(outcomes != Outcome.ONGOING))
-    return Trajectory(jax.tree.map(lambda leaf: leaf[: last + 2], states), outcomes[last])
-
-
-@functools.partial(jax.jit, static_argnames="length")
-def _trace(
-    game: Game,
-    pursuer: Pool,
-    evader: Pool,
-    starts: GameState,
-    key: PRNGKeyArray,
-    index: Int[Array, "1"],
-    length: int,
-) -> tuple[GameState, Int[Array, " length"]]:
-    """States before each of `length` steps and after the last, and the outcome of each step; it never stops."""
-    state = jax.tree.map(lambda leaf: leaf[index], starts)
-    games = begin(state, pursuer, evader, _words(key, index, jnp.full(1, -1)))
-
-    def one_step(games: Games, _: None) -> tuple[Games, tuple[GameState, Int[Array, ""]]]:
-        after, transition = step_games(game, pursuer, evader, games, _words(key, index, games.state.steps))
-        return after, (jax.tree.map(lambda leaf: leaf[0], after.state), transition.outcome[0])
-
-    _, (states, outcomes) = jax.lax.scan(one_step, games, None, length)
-    return jax.tree.map(lambda first, rest: jnp.concatenate([first, rest]), state, states), outcomes

@@ -18,9 +18,9 @@ from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game, judge, reset_batch
+from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState, Role
-from apollonius.rollout import begin, collect, play_out, trace
+from apollonius.rollout import begin, collect, play_out
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
@@ -248,18 +248,3 @@ def test_play_out_draws_members_uniformly():
     outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
     stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
     assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
-
-
-def test_a_trace_is_the_course_of_the_game_that_was_played_out():
-    starts = jax.tree.map(lambda leaf: leaf[:PLAYED_OUT], reset_batch(GAME, jax.random.key(5), PLAYED_OUT))
-    players, key = (pursuers(RANDOM, 4), evaders(RANDOM, 0)), jax.random.key(6)
-    results = play_out(GAME, *players, starts, key, slots=8)
-    for index in range(0, PLAYED_OUT, 6):
-        course = trace(GAME, *players, starts, key, index)
-        assert course.outcome == results.outcome[index]
-        assert len(course.states.steps) == results.steps[index] + 1
-        np.testing.assert_array_equal(course.states.steps, np.arange(results.steps[index] + 1))
-        assert course.states.pursuer.x[0] == starts.pursuer.x[index]
-        last = jax.tree.map(lambda leaf: leaf[-1], course.states)
-        before = jax.tree.map(lambda leaf: leaf[-2], course.states)
-        assert judge(GAME, before, last) == course.outcome

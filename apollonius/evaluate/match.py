@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
+from apollonius.agents.catalogue import Named
 from apollonius.agents.policy import AbstractPolicy, solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome
-from apollonius.rollout import Results, Trajectory, play_out, trace
+from apollonius.replay import Replay, Trajectory, as_rows, trace
+from apollonius.rollout import Results, play_out
 
 _reset_batch = jax.jit(reset_batch, static_argnames="games")
 
@@ -77,6 +79,15 @@ def replay_game(
     """
     require(0 <= index < games, "index", index, f"at least 0 and less than games = {games}")
     return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed), index)
+
+
+def record_game(game: Game, pursuer: Named, evader: Named, games: int, seed: int, index: int) -> Replay:
+    """One game of a match as a replay; arguments and errors as those of `replay_game`."""
+    course = replay_game(game, pursuer.policy, evader.policy, games, seed, index)
+    return Replay(
+        game, pursuer.name, evader.name, seed, games, index,
+        as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),
+    )  # fmt: skip
 
 
 def _begin(game: Game, games: int, seed: int) -> tuple[GameState, PRNGKeyArray]:

@@ -7,7 +7,7 @@ from matplotlib.patches import Circle, Rectangle
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, RobotState
-from apollonius.rollout import Trajectory
+from apollonius.replay import Trajectory
 from apollonius.show import style
 
 

@@ -1,0 +1,178 @@
+"""One game from its start to its end, step by step: how it went, and as a file that plays again to the same bits.
+
+`trace` follows a game of a match. A `Replay` is such a game with all that it takes to play it again: the rules, the
+start and both sides' actions.
+"""
+
+import functools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float32, Int, PRNGKeyArray
+
+from apollonius.agents.policy import Pool
+from apollonius.agents.store import write_atomically
+from apollonius.errors import InvalidInput, require
+from apollonius.game.game import Game
+from apollonius.game.record import from_dict, to_dict
+from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState
+from apollonius.rollout import begin, random_words, step_games
+
+FORMAT = 1
+"""Version of the file format."""
+
+
+class Trajectory(eqx.Module):
+    """One game: its states, leaves `[steps + 1]`, both sides' actions, and how it ended."""
+
+    states: GameState
+    actions: Int[Array, "steps 2"]
+    outcome: Int[Array, ""]
+
+
+def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
+    """The course of one of the games that `play_out` plays with the same arguments.
+
+    Args:
+        starts: initial states, leaves `[games]`.
+        key: consumed.
+        index: which of the games.
+    """
+    start = jax.tree.map(lambda leaf: leaf[index], starts)
+    actions = _actions(game, pursuer, evader, start, key, jnp.asarray([index]), int(game.max_steps))
+    states, outcomes = play_actions(game, start, actions)
+    last = int(jnp.argmax(outcomes != Outcome.ONGOING))
+    return Trajectory(jax.tree.map(lambda leaf: leaf[: last + 2], states), actions[: last + 1], outcomes[last])
+
+
+@functools.partial(jax.jit, static_argnames="length")
+def _actions(
+    game: Game, pursuer: Pool, evader: Pool, start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
+) -> Int[Array, "length 2"]:
+    """Both sides' actions in a game of `play_out`; it never stops."""
+    state = jax.tree.map(lambda leaf: leaf[None], start)
+    games = begin(state, pursuer, evader, random_words(key, index, jnp.full(1, -1)))
+
+    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"]]:
+        words = random_words(key, index, games.state.steps)
+        after, transition = step_games(game, pursuer, evader, games, words)
+        return after, jnp.stack([transition.pursuer.action[0], transition.evader.action[0]])
+
+    return jax.lax.scan(one_step, games, None, length)[1]
+
+
+@jax.jit
+def play_actions(
+    game: Game, start: GameState, actions: Int[Array, "steps 2"]
+) -> tuple[GameState, Int[Array, " steps"]]:
+    """States before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
+
+    def one_step(state: GameState, action: Int[Array, "2"]) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
+        after = game.step(state, action[0], action[1])
+        return after.state, (after.state, after.outcome)
+
+    _, (states, outcomes) = jax.lax.scan(one_step, start, actions)
+    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states), outcomes
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A game that was played, complete.
+
+    Attributes:
+        game: the rules.
+        pursuer, evader: what the players are called.
+        seed, games, index: the match, and which of its games this is.
+        states: of both robots, x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader.
+        actions: of the pursuer and the evader, 0..8.
+        outcome: how it ended.
+    """
+
+    game: Game
+    pursuer: str
+    evader: str
+    seed: int
+    games: int
+    index: int
+    states: Float32[np.ndarray, "rows 8"]
+    actions: Int[np.ndarray, "steps 2"]
+    outcome: Outcome
+
+    def first_difference(self) -> int | None:
+        """The first step whose state comes out otherwise when the game is played again; None where all are the same.
+
+        A machine that computes otherwise, or another version of the rules, may differ. The number of steps stands for
+        an outcome that differs where no state does.
+        """
+        states, outcomes = play_actions(self.game, as_state(self.states[0]), jnp.asarray(self.actions))
+        differs = np.any(as_rows(states) != self.states, axis=1)
+        if differs.any():
+            return int(np.argmax(differs))
+        return None if int(outcomes[-1]) == self.outcome else len(self.actions)
+
+
+def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
+    """States as rows of 8 numbers."""
+    return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
+
+
+def as_state(row: Float32[np.ndarray, "8"]) -> GameState:
+    """The state of a row of 8 numbers, at the beginning of a game."""
+    pursuer, evader = (RobotState(*(jnp.asarray(number) for number in half)) for half in (row[:4], row[4:]))
+    return GameState(pursuer, evader, jnp.asarray(0))
+
+
+def save_replay(replay: Replay, path: Path) -> None:
+    """Write a replay as JSON, atomically."""
+    data = {
+        "format": FORMAT,
+        "game": to_dict(replay.game),
+        "pursuer": replay.pursuer,
+        "evader": replay.evader,
+        "seed": replay.seed,
+        "games": replay.games,
+        "index": replay.index,
+        "outcome": replay.outcome.name.lower(),
+        "actions": replay.actions.tolist(),
+        "states": replay.states.astype(float).tolist(),
+    }
+    write_atomically(path, json.dumps(data).encode())
+
+
+def load_replay(path: Path) -> Replay:
+    """The replay of a file.
+
+    Raises:
+        InvalidInput: when it is missing, no replay, or of another version.
+    """
+    require(path.is_file(), "REPLAY", path, "a replay file; check the path")
+    try:
+        data = json.loads(path.read_text())
+        require(data["format"] == FORMAT, f"'{path}': format", data["format"], f"{FORMAT}, as this version reads")
+        states = np.asarray(data["states"], np.float32)
+        actions = np.asarray(data["actions"], np.int32)
+        fits = states.ndim == 2 and states.shape == (len(actions) + 1, 8) and actions.shape == (len(actions), 2)
+        require(fits and len(actions), f"'{path}': states", states.shape, "a row of 8 more than actions")
+        known = (actions >= 0).all() and (actions < NUM_ACTIONS).all() and np.isfinite(states).all()
+        require(known, f"'{path}': actions, states", "some", f"from 0 to {NUM_ACTIONS - 1}, and finite")
+        return Replay(
+            game=from_dict(Game, data["game"], f"'{path}'"),
+            pursuer=str(data["pursuer"]),
+            evader=str(data["evader"]),
+            seed=int(data["seed"]),
+            games=int(data["games"]),
+            index=int(data["index"]),
+            states=states,
+            actions=actions,
+            outcome=Outcome[data["outcome"].upper()],
+        )
+    except InvalidInput:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InvalidInput(f"'{path}' is no replay ({type(error).__name__}: {error}): record it again.") from error
