@@ -4,7 +4,7 @@ from apollonius.experiments.claims import rate_claim
 from apollonius.experiments.finding import Finding, win_count
 from apollonius.experiments.reward import reward_curve
 from apollonius.experiments.study import Study
-from apollonius.show import style
+from apollonius.show import palette, style
 from apollonius.show.curves import draw_seeds
 
 
@@ -23,11 +23,11 @@ def run(study: Study) -> Finding:
         )
         rewards.append(reward_curve(study, "curriculum", seed, "fixed-target"))
     with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
-        draw_seeds(left, successes, style.PURSUER, "greedy")
-        left.axhline(96, color=style.INK, linewidth=0.8, linestyle=":")
+        draw_seeds(left, successes, palette.PURSUER, "greedy")
+        left.axhline(96, color=palette.INK, linewidth=0.8, linestyle=":")
         left.annotate("paper: 96 % after 200,000", (0.98, 0.88), xycoords="axes fraction", ha="right", fontsize=7.5)
         left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
-        draw_seeds(right, rewards, style.PURSUER, "exploring")
+        draw_seeds(right, rewards, palette.PURSUER, "exploring")
         right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
     matches = [study.match("P_stage1", "still", seed) for seed in study.seeds]
     claim = rate_claim("stage 1: success", "section IV, Fig. 4", 0.96, 0.96, [win_count(m) for m in matches])

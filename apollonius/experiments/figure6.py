@@ -3,7 +3,7 @@
 from apollonius.experiments.claims import rate_claim
 from apollonius.experiments.finding import Finding, mean_shares, outcome_table, win_count
 from apollonius.experiments.study import Study
-from apollonius.show import style
+from apollonius.show import palette, style
 from apollonius.show.curves import draw_bars
 
 
@@ -18,8 +18,8 @@ def run(study: Study) -> Finding:
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_bars(axes, names, [c.mean for c in claims], [c.interval for c in claims], style.PURSUER)
-        axes.axhline(70, color=style.INK, linewidth=0.8, linestyle=":")
+        draw_bars(axes, names, [c.mean for c in claims], [c.interval for c in claims], palette.PURSUER)
+        axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     columns = [
         ("P_curriculum v E_scratch", mean_shares(chasing)),

@@ -3,7 +3,7 @@
 from apollonius.experiments.finding import Finding
 from apollonius.experiments.reward import reward_curve
 from apollonius.experiments.study import Study
-from apollonius.show import style
+from apollonius.show import palette, style
 from apollonius.show.curves import Curve, draw_seeds
 
 
@@ -12,8 +12,8 @@ def run(study: Study) -> Finding:
     curriculum = [_curriculum(study, seed) for seed in study.seeds]
     random = [reward_curve(study, "random", seed, "fixed-target") for seed in study.seeds]
     with style.picture(study.folder / "figure7.png", width=6.0) as (axes,):
-        draw_seeds(axes, curriculum, style.PURSUER, "curriculum")
-        draw_seeds(axes, random, style.OTHER, "trained on a random evader")
+        draw_seeds(axes, curriculum, palette.PURSUER, "curriculum")
+        draw_seeds(axes, random, palette.OTHER, "trained on a random evader")
         axes.set(title="average reward of the pursuer in training", xlabel="episodes", ylabel="reward of an episode")
         axes.legend()
     text = (

@@ -8,17 +8,17 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, RobotState
 from apollonius.replay import Trajectory
-from apollonius.show import style
+from apollonius.show import palette
 
 
 def draw_arena(axes: Axes, arena: Arena) -> None:
     """Walls and discs, to scale, axes in metres."""
     x, y = float(arena.x_min), float(arena.y_min)
     width, height = float(arena.x_max) - x, float(arena.y_max) - y
-    axes.add_patch(Rectangle((x, y), width, height, fill=False, edgecolor=style.INK, linewidth=1.4))
+    axes.add_patch(Rectangle((x, y), width, height, fill=False, edgecolor=palette.INK, linewidth=1.4))
     for disc in arena.discs:
         axes.add_patch(
-            Circle((float(disc.x), float(disc.y)), float(disc.radius), facecolor=style.OBSTACLE, edgecolor="none")
+            Circle((float(disc.x), float(disc.y)), float(disc.radius), facecolor=palette.OBSTACLE, edgecolor="none")
         )
     margin = 0.03 * max(width, height)
     axes.set_xlim(x - margin, x + width + margin)
@@ -34,8 +34,8 @@ def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -
     draw_arena(axes, game.arena)
     states = trajectory.states
     for robot, colour, name in (
-        (states.pursuer, style.PURSUER, "pursuer"),
-        (states.evader, style.EVADER, "evader"),
+        (states.pursuer, palette.PURSUER, "pursuer"),
+        (states.evader, palette.EVADER, "evader"),
     ):
         _draw_trail(axes, robot, colour, name)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)

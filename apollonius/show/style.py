@@ -1,4 +1,4 @@
-"""How every picture looks: colours by meaning, sizes, and how a figure is made and saved."""
+"""How every figure looks: lines and letters, and how one is made and saved."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,12 +9,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-PURSUER = "#c8442d"
-EVADER = "#2b6ca3"
-OBSTACLE = "#8d8d86"
-INK = "#2c2c2a"
-OTHER = "#b98a2f"
-"""A third colour, for what is neither side's."""
+from apollonius.show.palette import INK
 
 _SETTINGS: dict[Any, Any] = {
     "figure.dpi": 120,
