@@ -75,7 +75,25 @@ def build_parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
     evaluate.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
     evaluate.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    evaluate.add_argument(
+        "--record", type=int, default=0, metavar="K", help="write K games as replays, lost ones first"
+    )
+    evaluate.add_argument(
+        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
+    )
     evaluate.set_defaults(run=commands.run_evaluate)
+
+    show = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
+    show.add_argument("pursuer", metavar="PURSUER|REPLAY", help=f"{agent_help}; or a replay file alone")
+    show.add_argument("evader", metavar="EVADER", nargs="?", help="the same, for the other side")
+    show.add_argument("--seed", type=int, default=0, help="seed of the start (default: %(default)s)")
+    show.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
+    show.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    show.add_argument(
+        "--out", type=Path, default=Path("game.gif"),
+        help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
+    )  # fmt: skip
+    show.set_defaults(run=commands.run_show)
 
     reproduce = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
     reproduce.add_argument(

@@ -5,12 +5,15 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
+    from apollonius.game.game import Game
     from apollonius.learn.config import RunConfig
 
 INTERRUPTED = 130
@@ -43,19 +46,22 @@ def run_resume(options: argparse.Namespace) -> int:
 
 def run_evaluate(options: argparse.Namespace) -> int:
     """Play a match and print its result."""
-    from dataclasses import replace
-
     from apollonius.agents.catalogue import find_agent
-    from apollonius.evaluate.match import play_match
-    from apollonius.game.presets import make_game
+    from apollonius.evaluate.match import count, play_games, record_game, worst_first
     from apollonius.game.types import Role
+    from apollonius.replay import save_replay
     from apollonius.terminal import match_table
 
-    game = make_game(options.game)
-    game = replace(game, starts=replace(game.starts, speed=options.starts))
+    game = _requested_game(options)
     pursuer = find_agent(options.pursuer, Role.PURSUER, game)
     evader = find_agent(options.evader, Role.EVADER, game)
-    result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
+    require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed)
+    result = count(game, results)
+    options.replays.mkdir(parents=True, exist_ok=True) if options.record else None
+    for index in worst_first(results)[: options.record]:
+        replay = record_game(game, pursuer, evader, options.games, options.seed, index)
+        save_replay(replay, options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
     if options.json:
         match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         print(json.dumps(match | {"seed": options.seed} | result.to_dict()))
@@ -64,14 +70,44 @@ def run_evaluate(options: argparse.Namespace) -> int:
     return 0
 
 
+def run_show(options: argparse.Namespace) -> int:
+    """One game, drawn or written as a replay."""
+    from apollonius.agents.catalogue import find_agent
+    from apollonius.evaluate.match import record_game
+    from apollonius.game.types import Role
+    from apollonius.replay import load_replay, save_replay
+    from apollonius.show.animation import FORMATS, save_animation
+
+    known = (".png", *FORMATS, ".json")
+    require(options.out.suffix in known, "--out", options.out, f"a file that ends in one of {', '.join(known)}")
+    if options.evader is None:
+        replay = load_replay(Path(options.pursuer))
+        first = replay.first_difference()
+        if first is not None:
+            print(f"played again, this game differs from step {first} on", file=sys.stderr)
+    else:
+        game = _requested_game(options)
+        pursuer = find_agent(options.pursuer, Role.PURSUER, game)
+        replay = record_game(game, pursuer, find_agent(options.evader, Role.EVADER, game), 1, options.seed, 0)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    if options.out.suffix == ".json":
+        save_replay(replay, options.out)
+    elif options.out.suffix == ".png":
+        with _plots():
+            from apollonius.show.arena import save_picture
+        save_picture(replay, options.out)
+    else:
+        save_animation(replay, options.out)
+    steps, outcome = len(replay.actions), replay.outcome.name.lower().replace("_", " ")
+    seconds = steps * float(replay.game.dt)
+    print(f"{replay.pursuer} against {replay.evader}: {outcome} after {seconds:.1f} s ({steps} steps); {options.out}")
+    return 0
+
+
 def run_reproduce(options: argparse.Namespace) -> int:
     """Reproduce the paper's evaluation."""
-    try:
+    with _plots():
         from apollonius.experiments.reproduce import reproduce
-    except ModuleNotFoundError as error:
-        if error.name != "matplotlib":
-            raise
-        raise InvalidInput("the figures need matplotlib: pip install 'apollonius[plot]'.") from error
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"
@@ -103,6 +139,27 @@ def run_bench(options: argparse.Namespace) -> int:
             digits = f",.{0 if value >= 100 else 2}f" if isinstance(value, float) else ""
             print(f"{key:<30} {value:{digits}}")
     return 0
+
+
+@contextmanager
+def _plots() -> Iterator[None]:
+    """What is imported here needs matplotlib, and says so where it is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != "matplotlib":
+            raise
+        raise InvalidInput("figures need matplotlib: pip install 'apollonius[plot]'.") from error
+
+
+def _requested_game(options: argparse.Namespace) -> "Game":
+    """The named game with the wanted starts."""
+    from dataclasses import replace
+
+    from apollonius.game.presets import make_game
+
+    game = make_game(options.game)
+    return replace(game, starts=replace(game.starts, speed=options.starts))
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":

@@ -110,11 +110,17 @@ class Replay:
         A machine that computes otherwise, or another version of the rules, may differ. The number of steps stands for
         an outcome that differs where no state does.
         """
-        states, outcomes = play_actions(self.game, as_state(self.states[0]), jnp.asarray(self.actions))
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0))
+        states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
         differs = np.any(as_rows(states) != self.states, axis=1)
         if differs.any():
             return int(np.argmax(differs))
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
+
+    def trajectory(self) -> Trajectory:
+        """The game as it was recorded."""
+        states = jax.vmap(as_state)(jnp.asarray(self.states), jnp.arange(len(self.states)))
+        return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
 
 def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
@@ -122,10 +128,10 @@ def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
     return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
 
 
-def as_state(row: Float32[np.ndarray, "8"]) -> GameState:
-    """The state of a row of 8 numbers, at the beginning of a game."""
-    pursuer, evader = (RobotState(*(jnp.asarray(number) for number in half)) for half in (row[:4], row[4:]))
-    return GameState(pursuer, evader, jnp.asarray(0))
+def as_state(row: Float32[Array, "8"], steps: Int[Array, ""]) -> GameState:
+    """The state of a row of 8 numbers, and the number of steps played."""
+    pursuer, evader = (RobotState(*half) for half in (row[:4], row[4:]))
+    return GameState(pursuer, evader, steps)
 
 
 def save_replay(replay: Replay, path: Path) -> None:

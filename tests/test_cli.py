@@ -18,7 +18,8 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.cli import main
 from apollonius.game.presets import make_game
 from apollonius.game.record import to_dict
-from apollonius.game.types import Role
+from apollonius.game.types import Outcome, Role
+from apollonius.replay import load_replay
 from tests.learn.tiny import RUN
 
 REPOSITORY = Path(__file__).parents[1]
@@ -143,6 +144,34 @@ def test_evaluate_prints_a_table(capsys):
     assert any("95 % interval" in line for line in lines)
 
 
+def test_evaluate_records_the_games_that_the_pursuer_lost_first(capsys):
+    assert run_main("evaluate", "random", "random", "--games", "30", "--seed", "4", "--record", "3", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["games"] == 30
+    replays = [load_replay(path) for path in Path("replays").iterdir()]
+    assert len({replay.index for replay in replays}) == 3
+    assert {replay.outcome for replay in replays} <= {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE}
+    assert all(replay.first_difference() is None for replay in replays)
+
+
+def test_show_writes_one_game_in_every_form(capsys):
+    assert run_main("show", "shielded:random", "random", "--seed", "7", "--out", "new/game.json") == 0
+    told = capsys.readouterr().out
+    replay = load_replay(Path("new/game.json"))
+    assert told.startswith("shielded:random against random: ")
+    assert replay.outcome.name.lower().replace("_", " ") in told
+    for name in ("game.png", "game.gif"):
+        assert run_main("show", "new/game.json", "--out", name) == 0
+        assert Path(name).stat().st_size > 1000
+    assert run_main("show", "shielded:random", "random", "--seed", "7", "--out", "again.json") == 0
+    assert Path("again.json").read_bytes() == Path("new/game.json").read_bytes()
+    capsys.readouterr()
+    changed = json.loads(Path("again.json").read_text())
+    changed["states"][5][0] += 1e-3
+    Path("changed.json").write_text(json.dumps(changed))
+    assert run_main("show", "changed.json", "--out", "game.gif") == 0
+    assert "differs from step 5 on" in capsys.readouterr().err
+
+
 def test_bench_prints_one_json_object_and_nothing_else(capsys):
     assert run_main("bench", "env", "--games", "8", "--json") == 0
     printed = capsys.readouterr()
@@ -168,6 +197,10 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["train", "--seed", "one"], ["one"]),
         (["train", "--config", "nowhere.toml"], ["nowhere.toml"]),
         (["resume", "nowhere"], ["nowhere"]),
+        (["evaluate", "random", "still", "--games", "5", "--record", "6"], ["--record = 6", "--games = 5"]),
+        (["show", "random", "still", "--out", "game.avi"], ["game.avi", ".png", ".gif", ".json"]),
+        (["show", "nowhere.json"], ["nowhere.json", "check the path"]),
+        (["show", "shielded:nobody", "still"], ["nobody", "random"]),
         (["evaluate", "nobody", "still"], ["nobody", "random", "still", ".safetensors"]),
         (["evaluate", "random", "nobody.safetensors"], ["nobody.safetensors"]),
         (["evaluate", "random", "still", "--games", "0"], ["games = 0", "at least 1"]),

@@ -79,9 +79,9 @@ def test_the_first_step_that_differs_is_named(path):
 
 
 def test_a_state_is_read_from_its_row():
-    state = as_state(np.arange(8, dtype=np.float32))
+    state = as_state(jnp.arange(8, dtype=jnp.float32), jnp.asarray(3))
     assert (state.pursuer.x, state.pursuer.heading, state.evader.y, state.evader.v) == (0, 3, 5, 6)
-    assert state.steps == jnp.asarray(0)
+    assert state.steps == 3
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,13 @@ def replay_game(
     return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed), index)
 
 
+def worst_first(results: Results) -> list[int]:
+    """Numbers of the games, those that the pursuer lost first, then those without a winner, then those it won."""
+    won = np.asarray(pursuer_wins(results.outcome))
+    lost = np.asarray(evader_wins(results.outcome, time_limit_wins=False))
+    return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
+
+
 def record_game(game: Game, pursuer: Named, evader: Named, games: int, seed: int, index: int) -> Replay:
     """One game of a match as a replay; arguments and errors as those of `replay_game`."""
     course = replay_game(game, pursuer.policy, evader.policy, games, seed, index)

@@ -199,8 +199,8 @@ PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
     "standard": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=8_000_000),
-        self_play=SelfPlayConfig(env_steps=10_000_000),
+        fixed_target=StageConfig(env_steps=6_000_000),
+        self_play=SelfPlayConfig(env_steps=8_000_000),
     ),
     "quick": replace(
         RunConfig(),

@@ -4,9 +4,10 @@ import warnings
 from collections.abc import Iterator
 from math import cos, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageColor, ImageDraw
 
 from apollonius.errors import InvalidInput, require
 from apollonius.replay import Replay
@@ -32,13 +33,13 @@ def save_animation(replay: Replay, path: Path) -> None:
     step_ms = round(1000 * float(replay.game.dt))
     pictures = list(frames(replay))
     if path.suffix == ".mp4":
-        _save_mp4(pictures, path, 1000 / step_ms)
+        _save_mp4(pictures, path, round(1000 / step_ms))
         return
     durations = [step_ms] * (len(pictures) - 1) + [round(1000 * _LAST_SECONDS)]
     if path.suffix == ".gif":
         palette = _palette()
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    options = {"optimize": False} if path.suffix == ".gif" else {"method": 0, "quality": 80}
+    options: dict[str, Any] = {"optimize": False} if path.suffix == ".gif" else {"method": 0, "quality": 80}
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
 
 
@@ -83,7 +84,7 @@ def frames(replay: Replay) -> Iterator[Image.Image]:
 
 def _palette() -> Image.Image:
     """The colours of all frames: each of the picture's own, and its blends with the paper and the obstacles."""
-    own = [Image.new("RGB", (1, 1), colour).getpixel((0, 0)) for colour in (PURSUER, EVADER, OBSTACLE, INK, PAPER)]
+    own = [ImageColor.getrgb(colour) for colour in (PURSUER, EVADER, OBSTACLE, INK, PAPER)]
     colours = [
         tuple(round(a + (b - a) * part / 8) for a, b in zip(first, second, strict=True))
         for index, first in enumerate(own)
@@ -95,7 +96,7 @@ def _palette() -> Image.Image:
     return palette
 
 
-def _save_mp4(pictures: list[Image.Image], path: Path, per_second: float) -> None:
+def _save_mp4(pictures: list[Image.Image], path: Path, per_second: int) -> None:
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:

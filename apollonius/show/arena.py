@@ -1,5 +1,7 @@
 """An arena from above, and the trails that two robots left in it."""
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
@@ -7,8 +9,13 @@ from matplotlib.patches import Circle, Rectangle
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, RobotState
-from apollonius.replay import Trajectory
-from apollonius.show import palette
+from apollonius.replay import Replay, Trajectory
+from apollonius.show import palette, style
+
+_CLOCK_SECONDS = 5.0
+"""Time between two marks on a trail [s]."""
+_CLOCK_LABELS = 4
+"""Marks with figures: later ones would lie on top of each other in a long game."""
 
 
 def draw_arena(axes: Axes, arena: Arena) -> None:
@@ -29,6 +36,12 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
     axes.set_ylabel("y [m]")
 
 
+def save_picture(replay: Replay, path: Path) -> None:
+    """A replay as a PNG: arena, both trails with the time along them, how it ended."""
+    with style.picture(path, width=4.6, height=5.0) as (axes,):
+        draw_game(axes, replay.game, replay.trajectory(), f"{replay.pursuer} against {replay.evader}")
+
+
 def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -> None:
     """One game: both trails from a ring at the start to a dot at the end, and below the title how it ended."""
     draw_arena(axes, game.arena)
@@ -37,7 +50,7 @@ def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -
         (states.pursuer, palette.PURSUER, "pursuer"),
         (states.evader, palette.EVADER, "evader"),
     ):
-        _draw_trail(axes, robot, colour, name)
+        _draw_trail(axes, robot, colour, name, every=round(_CLOCK_SECONDS / float(game.dt)))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     axes.set_title(f"{title}\n{describe_end(game, trajectory)}" if title else describe_end(game, trajectory))
 
@@ -49,8 +62,13 @@ def describe_end(game: Game, trajectory: Trajectory) -> str:
     return f"{name} after {steps * float(game.dt):.1f} s"
 
 
-def _draw_trail(axes: Axes, robot: RobotState, colour: str, name: str) -> None:
+def _draw_trail(axes: Axes, robot: RobotState, colour: str, name: str, every: int) -> None:
     x, y = np.asarray(robot.x), np.asarray(robot.y)
     axes.plot(x, y, color=colour, linewidth=1.2, alpha=0.9, label=name)
+    for turn, step in enumerate(range(every, len(x) - 1, every), start=1):
+        axes.plot(x[step], y[step], marker="o", markersize=2.5, color=colour)
+        if turn <= _CLOCK_LABELS:
+            clock = f"{turn * _CLOCK_SECONDS:.0f} s"
+            axes.annotate(clock, (x[step], y[step]), (3, 3), textcoords="offset points", fontsize=6, color=colour)
     axes.plot(x[0], y[0], marker="o", markersize=6, markerfacecolor="white", markeredgecolor=colour)
     axes.plot(x[-1], y[-1], marker="o", markersize=5, color=colour)

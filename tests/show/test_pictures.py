@@ -6,8 +6,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome
+from apollonius.replay import Replay
 from apollonius.show import style
-from apollonius.show.arena import draw_arena
+from apollonius.show.arena import draw_arena, draw_game, save_picture
 from apollonius.show.curves import draw_bars, draw_seeds, smooth
 
 
@@ -50,3 +52,18 @@ def test_a_picture_has_its_panels_and_is_saved_when_done(tmp_path):
         assert len(panels) == 3
         assert not path.exists()
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_game_shows_both_trails_their_ends_and_the_clock(tmp_path, axes):
+    along = np.linspace(1, 9, 121, dtype=np.float32)
+    flat = np.zeros_like(along)
+    states = np.stack([along, flat + 2, flat, flat, flat + 8, along, flat, flat], axis=1)
+    replay = Replay(make_game("paper"), "P", "E", 0, 1, 0, states, np.zeros((120, 2), np.int32), Outcome.CAPTURED)
+    draw_game(axes, replay.game, replay.trajectory(), "a title")
+    assert axes.get_title() == "a title\ncaptured after 12.0 s"
+    assert {text.get_text() for text in axes.texts} == {"5 s", "10 s"}
+    trails = {line.get_label(): line.get_xydata() for line in axes.lines if not line.get_label().startswith("_")}
+    np.testing.assert_allclose(trails["pursuer"], states[:, :2])
+    np.testing.assert_allclose(trails["evader"], states[:, 4:6])
+    save_picture(replay, tmp_path / "game.png")
+    assert (tmp_path / "game.png").read_bytes().startswith(b"\x89PNG")
