@@ -156,7 +156,11 @@ class Run:
     def _evaluate(
         self, stage: str, plan: Plan, train: TrainState, best: QNetwork | None, here: dict[str, Any]
     ) -> QNetwork | None:
-        """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far."""
+        """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far.
+
+        Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
+        most wins would be one that waits until a random evader has failed.
+        """
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
@@ -167,7 +171,8 @@ class Run:
         if stage != FIXED_TARGET:
             return None
         wins = int(jnp.sum(pursuer_wins(results.outcome)))
-        if here["best"] is None or wins > here["best"]["wins"]:
+        moving = self.config.evaders != ("still",)
+        if moving or here["best"] is None or wins > here["best"]["wins"]:
             here["best"] = here["evaluation"] | {"wins": wins}
             return _copy(_pursuer(train))
         return best

@@ -251,8 +251,8 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
     assert eqx.tree_equal(self_play_starts, [best.network])
 
 
-def test_stage_1_against_another_evader_keeps_the_pursuer_that_wins_most(tmp_path, monkeypatch):
-    """A random evader mostly loses by itself, and that counts."""
+def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkeypatch):
+    """A random evader mostly loses by itself, so the one with most wins may be one that waits."""
     wins = iter([(1, 5), (2, 9), (8, 2), (3, 0)])
     seen = []
 
@@ -270,7 +270,7 @@ def test_stage_1_against_another_evader_keeps_the_pursuer_that_wins_most(tmp_pat
     assert seen == ["Uniform"] * 4
     assert list(agents(folder)) == ["P_random"]
     training = load_agent(folder / "agents" / "P_random.safetensors").header.training
-    assert (training["env_steps"], training["wins"]) == (2 * CHUNK, 11)
+    assert (training["env_steps"], training["wins"]) == (4 * CHUNK, 3)
 
 
 def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupted, tmp_path):
