@@ -30,10 +30,11 @@ from apollonius.agents.policy import solo
 from apollonius.evaluate.match import play_match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.config import PRESETS
+from apollonius.learn.config import PROFILES, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.stage import Plan, play_and_learn
 
+STAGE = StageConfig(env_steps=6_000_000)
 GOAL = 0.90
 GAMES = 1000
 LOOKS = 40
@@ -47,9 +48,9 @@ def judge(network: QNetwork) -> float:
 
 
 def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
-    """Seconds of training, env steps and captures: stage 1 of the preset `quick`."""
-    stage = PRESETS["quick"].fixed_target
-    plan, game = Plan(PRESETS["quick"].dqn, stage), make_game("paper")
+    """Seconds of training, env steps and captures: stage 1, profile `fast`."""
+    stage = STAGE
+    plan, game = Plan(PROFILES["fast"], stage), make_game("paper")
     game = replace(game, reward=replace(game.reward, progress=stage.progress, failure=stage.failure))
     still = solo(find_agent("still", Role.EVADER).policy)
 
@@ -70,7 +71,7 @@ def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
 def stable_baselines_curve(seed: int, seconds: float) -> list[tuple[float, int, float]]:
     """The same of Stable-Baselines3's DQN, until it reaches the goal or its time is up."""
     curve: list[tuple[float, int, float]] = []
-    stage = PRESETS["quick"].fixed_target
+    stage = STAGE
     game = make_game("paper")
     game = replace(game, reward=replace(game.reward, progress=stage.progress, failure=stage.failure))
     env = OneSide(Role.PURSUER, opponent="still", game=game, observation="encoded")
