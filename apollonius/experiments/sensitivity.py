@@ -28,7 +28,6 @@ def variants(preset: RunConfig) -> dict[str, RunConfig]:
     return {
         "as reproduced": preset,
         "c = 3 in self-play": replace(preset, self_play=replace(preset.self_play, progress=3.0)),
-        "c = 1 in stage 1": replace(preset, fixed_target=replace(preset.fixed_target, progress=1.0)),
         "moving starts": replace(preset, game=replace(game, starts=replace(game.starts, speed="moving"))),
         "four small discs": replace(preset, game=make_game("four-small")),
         "one large disc": replace(preset, game=make_game("one-large")),

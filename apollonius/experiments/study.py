@@ -31,7 +31,7 @@ def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
 
     `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
     (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
-    its games are half as long, so that is as many episodes.
+    its games are so much shorter that this is more episodes than those of both stages.
     """
     preset = replace(preset, seed=seed)
     half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2

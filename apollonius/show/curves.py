@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import EngFormatter
 from scipy.ndimage import uniform_filter1d
 
 Curve = tuple[Sequence[float | int], Sequence[float | int]]
@@ -19,6 +20,7 @@ def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> 
     grid = np.linspace(first, last, 200)
     mean = np.mean([np.interp(grid, x, y) for x, y in curves], axis=0)
     axes.plot(grid, mean, color=colour, label=label)
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))  # 50k, not 50000
 
 
 def smooth(values: Sequence[float | int], window: int) -> list[float]:
@@ -35,7 +37,9 @@ def draw_bars(
     errors = np.stack([heights - low, high - heights])
     axes.bar(names, heights, color=colour, width=0.6, yerr=np.maximum(errors, 0), capsize=3, ecolor="#555555")
     for index, (height, top) in enumerate(zip(heights, high, strict=True)):
-        axes.annotate(f"{height:.1f} %", (index, max(height, top)), ha="center", va="bottom", fontsize=8)
+        inside = height > 15  # where no other line runs through the figure
+        place = {"va": "center", "color": "white"} if inside else {"va": "bottom"}
+        axes.annotate(f"{height:.1f} %", (index, height / 2 if inside else top), ha="center", fontsize=8, **place)
     axes.set_ylim(0, 108)
     axes.set_ylabel("games [%]")
     axes.grid(axis="x", visible=False)

@@ -16,7 +16,6 @@ QUICK = PRESETS["quick"]
     ("name", "part"),
     [
         ("c = 3 in self-play", "self_play"),
-        ("c = 1 in stage 1", "fixed_target"),
         ("moving starts", "game"),
         ("four small discs", "game"),
         ("one large disc", "game"),
@@ -33,7 +32,7 @@ def test_a_variant_changes_one_part_of_the_preset(name, part):
 
 def test_every_variant_is_another_and_one_is_the_preset_itself():
     presets = list(variants(QUICK).values())
-    assert len(presets) == 7
+    assert len(presets) == 6
     assert sum(to_dict(preset) == to_dict(QUICK) for preset in presets) == 1
     assert all(to_dict(one) != to_dict(other) for one in presets for other in presets if one is not other)
 
