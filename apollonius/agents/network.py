@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.game.observation import OBSERVATION_SIZES
@@ -20,6 +21,41 @@ class QNetwork(eqx.Module):
         for layer in self.layers[:-1]:
             hidden = jax.nn.relu(layer(hidden))
         return self.layers[-1](hidden)
+
+    def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
+        """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+        hidden = observations
+        for layer in self.layers[:-1]:
+            hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
+        return _affine(self.layers[-1].weight, self.layers[-1].bias, hidden)
+
+
+@jax.custom_vjp
+def _affine(
+    weight: Float[Array, "out in"], bias: Float[Array, " out"], inputs: Float[Array, "batch in"]
+) -> Float[Array, "batch out"]:
+    """A layer for a batch.
+
+    Its gradient transposes before it multiplies: the product over the first axes of both, which differentiation would
+    make of it, takes XLA on the CPU a third longer.
+    """
+    return inputs @ weight.T + bias[None]
+
+
+def _affine_forward(
+    weight: Float[Array, "out in"], bias: Float[Array, " out"], inputs: Float[Array, "batch in"]
+) -> tuple[Float[Array, "batch out"], tuple[Float[Array, "out in"], Float[Array, "batch in"]]]:
+    return _affine(weight, bias, inputs), (weight, inputs)
+
+
+def _affine_backward(
+    known: tuple[Float[Array, "out in"], Float[Array, "batch in"]], slope: Float[Array, "batch out"]
+) -> tuple[Float[Array, "out in"], Float[Array, " out"], Float[Array, "batch in"]]:
+    weight, inputs = known
+    return jax.lax.optimization_barrier(slope.T) @ inputs, jnp.sum(slope, axis=0), slope @ weight
+
+
+_affine.defvjp(_affine_forward, _affine_backward)
 
 
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:

@@ -56,9 +56,9 @@ def q_target(
 
 def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Scalar:
     """Mean squared temporal-difference error of a batch (Eq. 3)."""
-    values = jax.vmap(network)(batch.observation)
-    next_values = jax.vmap(target)(batch.next_observation)
-    next_choice = jax.vmap(network)(batch.next_observation) if double else next_values
+    values = network.batch(batch.observation)
+    next_values = target.batch(batch.next_observation)
+    next_choice = network.batch(batch.next_observation) if double else next_values
     targets = jax.vmap(q_target)(batch.reward, batch.discount, next_values, next_choice)
     chosen = jnp.take_along_axis(values, batch.action[:, None], axis=1)[:, 0]
     return jnp.mean((jax.lax.stop_gradient(targets) - chosen) ** 2)

@@ -38,8 +38,9 @@ def draw_bars(
     axes.bar(names, heights, color=colour, width=0.6, yerr=np.maximum(errors, 0), capsize=3, ecolor="#555555")
     for index, (height, top) in enumerate(zip(heights, high, strict=True)):
         inside = height > 15  # where no other line runs through the figure
-        place = {"va": "center", "color": "white"} if inside else {"va": "bottom"}
-        axes.annotate(f"{height:.1f} %", (index, height / 2 if inside else top), ha="center", fontsize=8, **place)
+        text = axes.text(index, height / 2 if inside else top, f"{height:.1f} %", ha="center", va="bottom", fontsize=8)
+        if inside:
+            text.set(va="center", color="white")
     axes.set_ylim(0, 108)
     axes.set_ylabel("games [%]")
     axes.grid(axis="x", visible=False)
