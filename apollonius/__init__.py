@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
     from apollonius.agents.policy import solo as solo
     from apollonius.agents.policy import stack as stack
+    from apollonius.agents.shield import shielded as shielded
     from apollonius.agents.store import load_agent as load_agent
     from apollonius.agents.store import save_agent as save_agent
     from apollonius.evaluate.match import play_match as play_match
+    from apollonius.evaluate.match import record_game as record_game
     from apollonius.game.arena import Arena as Arena
     from apollonius.game.arena import Disc as Disc
     from apollonius.game.dynamics import Unicycle as Unicycle
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from apollonius.game.types import Outcome as Outcome
     from apollonius.game.types import RobotState as RobotState
     from apollonius.game.types import Role as Role
+    from apollonius.replay import load_replay as load_replay
+    from apollonius.replay import save_replay as save_replay
     from apollonius.rollout import collect as collect
     from apollonius.rollout import play_out as play_out
 
@@ -35,8 +39,9 @@ _HOMES = {
     "agents.catalogue": ("find_agent",),
     "agents.greedy": ("EpsilonGreedy", "Greedy"),
     "agents.policy": ("AbstractPolicy", "solo", "stack"),
+    "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
-    "evaluate.match": ("play_match",),
+    "evaluate.match": ("play_match", "record_game"),
     "game.arena": ("Arena", "Disc"),
     "game.dynamics": ("Unicycle",),
     "game.game": ("Game", "reset_batch"),
@@ -44,6 +49,7 @@ _HOMES = {
     "game.reward": ("Reward",),
     "game.starts": ("Starts",),
     "game.types": ("GameState", "Outcome", "RobotState", "Role"),
+    "replay": ("load_replay", "save_replay"),
     "rollout": ("collect", "play_out"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
