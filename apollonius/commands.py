@@ -58,7 +58,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
     require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
     results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed)
     result = count(game, results)
-    options.replays.mkdir(parents=True, exist_ok=True) if options.record else None
+    if options.record:
+        options.replays.mkdir(parents=True, exist_ok=True)
     for index in worst_first(results)[: options.record]:
         replay = record_game(game, pursuer, evader, options.games, options.seed, index)
         save_replay(replay, options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
