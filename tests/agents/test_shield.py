@@ -38,14 +38,17 @@ class Reckless(AbstractPolicy):
         return jnp.int32(6) + (word >> 16).astype(jnp.int32) % 3
 
 
-@pytest.mark.parametrize("name", ["paper", "four-small", "one-large", "robot"])
-@pytest.mark.parametrize("policy", [Uniform(), Reckless()], ids=["random", "reckless"])
+@pytest.mark.parametrize(
+    ("name", "policy"),
+    [("paper", Uniform()), ("four-small", Reckless()), ("one-large", Reckless()), ("robot", Reckless())],
+    ids=["paper, random", "four-small, reckless", "one-large, reckless", "robot, reckless"],
+)
 def test_behind_a_shield_neither_robot_ever_fails(name, policy):
-    game = replace(make_game(name), max_steps=200)
-    outcomes = play_match(game, *(shielded(policy, game, role) for role in Role), games=200, seed=1).outcomes
-    assert outcomes["captured"] + outcomes["no_result"] == 200
-    bare = play_match(game, policy, policy, games=200, seed=1).outcomes
-    assert bare["captured"] + bare["no_result"] < 100
+    game = replace(make_game(name), max_steps=150)
+    outcomes = play_match(game, *(shielded(policy, game, role) for role in Role), games=100, seed=1).outcomes
+    assert outcomes["captured"] + outcomes["no_result"] == 100
+    bare = play_match(game, policy, policy, games=100, seed=1).outcomes
+    assert bare["captured"] + bare["no_result"] < 50
 
 
 @pytest.mark.parametrize("role", Role)
