@@ -13,7 +13,6 @@ import argparse
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -49,9 +48,7 @@ def judge(network: QNetwork) -> float:
 
 def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
     """Seconds of training, env steps and captures: stage 1, profile `fast`."""
-    stage = STAGE
-    plan, game = Plan(PROFILES["fast"], stage), make_game("paper")
-    game = replace(game, reward=replace(game.reward, progress=stage.progress, failure=stage.failure))
+    plan, game = Plan(PROFILES["fast"], STAGE), STAGE.rewarded(make_game("paper"))
     still = solo(find_agent("still", Role.EVADER).policy)
 
     def start(seed: int) -> object:
@@ -71,9 +68,7 @@ def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
 def stable_baselines_curve(seed: int, seconds: float) -> list[tuple[float, int, float]]:
     """The same of Stable-Baselines3's DQN, until it reaches the goal or its time is up."""
     curve: list[tuple[float, int, float]] = []
-    stage = STAGE
-    game = make_game("paper")
-    game = replace(game, reward=replace(game.reward, progress=stage.progress, failure=stage.failure))
+    game = STAGE.rewarded(make_game("paper"))
     env = OneSide(Role.PURSUER, opponent="still", game=game, observation="encoded")
     env.reset(seed=seed)
     env.step(0)  # compiled

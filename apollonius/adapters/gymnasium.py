@@ -24,7 +24,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
 
     Args:
         role: the side that acts from outside.
-        opponent: player of the other side: a built-in name, an agent of the zoo, or a file.
+        opponent: player of the other side, as `find_agent` knows it.
         game: the game, or the name of one.
         observation: profile of what is seen (`apollonius.game.observation`); each number is within 2 of 0, unless a
             robot leaves the walls by more than half the arena in one step.
@@ -42,7 +42,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         self.observation_space = gymnasium.spaces.Box(-2.0, 2.0, (size,), np.float32)
         self.action_space = gymnasium.spaces.Discrete(NUM_ACTIONS)
         other = Role.EVADER if role == Role.PURSUER else Role.PURSUER
-        player = find_agent(opponent, other).policy
+        player = find_agent(opponent, other, game).policy
 
         # The game is a constant of the compiled step: passing its many numbers costs more than the step itself.
         @jax.jit

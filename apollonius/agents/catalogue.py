@@ -54,8 +54,8 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
     """
     if name.startswith(SHIELDED):
         bare = find_agent(name.removeprefix(SHIELDED), role)
-        require(game is not None, "AGENT", name, "without a shield here, as no game is known yet")
-        assert game is not None
+        if game is None:
+            raise InvalidInput(f"'{name}' needs a game that its shield knows: give one, or name the player without it.")
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
     if name in BUILT_IN:
         return Named(name, BUILT_IN[name]())

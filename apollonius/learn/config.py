@@ -148,6 +148,10 @@ class StageConfig:
         for name in ("pursuer_epsilon", "evader_epsilon"):
             require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
 
+    def rewarded(self, game: Game) -> Game:
+        """The game with this stage's own weights; only rewards differ, so the judge need not know."""
+        return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
+
 
 @dataclass(frozen=True)
 class SelfPlayConfig(StageConfig):

@@ -6,7 +6,6 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,8 @@ from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.errors import InvalidInput, require
-from apollonius.game.game import Game, reset_batch
-from apollonius.game.outcome import counts_by_name, pursuer_wins
+from apollonius.game.game import reset_batch
+from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
@@ -118,16 +117,11 @@ class Run:
             return start_fixed_target(plan, self.config.game, key, self.evaders, best)
         return start_self_play(plan, self.config.game, key, best)
 
-    def _stage_game(self, plan: Plan) -> Game:
-        """The game with the stage's own weights; only rewards differ, so the judge need not know."""
-        weights = {"progress": plan.stage.progress, "failure": plan.stage.failure}
-        return replace(self.config.game, reward=replace(self.config.game.reward, **weights))
-
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
         pursuer, evader = None, self.evaders if stage == FIXED_TARGET else None
         train, best = saved.train, saved.best
-        game = self._stage_game(plan)
+        game = plan.stage.rewarded(self.config.game)
         truncate_metrics(self.metrics, here["metrics_bytes"])
         began, last_save = time.monotonic() - here["seconds"], time.monotonic()
         while here["chunks"] < plan.chunks:
@@ -170,10 +164,9 @@ class Run:
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
         if stage != FIXED_TARGET:
             return None
-        wins = int(jnp.sum(pursuer_wins(results.outcome)))
         moving = self.config.evaders != ("still",)
-        if moving or here["best"] is None or wins > here["best"]["wins"]:
-            here["best"] = here["evaluation"] | {"wins": wins}
+        if moving or here["best"] is None or outcomes["captured"] > here["best"]["outcomes"]["captured"]:
+            here["best"] = here["evaluation"]
             return _copy(_pursuer(train))
         return best
 

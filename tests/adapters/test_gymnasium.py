@@ -58,6 +58,16 @@ def test_one_seed_gives_one_game_and_another_seed_another():
     assert (course(0) != course(1)).any()
 
 
+def test_a_shielded_opponent_is_shielded_from_the_game_that_is_played():
+    env = OneSide(Role.PURSUER, opponent="shielded:random", game="one-large")
+    env.reset(seed=0)
+    for _ in range(60):
+        *_, terminated, truncated, info = env.step(4)
+        assert info["outcome"] in ("ongoing", "captured")
+        if terminated or truncated:
+            break
+
+
 def test_a_step_before_the_first_reset_is_refused():
     with pytest.raises(gymnasium.error.ResetNeeded):
         OneSide(Role.PURSUER).step(0)

@@ -112,7 +112,7 @@ def test_a_name_asks_for_the_shield():
     assert found.name == "shielded:P_stage1"
     assert found.header == find_agent("P_stage1", Role.PURSUER).header
     assert found.policy.body == PAPER.pursuer
-    with pytest.raises(InvalidInput, match="no game is known"):
+    with pytest.raises(InvalidInput, match="needs a game"):
         find_agent("shielded:P_stage1", Role.PURSUER)
     with pytest.raises(InvalidInput, match="nobody"):
         find_agent("shielded:nobody", Role.PURSUER, PAPER)

@@ -270,7 +270,7 @@ def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkey
     assert seen == ["Uniform"] * 4
     assert list(agents(folder)) == ["P_random"]
     training = load_agent(folder / "agents" / "P_random.safetensors").header.training
-    assert (training["env_steps"], training["wins"]) == (4 * CHUNK, 3)
+    assert (training["env_steps"], training["outcomes"]["captured"]) == (4 * CHUNK, 3)
 
 
 def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupted, tmp_path):
