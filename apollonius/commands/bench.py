@@ -1,0 +1,44 @@
+"""`apollonius bench`: speed on this machine."""
+
+import argparse
+import json
+from typing import Any
+
+from apollonius.errors import require
+
+
+def add_bench(subparsers: Any) -> None:
+    """The parser of `bench`."""
+    parser = subparsers.add_parser("bench", help="measure speed on this machine")
+    parser.add_argument("what", choices=("env", "train"), help="random play, or stage 1 training")
+    parser.add_argument("--games", type=int, help="games at a time (default: 4096 for env, the profile's for train)")
+    parser.add_argument(
+        "--profile",
+        default="classic",
+        help="for train: classic (batch 128, an update every 4 env steps; default), fast or paper",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run_bench)
+
+
+def run_bench(options: argparse.Namespace) -> int:
+    """Measure and print."""
+    from dataclasses import replace
+
+    from apollonius.bench import CLASSIC, bench_env, bench_train
+    from apollonius.learn.config import PROFILES
+
+    if options.what == "env":
+        result = bench_env(4096 if options.games is None else options.games)
+    else:
+        profiles = {"classic": CLASSIC, **PROFILES}
+        require(options.profile in profiles, "--profile", options.profile, f"one of {', '.join(profiles)}")
+        config = profiles[options.profile]
+        result = bench_train(config if options.games is None else replace(config, games=options.games))
+    if options.json:
+        print(json.dumps(result))
+    else:
+        for key, value in result.items():
+            digits = f",.{0 if value >= 100 else 2}f" if isinstance(value, float) else ""
+            print(f"{key:<30} {value:{digits}}")
+    return 0

@@ -1,0 +1,138 @@
+"""`apollonius train` and `resume`: train agents in a run's folder, then say how good they are."""
+
+import argparse
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.commands.options import INTERRUPTED
+from apollonius.errors import require
+
+if TYPE_CHECKING:
+    from apollonius.learn.config import RunConfig
+
+STAGES = ("fixed-target", "self-play", "both")
+
+
+def add_train(subparsers: Any) -> None:
+    """The parser of `train`."""
+    parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
+    parser.add_argument(
+        "--preset", default="quick", help="length of training: quick (minutes, default), standard or paper"
+    )
+    parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
+    parser.add_argument("--profile", help="how to learn: fast (default) or paper (plain DQN as printed)")
+    parser.add_argument("--game", help="name of the game (default: paper)")
+    parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
+    parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
+    parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
+    parser.add_argument(
+        "--evader", nargs="+", help="players that the pursuer of --stage fixed-target learns to catch (default: still)"
+    )
+    parser.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
+    parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
+    parser.set_defaults(run=run_train)
+
+
+def add_resume(subparsers: Any) -> None:
+    """The parser of `resume`."""
+    parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of the run")
+    parser.set_defaults(run=run_resume)
+
+
+def run_train(options: argparse.Namespace) -> int:
+    """Train from scratch in a new folder."""
+    from apollonius.agents.catalogue import find_pool
+    from apollonius.game.types import Role
+    from apollonius.learn.folder import create_run
+    from apollonius.learn.run import load_first_pursuer
+
+    config = _requested_config(options)
+    name = options.config.stem if options.config else options.preset
+    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
+    find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
+    load_first_pursuer(config)
+    create_run(config, folder, force=options.force)
+    return _train_and_judge(config, folder)
+
+
+def run_resume(options: argparse.Namespace) -> int:
+    """Go on from a run's checkpoint."""
+    from apollonius.learn.folder import load_config
+
+    require(options.folder.is_dir(), "DIR", options.folder, "the folder of a training run; check the path")
+    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder)
+
+
+def _requested_config(options: argparse.Namespace) -> "RunConfig":
+    """The preset or file, with what the command line changes."""
+    from dataclasses import replace
+
+    from apollonius.game.presets import make_game
+    from apollonius.learn.config import PRESETS, PROFILES
+    from apollonius.learn.folder import load_config
+
+    require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
+    require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
+    config = load_config(options.config) if options.config else PRESETS[options.preset]
+    changes: dict[str, Any] = {
+        "stages": options.stage,
+        "seed": options.seed,
+        "evaders": tuple(options.evader) if options.evader else None,
+        "pursuer": options.pursuer,
+        "dqn": PROFILES.get(options.profile),
+        "game": make_game(options.game) if options.game else None,
+    }
+    return replace(config, **{key: value for key, value in changes.items() if value is not None})
+
+
+def _train_and_judge(config: "RunConfig", folder: Path) -> int:
+    """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
+    from apollonius.learn.run import Run
+    from apollonius.terminal import TrainingDisplay
+
+    interrupts: list[int] = []
+
+    def on_interrupt(number: int, frame: object) -> None:
+        interrupts.append(number)
+        if len(interrupts) > 1:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        with TrainingDisplay() as display:
+            finished = Run(config, folder, display, lambda: bool(interrupts)).execute()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if not finished:
+        print(f"stopped; go on with: apollonius resume {folder}", file=sys.stderr)
+        return INTERRUPTED
+    _judge(config, folder)
+    return 0
+
+
+def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
+    """Play the agents of a finished run; print the tables and keep them in `evaluation.json`."""
+    from apollonius.agents.catalogue import find_agent
+    from apollonius.agents.store import write_atomically
+    from apollonius.evaluate.match import play_match
+    from apollonius.game.types import Role
+    from apollonius.terminal import match_table
+
+    files = sorted((folder / "agents").glob("*.safetensors"))
+    agents = {path.stem: str(path) for path in files if "-" not in path.stem}
+    evaders = ["random", *[name for name in agents if name.startswith("E_")]]
+    record = {}
+    for name in [name for name in agents if name.startswith("P_")]:
+        for opponent in ["still"] if name == "P_stage1" else evaders:
+            pursuer = find_agent(agents[name], Role.PURSUER)
+            evader = find_agent(agents.get(opponent, opponent), Role.EVADER)
+            result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
+            record[f"{name} against {opponent}"] = result.to_dict()
+            print(match_table(name, opponent, result), end="\n\n")
+    write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
+    print(f"agents and metrics are in {folder}{os.sep}")
