@@ -26,10 +26,11 @@ SEEDS ?= 1
 paper: $(VENV)/installed
 	$(BIN)/apollonius reproduce --budget $(BUDGET) --seeds $(SEEDS) --out runs/paper --resume
 
-bench: $(VENV)/installed
+bench: $(VENV)/installed-dev
 	$(BIN)/apollonius bench env --games 4096
 	$(BIN)/apollonius bench train
 	$(BIN)/apollonius bench train --profile fast
+	$(BIN)/python benchmarks/page.py
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

@@ -92,6 +92,8 @@ class Replay:
         states: of both robots, x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader.
         actions: of the pursuer and the evader, 0..8.
         outcome: how it ended.
+        tolerance: how far [m, m/s, rad] states may be from those of the game played again: 0 where these very rules
+            recorded it, more where a program did that rounds otherwise.
     """
 
     game: Game
@@ -103,6 +105,7 @@ class Replay:
     states: Float32[np.ndarray, "rows 8"]
     actions: Int[np.ndarray, "steps 2"]
     outcome: Outcome
+    tolerance: float = 0.0
 
     def first_difference(self) -> int | None:
         """The first step whose state comes out otherwise when the game is played again; None where all are the same.
@@ -112,7 +115,9 @@ class Replay:
         """
         start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0))
         states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
-        differs = np.any(as_rows(states) != self.states, axis=1)
+        away = np.abs(as_rows(states) - self.states)
+        away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])  # headings of -pi and pi are the same
+        differs = np.any(away > self.tolerance, axis=1)
         if differs.any():
             return int(np.argmax(differs))
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
@@ -145,6 +150,7 @@ def save_replay(replay: Replay, path: Path) -> None:
         "games": replay.games,
         "index": replay.index,
         "outcome": replay.outcome.name.lower(),
+        "tolerance": replay.tolerance,
         "actions": replay.actions.tolist(),
         "states": replay.states.astype(float).tolist(),
     }
@@ -177,6 +183,7 @@ def load_replay(path: Path) -> Replay:
             states=states,
             actions=actions,
             outcome=Outcome[data["outcome"].upper()],
+            tolerance=float(data.get("tolerance", 0.0)),
         )
     except InvalidInput:
         raise

@@ -10,6 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "apollonius"
 LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
+BELOW_COMMANDS = "errors game agents rollout replay solve learn evaluate show experiments adapters web bench terminal"
 MAY_IMPORT = {
     "errors": "",
     "game": "errors",
@@ -21,11 +22,12 @@ MAY_IMPORT = {
     "evaluate": "errors game agents rollout replay solve",
     "show": "errors game agents rollout replay solve evaluate",
     "adapters": "errors game agents",
+    "web": "errors game agents",
     "experiments": "errors game agents rollout replay solve learn evaluate show",
     "bench": "errors game agents rollout replay solve learn evaluate",
     "terminal": "errors game agents rollout replay solve learn evaluate",
-    "commands": "errors game agents rollout replay solve learn evaluate show experiments adapters bench terminal",
-    "cli": "errors game agents rollout replay solve learn evaluate show experiments adapters bench terminal commands",
+    "commands": BELOW_COMMANDS,
+    "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
     "apollonius": "errors game agents rollout replay solve learn evaluate show adapters",
     "zoo": "",

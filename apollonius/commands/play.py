@@ -1,0 +1,54 @@
+"""`apollonius play`: the game in a browser, against a trained agent."""
+
+import argparse
+import tempfile
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from apollonius.commands.options import AGENT
+
+
+def add_play(subparsers: Any) -> None:
+    """The parser of `play`."""
+    parser = subparsers.add_parser("play", help="play in a browser against a trained agent")
+    parser.add_argument(
+        "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
+    )
+    parser.add_argument("--against", metavar="AGENT", help=f"your opponent: {AGENT} (default: the best there is)")
+    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument("--port", type=int, help="port of the page on this machine (default: the first free one)")
+    parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
+    parser.add_argument(
+        "--site", type=Path, metavar="DIR", help="write the page to this folder, for a web host, and serve nothing"
+    )
+    parser.set_defaults(run=run_play)
+
+
+def run_play(options: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C, or write it to a folder."""
+    from apollonius.errors import require
+    from apollonius.game.types import Role
+    from apollonius.web.server import make_server
+    from apollonius.web.site import choose, write_site
+
+    choice, files = choose(Role[options.side.upper()], options.against, options.game, options.seed)
+    if options.site:
+        empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
+        require(empty, "--site", options.site, "a new or empty folder; choose another")
+        write_site(options.site, choice, files)
+        print(f"the page is {options.site / 'index.html'}: put the folder on any web host")
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        write_site(Path(folder), choice, files)
+        with make_server(Path(folder), options.port) as server:
+            address = f"http://{server.server_address[0]}:{server.server_port}/"
+            try:
+                print(f"play at {address}  (Ctrl-C ends)", flush=True)
+                if not options.no_open:
+                    webbrowser.open(address)
+                server.serve_forever()
+            except KeyboardInterrupt:
+                print("\nended")
+    return 0

@@ -1,0 +1,1 @@
+"""The game in a browser: the page, the folder it is served from, and the server."""

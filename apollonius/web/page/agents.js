@@ -1,0 +1,86 @@
+// Who acts: a player is a function from (game, state, role) to actions 0..8 in the order it prefers them.
+
+import { clearanceAlong, move, observe } from "./rules.js";
+
+const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+const MARGIN = 1e-3;
+const ESCAPES = [0, 1, 2];
+
+/** A trained network from the bytes of its safetensors file: {header, layers}. */
+export function readAgent(buffer) {
+  const view = new DataView(buffer);
+  const length = Number(view.getBigUint64(0, true));
+  const entries = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  const header = JSON.parse(entries.__metadata__.header);
+  if (header.format !== "apollonius-agent" || header.version !== 1) {
+    throw new Error("not an agent that this page can read");
+  }
+  const array = (name) => {
+    const { dtype, data_offsets: offsets } = entries[name];
+    if (dtype !== "F32") throw new Error(`${name} is ${dtype}, not F32`);
+    // A copy, since the bytes in the file need not lie at a multiple of four.
+    return new Float32Array(buffer.slice(8 + length + offsets[0], 8 + length + offsets[1]));
+  };
+  const layers = [];
+  for (let index = 0; index <= header.depth; index++) {
+    layers.push({ weight: array(`layers/${index}/weight`), bias: array(`layers/${index}/bias`) });
+  }
+  return { header, layers };
+}
+
+/** The values of the 9 actions: fully connected layers with ReLU (Fig. 3). */
+export function actionValues(agent, observation) {
+  let hidden = Float32Array.from(observation);
+  agent.layers.forEach(({ weight, bias }, index) => {
+    const last = index === agent.layers.length - 1;
+    const width = hidden.length;
+    const next = new Float32Array(bias.length);
+    for (let row = 0, at = 0; row < bias.length; row++, at += width) {
+      let sum = bias[row];
+      for (let column = 0; column < width; column++) sum += weight[at + column] * hidden[column];
+      next[row] = last ? sum : Math.max(sum, 0);
+    }
+    hidden = next;
+  });
+  return hidden;
+}
+
+/** Actions by falling value; among equals, the lowest comes first. */
+const byValue = (values) => ACTIONS.toSorted((a, b) => values[b] - values[a] || a - b);
+
+/** A trained agent without exploration. */
+export function greedy(agent) {
+  return (game, state, role) => byValue(actionValues(agent, observe(agent.header.observation, game, state, role)));
+}
+
+/** Players that need no file. */
+export const BUILT_IN = {
+  random: () => [Math.floor(Math.random() * ACTIONS.length), ...ACTIONS],
+  still: () => [1, ...ACTIONS],
+};
+
+/** Least clearance [m] during an action and the best of three ways to brake to rest after it (agents/shield.py). */
+function roomAfter(game, body, robot, action) {
+  const after = move(body, robot, action, game.dt);
+  const room = clearanceAlong(game.arena, robot, after);
+  const steps = Math.ceil(body.v_max / (body.u1_max * game.dt));
+  const escapes = ESCAPES.map((gear) => {
+    let [least, at] = [room, after];
+    for (let step = 0; step < steps; step++) {
+      const next = move(body, at, gear, game.dt);
+      least = Math.min(least, clearanceAlong(game.arena, at, next));
+      at = next;
+    }
+    return least;
+  });
+  return Math.max(...escapes) - body.radius;
+}
+
+/** Another player, held back from actions after which its robot could not stop in time. */
+export function shielded(player) {
+  return (game, state, role) => {
+    const room = (action) => roomAfter(game, game[role], state[role], action);
+    const action = player(game, state, role).find((wanted) => room(wanted) > MARGIN);
+    return action === undefined ? byValue(ACTIONS.map(room)) : [action];
+  };
+}

@@ -1,0 +1,108 @@
+// The arena from above on a canvas: walls, discs, trails, robots. Lengths are in metres, y points up.
+
+import { EVADER, PURSUER, wrapAngle } from "./rules.js";
+
+const ROBOT = 0.16; // least radius that a robot is drawn with [m]
+const MARGIN = 0.25; // around the walls [m]
+
+/** A state between two others, `share` of the way from the first to the second. */
+export function between(before, after, share) {
+  const mix = (a, b) => a + (b - a) * share;
+  const robot = (role) => ({
+    x: mix(before[role].x, after[role].x),
+    y: mix(before[role].y, after[role].y),
+    v: mix(before[role].v, after[role].v),
+    heading: before[role].heading + share * wrapAngle(after[role].heading - before[role].heading),
+  });
+  return { pursuer: robot(PURSUER), evader: robot(EVADER) };
+}
+
+/**
+ * Draw a game.
+ *
+ * @param canvas sized here to its place in the page and the screen's pixels
+ * @param game the rules
+ * @param states of the game so far; their trails are drawn
+ * @param now the state to draw the robots at
+ * @param colours {paper, ink, obstacle, pursuer, evader}
+ * @param steered roles whose way to rest is drawn, where they would stop if they braked
+ */
+export function draw(canvas, game, states, now, colours, steered = []) {
+  const { arena } = game;
+  const [width, height] = [arena.x_max - arena.x_min, arena.y_max - arena.y_min];
+  const scale = (canvas.clientWidth * globalThis.devicePixelRatio) / (width + 2 * MARGIN);
+  const pixels = [width, height].map((length) => Math.round((length + 2 * MARGIN) * scale));
+  if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+  const context = canvas.getContext("2d");
+  context.resetTransform();
+  context.clearRect(0, 0, ...pixels);
+  context.setTransform(scale, 0, 0, -scale, (MARGIN - arena.x_min) * scale, (MARGIN + arena.y_max) * scale);
+  context.lineJoin = context.lineCap = "round";
+
+  context.fillStyle = colours.paper;
+  context.fillRect(arena.x_min, arena.y_min, width, height);
+  context.fillStyle = colours.obstacle;
+  for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
+  context.strokeStyle = colours.ink;
+  context.lineWidth = 0.05;
+  context.strokeRect(arena.x_min, arena.y_min, width, height);
+
+  for (const role of [PURSUER, EVADER]) {
+    context.strokeStyle = context.fillStyle = colours[role];
+    context.lineWidth = 0.035;
+    context.beginPath();
+    for (const state of states) context.lineTo(state[role].x, state[role].y);
+    context.stroke();
+    const start = states[0][role];
+    circle(context, start.x, start.y, 0.08).stroke();
+  }
+  for (const role of steered) drawWayToRest(context, game[role], now[role], colours[role]);
+  drawPursuer(context, now.pursuer, Math.max(game.pursuer.radius, ROBOT), game.capture_distance, colours);
+  drawEvader(context, now.evader, Math.max(game.evader.radius, ROBOT), colours);
+}
+
+function circle(context, x, y, radius) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  return context;
+}
+
+function drawWayToRest(context, body, robot, colour) {
+  const reach = robot.v ** 2 / (2 * body.u1_max);
+  context.strokeStyle = colour;
+  context.lineWidth = 0.03;
+  context.setLineDash([0.08, 0.1]);
+  context.beginPath();
+  context.moveTo(robot.x, robot.y);
+  context.lineTo(robot.x + reach * Math.cos(robot.heading), robot.y + reach * Math.sin(robot.heading));
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/** An arrowhead, and around it a ring as wide as its reach: an evader whose centre comes inside is caught. */
+function drawPursuer(context, robot, radius, reach, colours) {
+  context.strokeStyle = context.fillStyle = colours.pursuer;
+  context.lineWidth = 0.02;
+  circle(context, robot.x, robot.y, reach).stroke();
+  const corner = (angle, length) => [
+    robot.x + length * Math.cos(robot.heading + angle),
+    robot.y + length * Math.sin(robot.heading + angle),
+  ];
+  context.beginPath();
+  context.moveTo(...corner(0, 1.4 * radius));
+  context.lineTo(...corner(2.4, 1.2 * radius));
+  context.lineTo(...corner(Math.PI, 0.4 * radius));
+  context.lineTo(...corner(-2.4, 1.2 * radius));
+  context.fill();
+}
+
+/** A disc with a nose. */
+function drawEvader(context, robot, radius, colours) {
+  context.strokeStyle = context.fillStyle = colours.evader;
+  circle(context, robot.x, robot.y, 0.8 * radius).fill();
+  context.lineWidth = 0.06;
+  context.beginPath();
+  context.moveTo(robot.x, robot.y);
+  context.lineTo(robot.x + 1.7 * radius * Math.cos(robot.heading), robot.y + 1.7 * radius * Math.sin(robot.heading));
+  context.stroke();
+}

@@ -1,0 +1,103 @@
+// A series of games between two players, one game at a time: its course, its end, the score, and its replay.
+
+import { EVADER, PURSUER, drawStart, makeRandom, step, winner } from "./rules.js";
+
+const REPLAY_FORMAT = 1;
+const REPLAY_TOLERANCE = 1e-5; // what the page's rules and the package's may differ by, as tests/web shows
+
+const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
+
+export class Match {
+  /**
+   * @param game rules, as `apollonius.game.record.to_dict` writes them
+   * @param players {pursuer, evader}: {name, act(game, state, role) -> action}
+   * @param seed of the starts
+   */
+  constructor(game, players, seed) {
+    Object.assign(this, { game, players, seed });
+    this.random = makeRandom(seed);
+    this.number = 0;
+    this.score = { [PURSUER]: 0, [EVADER]: 0, nobody: 0 };
+    this.next();
+  }
+
+  /** Begin the next game, at a start of its own. */
+  next() {
+    this.start = drawStart(this.game, this.random);
+    this.number += 1;
+    this.again();
+  }
+
+  /** Begin the same game again. */
+  again() {
+    this.states = [this.start];
+    this.actions = [];
+    this.outcome = "ongoing";
+  }
+
+  get state() {
+    return this.states[this.states.length - 1];
+  }
+
+  get isOver() {
+    return this.outcome !== "ongoing";
+  }
+
+  get seconds() {
+    return this.state.steps * this.game.dt;
+  }
+
+  /** Who won the game that is over: "pursuer", "evader" or null. */
+  get winner() {
+    return winner(this.game, this.outcome);
+  }
+
+  /** One step of `dt`: both players act, the rules judge. */
+  step() {
+    const { game, players, state } = this;
+    const actions = {
+      pursuer: players.pursuer.act(game, state, PURSUER),
+      evader: players.evader.act(game, state, EVADER),
+    };
+    const after = step(game, state, actions);
+    this.states.push(after.state);
+    this.actions.push([actions.pursuer, actions.evader]);
+    this.outcome = after.outcome;
+    if (this.isOver) this.score[this.winner ?? "nobody"] += 1;
+  }
+
+  /** The game as a replay file of the package: `apollonius show FILE` plays it again. */
+  replay() {
+    return {
+      format: REPLAY_FORMAT,
+      game: this.game,
+      pursuer: this.players.pursuer.name,
+      evader: this.players.evader.name,
+      seed: this.seed,
+      games: this.number,
+      index: this.number - 1,
+      outcome: this.outcome,
+      tolerance: REPLAY_TOLERANCE,
+      actions: this.actions,
+      states: this.states.map(asRow),
+    };
+  }
+}
+
+const ENDS = {
+  captured: "The pursuer has caught the evader",
+  pursuer_hit_obstacle: "The pursuer has hit an obstacle",
+  evader_hit_obstacle: "The evader has hit an obstacle",
+  pursuer_out_of_range: "The pursuer has run into a wall",
+  evader_out_of_range: "The evader has run into a wall",
+  both_failed: "Both have crashed in the same moment",
+  no_result: "Time is up",
+};
+
+/** How a game that is over ended, in words. */
+export function describeEnd(match) {
+  const names = { [PURSUER]: match.players.pursuer.name, [EVADER]: match.players.evader.name };
+  const won = names[match.winner];
+  const verdict = won === undefined ? "nobody wins" : won === "you" ? "you win" : `${won} wins`;
+  return `${ENDS[match.outcome]} after ${match.seconds.toFixed(1)} s: ${verdict}.`;
+}

@@ -1,0 +1,75 @@
+"""A server for one folder, for this machine alone."""
+
+import os
+from functools import partial
+from http import HTTPStatus
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from apollonius.errors import InvalidInput, require
+
+LOOPBACK = "127.0.0.1"
+FIRST_PORT = 8600
+"""Where the search for a free port begins."""
+_PORTS = 50
+"""How many are tried."""
+
+
+class FolderHandler(SimpleHTTPRequestHandler):
+    """Serves the files of a folder: no listings, no other hosts' names, nothing kept by the browser."""
+
+    extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript", ".svg": "image/svg+xml"}
+
+    def send_head(self) -> Any:
+        """The answer's head, unless the request was meant for another host (DNS rebinding) or not for a file."""
+        port = self.server.server_port  # pyright: ignore[reportAttributeAccessIssue]
+        if self.headers.get("Host") not in (f"{LOOPBACK}:{port}", f"localhost:{port}"):
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST, "This server answers to its own name only")
+            return None
+        return super().send_head()
+
+    def list_directory(self, path: Any) -> None:
+        """Refused: the page's files are for the page."""
+        self.send_error(HTTPStatus.NOT_FOUND)
+
+    def end_headers(self) -> None:
+        """Nothing from elsewhere, nothing guessed, nothing kept."""
+        self.send_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cache-Control", "no-store")
+        super().end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Silent: the terminal belongs to the person."""
+
+
+def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
+    """A server of a folder on the loopback address, ready for `serve_forever`.
+
+    Args:
+        folder: whose files it serves; nothing above it can be reached.
+        port: where it listens; None takes the first free one from `FIRST_PORT` on.
+
+    Raises:
+        InvalidInput: when the port cannot be had.
+    """
+    require(port is None or 0 < port < 2**16, "--port", port, "between 1 and 65535")
+    wanted = range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,)
+    handler = partial(FolderHandler, directory=str(folder))
+    for candidate in wanted:
+        try:
+            return _Server((LOOPBACK, candidate), handler)
+        except OSError as error:
+            if candidate == wanted[-1]:
+                raise InvalidInput(
+                    f"--port = {candidate} cannot be used ({error.strerror}): choose another, or leave it out."
+                ) from error
+    raise AssertionError("there is a last port")
+
+
+class _Server(ThreadingHTTPServer):
+    """Another server on its port is an error and not a rival; on Windows, reuse would let both listen."""
+
+    allow_reuse_address = os.name == "posix"
+    daemon_threads = True

@@ -1,0 +1,47 @@
+"""Records the golden games: `python -m tests.golden.record`. They change when the rules do, and then only.
+
+A pairing gives its first game of every outcome that no pairing before it gave for the same game.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.evaluate.match import play_games, record_game
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome, Role
+from apollonius.replay import save_replay
+
+FOLDER = Path(__file__).parent
+PAIRINGS = (
+    ("paper", "rest", "P_scratch", "E_scratch", 1000),
+    ("paper", "moving", "random", "random", 200),
+    ("four-small", "moving", "random", "random", 200),
+    ("one-large", "rest", "P_random", "random", 200),
+    ("robot", "moving", "random", "random", 200),
+    ("zero-sum", "rest", "P_random", "still", 200),
+)
+"""Game, starts, pursuer, evader, time limit [steps]."""
+GAMES = 2000
+
+
+def record(name, starts, pursuer_name, evader_name, max_steps):
+    game = make_game(name)
+    game = replace(game, starts=replace(game.starts, speed=starts), max_steps=max_steps)
+    pursuer, evader = find_agent(pursuer_name, Role.PURSUER, game), find_agent(evader_name, Role.EVADER, game)
+    ended = np.asarray(play_games(game, pursuer.policy, evader.policy, GAMES, seed=0).outcome)
+    for outcome in Outcome:
+        path = FOLDER / f"{name}-{outcome.name.lower()}.json"
+        if (ended == outcome).any() and not path.exists():
+            index = int(np.argmax(ended == outcome))
+            save_replay(record_game(game, pursuer, evader, GAMES, 0, index), path)
+            print(path.name)
+
+
+if __name__ == "__main__":
+    for old in FOLDER.glob("*.json"):
+        old.unlink()
+    for pairing in PAIRINGS:
+        record(*pairing)

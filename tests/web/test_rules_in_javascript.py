@@ -1,0 +1,112 @@
+"""The page's rules and players are those of the package: golden games, observations, actions, shields."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.catalogue import ZOO, find_agent
+from apollonius.agents.network import make_network
+from apollonius.agents.policy import solo
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.game.game import reset_batch
+from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Outcome, Role
+from apollonius.replay import as_rows, as_state, load_replay
+from apollonius.rollout import begin, step_games
+from apollonius.web.site import PAGE
+
+GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))
+TOLERANCE = 1e-5
+pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+
+
+def ask(**question):
+    program = ["node", str(Path(__file__).with_name("check.mjs"))]
+    question = json.dumps({"page": str(PAGE)} | question)
+    answer = subprocess.run(program, input=question, capture_output=True, text=True, check=True)
+    return json.loads(answer.stdout)
+
+
+def apart(rows, others):
+    """Largest difference of states; headings differ by at most half a turn."""
+    away = np.abs(np.asarray(rows) - np.asarray(others))
+    away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])
+    return away.max()
+
+
+def visited(game, pursuer, evader, games, steps):
+    """States that a batch of games passes through, as rows of 8 numbers."""
+    key = jax.random.key(7)
+    words = jax.random.bits(key, (steps, 2, games), jnp.uint32)
+    pools = solo(pursuer.policy), solo(evader.policy)
+    start = begin(reset_batch(game, key, games), *pools, words[0])
+
+    def one_step(games, words):
+        after, _ = step_games(game, *pools, games, words)
+        return after, games.state
+
+    states = jax.jit(lambda: jax.lax.scan(one_step, start, words)[1])()
+    return as_rows(jax.tree.map(jnp.ravel, states))
+
+
+def test_golden_games_have_every_outcome_and_every_game():
+    replays = [load_replay(path) for path in GOLDEN]
+    assert {replay.outcome for replay in replays} == set(Outcome) - {Outcome.ONGOING}
+    assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == set(PRESETS)
+    assert max(len(replay.actions) for replay in replays) == 1000
+
+
+def test_golden_games_come_out_the_same():
+    played = ask(games=[json.loads(path.read_text()) for path in GOLDEN])["games"]
+    for path, game in zip(GOLDEN, played, strict=True):
+        replay = load_replay(path)
+        assert apart(game["rows"], replay.states) <= TOLERANCE, path.name
+        assert game["outcomes"][-1] == replay.outcome.name.lower()
+        assert set(game["outcomes"][:-1]) <= {"ongoing"}
+
+
+@pytest.fixture(params=["P_pool", "E_curriculum", "plain"])
+def agent_file(request, tmp_path):
+    """Trained agents with the encoded observation, and an untrained one with the paper's."""
+    if request.param != "plain":
+        return ZOO / f"{request.param}.safetensors"
+    network = make_network("paper", width=16, depth=2, key=jax.random.key(5))
+    save_agent(describe(network, Role.EVADER, {}, {}), tmp_path / "plain.safetensors")
+    return tmp_path / "plain.safetensors"
+
+
+def test_networks_and_shields_choose_the_same_actions(agent_file):
+    game = make_game("paper")
+    rows = visited(game, find_agent("P_pool", Role.PURSUER), find_agent("E_curriculum", Role.EVADER), 100, 100)
+    role = Role[load_agent(agent_file).header.role.upper()]
+    agent, guarded = (find_agent(f"{prefix}{agent_file}", role, game) for prefix in ("", "shielded:"))
+    word = jnp.uint32(0)
+
+    @jax.jit
+    def expected(row):
+        seen = game.observe(as_state(row, jnp.asarray(0)), role, agent.policy.observation)
+        return seen, agent.policy.network(seen), agent.policy(seen, word), guarded.policy(seen, word)
+
+    seen, values, actions, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
+    asked = {"path": str(agent_file), "game": to_dict(game), "role": role.name.lower()}
+    answer = ask(agent=asked, observations=seen.tolist(), positions=rows.tolist())
+    assert len(rows) == 10_000
+    np.testing.assert_allclose(answer["values"], values, atol=1e-4)
+    np.testing.assert_allclose(answer["observed"], seen, atol=1e-5)
+    assert np.argmax(answer["values"], axis=1).tolist() == actions.tolist()
+    assert answer["actions"] == actions.tolist()
+    assert answer["shielded"] == behind_shield.tolist()
+    assert np.any(actions != behind_shield)
+
+
+def test_a_step_that_is_judged_otherwise_is_seen():
+    game = json.loads(GOLDEN[0].read_text())
+    [played] = ask(games=[game | {"game": game["game"] | {"dt": 0.11}}])["games"]
+    assert apart(played["rows"], game["states"]) > TOLERANCE

@@ -1,0 +1,114 @@
+"""The server is for this machine and this folder alone."""
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+
+import pytest
+
+from apollonius.errors import InvalidInput
+from apollonius.web.server import LOOPBACK, make_server
+
+
+@contextmanager
+def serving(folder, port=None):
+    with make_server(folder, port) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture
+def server(tmp_path):
+    (tmp_path / "secret.txt").write_text("not for the page")
+    folder = tmp_path / "site"
+    (folder / "agents").mkdir(parents=True)
+    (folder / "index.html").write_text("<p>page</p>")
+    (folder / "rules.js").write_text("export {}")
+    with serving(folder) as server:
+        yield server
+
+
+def get(server, path, method="GET", **headers):
+    connection = http.client.HTTPConnection(LOOPBACK, server.server_port, timeout=10)
+    connection.putrequest(method, path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def test_serves_its_files(server):
+    answer, body = get(server, "/")
+    assert (answer.status, body) == (200, b"<p>page</p>")
+    assert answer.headers["Content-Security-Policy"].startswith("default-src 'self'")
+    answer, _ = get(server, "/rules.js")
+    assert answer.headers["Content-Type"] == "text/javascript"
+
+
+@pytest.mark.parametrize(
+    "path", ["/../secret.txt", "/%2e%2e/secret.txt", "/agents/../../secret.txt", "//../secret.txt", "/..%2fsecret.txt"]
+)
+def test_serves_nothing_above_its_folder(server, path):
+    answer, body = get(server, path)
+    assert answer.status == 404
+    assert b"not for the page" not in body
+
+
+def test_lists_no_folder(server):
+    assert get(server, "/agents/")[0].status == 404
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", LOOPBACK, "127.0.0.1.evil.example:{port}", ""])
+def test_refuses_other_hosts_names(server, host):
+    answer, body = get(server, "/", Host=host.format(port=server.server_port))
+    assert answer.status == 421
+    assert b"<p>page</p>" not in body
+
+
+def test_answers_to_localhost_and_head(server):
+    assert get(server, "/", Host=f"localhost:{server.server_port}")[0].status == 200
+    assert get(server, "/", method="HEAD", Host="evil.example")[0].status == 421
+    assert get(server, "/", method="POST")[0].status == 501
+
+
+def test_listens_on_the_loopback_address_alone(server):
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_a_taken_port_is_refused_and_a_free_one_is_found(server, tmp_path):
+    with pytest.raises(InvalidInput, match=f"--port = {server.server_port} cannot be used .*in use"):
+        make_server(tmp_path, server.server_port)
+    with make_server(tmp_path) as other:
+        assert other.server_port != server.server_port
+
+
+@pytest.mark.parametrize("port", [0, -1, 65536])
+def test_an_impossible_port_is_refused(tmp_path, port):
+    with pytest.raises(InvalidInput, match="--port"):
+        make_server(tmp_path, port)
+
+
+def test_the_command_ends_with_ctrl_c():
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "apollonius", "play", "--no-open", "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert f"http://{LOOPBACK}:{port}/" in process.stdout.readline()
+        os.kill(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+    assert (process.returncode, out.strip(), err) == (0, "ended", "")

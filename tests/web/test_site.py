@@ -1,0 +1,81 @@
+"""The folder that is served holds all the page needs, and the choice it begins with is one it has."""
+
+import json
+import re
+import shutil
+
+import pytest
+
+from apollonius.agents.catalogue import ZOO, zoo_names
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Role
+from apollonius.show import palette
+from apollonius.web.site import PAGE, YOU, choose, write_site
+
+
+def test_the_site_is_whole(tmp_path):
+    write_site(tmp_path)
+    catalogue = json.loads((tmp_path / "catalogue.json").read_text())
+    assert catalogue["games"] == {name: to_dict(make_game(name)) for name in PRESETS}
+    assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == zoo_names()
+    for name, file in catalogue["files"].items():
+        assert (tmp_path / file).read_bytes() == (ZOO / f"{name}.safetensors").read_bytes()
+    page = (tmp_path / "index.html").read_text()
+    for file in re.findall(r'(?:src|href)="([^"]+)"', page):
+        assert (tmp_path / file).is_file()
+
+
+def test_the_page_asks_nobody_else():
+    for path in PAGE.iterdir():
+        addresses = re.findall(r"https?://[^\s\"')]+", path.read_text())
+        assert set(addresses) <= {"http://www.w3.org/2000/svg"}, path.name
+
+
+def test_colours_are_those_of_all_pictures():
+    style = (PAGE / "style.css").read_text()
+    for name in ("pursuer", "evader", "obstacle"):
+        assert f"--{name}: {getattr(palette, name.upper())};" in style
+
+
+def test_a_person_meets_the_best_unless_told_otherwise():
+    choice, files = choose(Role.EVADER, None, "paper", 3)
+    assert (choice.pursuer, choice.evader, choice.seed, files) == ("shielded:P_pool", YOU, 3, {})
+    assert choose(Role.PURSUER, "random", "robot", 0)[0].evader == "random"
+
+
+def test_an_agent_from_a_run_is_served_too(tmp_path):
+    path = tmp_path / "first" / "agents" / "P_pool.safetensors"
+    path.parent.mkdir(parents=True)
+    shutil.copyfile(ZOO / "P_random.safetensors", path)
+    choice, files = choose(Role.EVADER, f"shielded:{path}", "paper", 0)
+    assert choice.pursuer == "shielded:P_pool of first"
+    write_site(tmp_path / "site", choice, files)
+    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    assert "P_pool of first" in catalogue["agents"]["pursuer"]
+    assert (tmp_path / "site" / catalogue["files"]["P_pool of first"]).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ((Role.EVADER, "E_scratch", "paper", 0), "plays the evader"),
+        ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
+        ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),
+        ((Role.EVADER, None, "paper", -1), "seed = -1"),
+    ],
+)
+def test_what_there_is_not_is_refused(arguments, complaint):
+    with pytest.raises(InvalidInput, match=complaint):
+        choose(*arguments)
+
+
+def test_the_command_writes_a_site_once(tmp_path, capsys):
+    site = tmp_path / "site"
+    assert main(["play", "--as", "pursuer", "--against", "still", "--seed", "5", "--site", str(site)]) == 0
+    chosen = json.loads((site / "catalogue.json").read_text())["chosen"]
+    assert chosen == {"pursuer": YOU, "evader": "still", "game": "paper", "seed": 5}
+    assert main(["play", "--site", str(site)]) == 2
+    assert "--site" in capsys.readouterr().err
