@@ -159,7 +159,7 @@ def test_good_imports_pass(module, source):
         ("apollonius.game.arena", "if TYPE_CHECKING:\n    from apollonius.learn import dqn", "against the arrow"),
         ("apollonius.game.arena", "from ..agents.policy import Pool", "against the arrow"),
         ("apollonius.learn.stage", "from apollonius.evaluate.match import play_match", "against the arrow"),
-        ("apollonius.evaluate.match", "from apollonius.learn.stage import Plan", "against the arrow"),
+        ("apollonius.evaluate.match", "from apollonius.learn.state import Plan", "against the arrow"),
         ("apollonius.solve.grid", "from apollonius.rollout import collect", "against the arrow"),
         ("apollonius.adapters.onnx", "from apollonius.rollout import collect", "against the arrow"),
         ("apollonius.agents.catalogue", "from apollonius.zoo import champion", "against the arrow"),

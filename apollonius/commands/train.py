@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from apollonius.learn.config import RunConfig
 
 STAGES = ("fixed-target", "self-play", "both")
+SCHEMES = ("latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
 
 
 def add_train(subparsers: Any) -> None:
@@ -31,6 +32,9 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
     parser.add_argument(
         "--evader", nargs="+", help="players that the pursuer of --stage fixed-target learns to catch (default: still)"
+    )
+    parser.add_argument(
+        "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
     parser.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
@@ -79,7 +83,11 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
     require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
     config = load_config(options.config) if options.config else PRESETS[options.preset]
+    self_play = config.self_play
+    if options.opponents:
+        self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
     changes: dict[str, Any] = {
+        "self_play": self_play,
         "stages": options.stage,
         "seed": options.seed,
         "evaders": tuple(options.evader) if options.evader else None,
