@@ -11,10 +11,11 @@ from apollonius.commands.options import INTERRUPTED
 from apollonius.commands.play import add_play
 from apollonius.commands.reproduce import add_reproduce
 from apollonius.commands.show import add_show
+from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
-COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_play, add_reproduce, add_bench)
+COMMANDS = (add_train, add_resume, add_evaluate, add_tournament, add_show, add_play, add_reproduce, add_bench)
 """In the order of the help."""
 
 

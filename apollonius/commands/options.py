@@ -10,7 +10,10 @@ from apollonius.errors import InvalidInput
 if TYPE_CHECKING:
     from apollonius.game.game import Game
 
-AGENT = "a built-in player (random, still), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+AGENT = (
+    "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
+    "evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+)
 """Help for an argument that names a player."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
