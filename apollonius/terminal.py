@@ -98,8 +98,7 @@ def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
         lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
     lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
     lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
-    doomed = "not known" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.1%}"
-    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
+    lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
     return "\n".join(lines)
 
 

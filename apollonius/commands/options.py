@@ -22,18 +22,21 @@ INTERRUPTED = 130
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose the game and its start."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
+    parser.add_argument(
+        "--starts", choices=("rest", "moving", "viable"), default="rest",
+        help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
+    )  # fmt: skip
     parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
 
 
 def requested_game(options: argparse.Namespace) -> "Game":
-    """The named game with the wanted starts."""
+    """The named game with the wanted starts; `viable` ones are drawn from `moving` by who plays."""
     from dataclasses import replace
 
     from apollonius.game.presets import make_game
 
     game = make_game(options.game)
-    return replace(game, starts=replace(game.starts, speed=options.starts))
+    return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
 
 
 @contextmanager
