@@ -122,7 +122,7 @@ def _motion(speed: float, heading: float) -> str:
 
 
 def _draw_values(axes: Axes, found: Slice) -> None:
-    """The highest value of each cell, on a scale that a lightness-blind reader does not need colours for."""
+    """The highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
     best = found.values.max(axis=-1)
     mesh = axes.pcolormesh(found.x, found.y, best, cmap="viridis", rasterized=True)
     below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
