@@ -129,14 +129,17 @@ def _known(game: Game | None, name: str) -> Game:
     return game
 
 
+def find_trained(name: str) -> Agent:
+    """The trained agent of this name in the zoo or of this file, whichever side it plays.
+
+    Raises:
+        InvalidInput: when there is none, or its file is bad.
+    """
+    return load_agent(_path(name, zoo_names()))
+
+
 def _load(name: str, role: Role) -> tuple[Agent, Path]:
-    if name in zoo_names():
-        path = ZOO / f"{name}.safetensors"
-    elif Path(name).suffix == ".safetensors" or Path(name).exists():
-        path = Path(name)
-    else:
-        known = ", ".join([*BUILT_IN, *CLASSICAL, *zoo_names()])
-        raise InvalidInput(f"no agent is called '{name}': choose one of {known}, or give a .safetensors file.")
+    path = _path(name, [*BUILT_IN, *CLASSICAL, *zoo_names()])
     agent = load_agent(path)
     if agent.header.role != role.name.lower():
         raise InvalidInput(
@@ -144,3 +147,12 @@ def _load(name: str, role: Role) -> tuple[Agent, Path]:
             "the evader second."
         )
     return agent, path
+
+
+def _path(name: str, known: Sequence[str]) -> Path:
+    """The file of a trained agent; `known` are the names that the refusal offers."""
+    if name in zoo_names():
+        return ZOO / f"{name}.safetensors"
+    if Path(name).suffix == ".safetensors" or Path(name).exists():
+        return Path(name)
+    raise InvalidInput(f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file.")

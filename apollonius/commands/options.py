@@ -1,4 +1,4 @@
-"""What several commands ask for: a game, players, matplotlib."""
+"""What several commands ask for: a game, players, what draws."""
 
 import argparse
 from collections.abc import Iterator
@@ -41,10 +41,10 @@ def requested_game(options: argparse.Namespace) -> "Game":
 
 @contextmanager
 def plots() -> Iterator[None]:
-    """What is imported here needs matplotlib, and says so where it is missing."""
+    """What is imported here needs what draws and writes pages, and says so where it is missing."""
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name != "matplotlib":
+        if error.name not in ("matplotlib", "jinja2", "markupsafe", "markdown_it"):
             raise
-        raise InvalidInput("figures need matplotlib: pip install 'apollonius[plot]'.") from error
+        raise InvalidInput(f"this needs {error.name}: pip install 'apollonius[plot]'.") from error

@@ -69,7 +69,10 @@ def _save_mp4(pictures: list[Image.Image], path: Path, per_second: int) -> None:
     size = pictures[0].size
     # H.264 halves the resolution of colours: both sides must be even.
     even = (size[0] // 2 * 2, size[1] // 2 * 2)
-    writer = imageio_ffmpeg.write_frames(str(path), even, fps=per_second, macro_block_size=2, ffmpeg_log_level="error")
+    writer = imageio_ffmpeg.write_frames(
+        str(path), even, fps=per_second, macro_block_size=2, ffmpeg_log_level="error",
+        output_params=["-preset", "veryfast"],
+    )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # JAX fears a fork, but this one becomes ffmpeg at once
         writer.send(None)
