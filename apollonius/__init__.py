@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from apollonius.adapters.pettingzoo import parallel_env as parallel_env
     from apollonius.agents.catalogue import find_agent as find_agent
     from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
     from apollonius.agents.greedy import Greedy as Greedy
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from apollonius.rollout import play_out as play_out
 
 _HOMES = {
+    "adapters.pettingzoo": ("parallel_env",),
     "agents.catalogue": ("find_agent",),
     "agents.greedy": ("EpsilonGreedy", "Greedy"),
     "agents.policy": ("AbstractPolicy", "solo", "stack"),

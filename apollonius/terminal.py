@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.table import Table
 
 from apollonius.evaluate.match import MatchResult
+from apollonius.evaluate.tournament import Tournament, equilibrium
 from apollonius.learn.progress import Progress
 
 _PLAIN_SECONDS = 10.0
@@ -97,8 +98,31 @@ def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
         lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
     lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
     lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
-    doomed = "not known" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.1%}"
-    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
+    lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
+    return "\n".join(lines)
+
+
+def tournament_table(tournament: Tournament) -> str:
+    """The pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
+    rates = tournament.win_rates
+    header = ["pursuer \\ evader", *tournament.evaders, "mean"]
+    rows = [
+        [name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]]
+        for name, row in zip((*tournament.pursuers, "mean"), [*rates, rates.mean(axis=0)], strict=True)
+    ]
+    widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
+    rule = ["-" * widths[0], *["-" * (width - 1) + ":" for width in widths[1:]]]
+    lines = [
+        "| " + " | ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) + " |"
+        for row in [header, rule, *rows]
+    ]
+    mixed = equilibrium(rates)
+    sides = (("pursuers", tournament.pursuers, mixed.rows), ("evaders", tournament.evaders, mixed.columns))
+    lines.append(f"\n95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates.")
+    lines.append(f"In equilibrium the pursuer wins {mixed.value:.1%}:")
+    for side, names, shares in sides:
+        playing = sorted(zip(shares, names, strict=True), reverse=True)
+        lines.append(f"  {side} " + ", ".join(f"{name} {share:.0%}" for share, name in playing if share >= 0.005))
     return "\n".join(lines)
 
 

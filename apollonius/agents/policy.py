@@ -34,6 +34,23 @@ class AbstractPolicy(eqx.Module):
         return jnp.where(allowed[action], action, jnp.argmax(allowed)).astype(jnp.int32)
 
 
+class AbstractValued(AbstractPolicy):
+    """A player that values all nine actions and takes the best; among equals, the one of lowest index."""
+
+    @abstractmethod
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+        """The values of the nine actions for an observation in the policy's profile: the higher the better."""
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        return jnp.argmax(self.values(observation)).astype(jnp.int32)
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The allowed action of highest value."""
+        return jnp.argmax(jnp.where(allowed, self.values(observation), -jnp.inf)).astype(jnp.int32)
+
+
 class Pool(eqx.Module):
     """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
 

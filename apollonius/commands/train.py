@@ -128,19 +128,17 @@ def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
     from apollonius.agents.catalogue import find_agent
     from apollonius.agents.store import write_atomically
     from apollonius.evaluate.match import play_match
+    from apollonius.evaluate.pairings import last_agents, pairings
     from apollonius.game.types import Role
     from apollonius.terminal import match_table
 
-    files = sorted((folder / "agents").glob("*.safetensors"))
-    agents = {path.stem: str(path) for path in files if "-" not in path.stem}
-    evaders = ["random", *[name for name in agents if name.startswith("E_")]]
+    agents = last_agents(folder)
     record = {}
-    for name in [name for name in agents if name.startswith("P_")]:
-        for opponent in ["still"] if name == "P_stage1" else evaders:
-            pursuer = find_agent(agents[name], Role.PURSUER)
-            evader = find_agent(agents.get(opponent, opponent), Role.EVADER)
-            result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
-            record[f"{name} against {opponent}"] = result.to_dict()
-            print(match_table(name, opponent, result), end="\n\n")
+    for name, opponent in pairings(agents):
+        pursuer = find_agent(str(agents[name]), Role.PURSUER)
+        evader = find_agent(str(agents.get(opponent, opponent)), Role.EVADER)
+        result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
+        record[f"{name} against {opponent}"] = result.to_dict()
+        print(match_table(name, opponent, result), end="\n\n")
     write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
     print(f"agents and metrics are in {folder}{os.sep}")

@@ -35,9 +35,10 @@ def test_the_page_asks_nobody_else():
 
 
 def test_colours_are_those_of_all_pictures():
-    style = (PAGE / "style.css").read_text()
+    light, dark = (PAGE / "style.css").read_text().split("@media (prefers-color-scheme: dark)")
     for name in ("pursuer", "evader", "obstacle"):
-        assert f"--{name}: {getattr(palette, name.upper())};" in style
+        assert f"--{name}: {palette.LIGHT[name]};" in light
+        assert f"--{name}: {palette.DARK[name]};" in dark
 
 
 def test_a_person_meets_the_best_unless_told_otherwise():
