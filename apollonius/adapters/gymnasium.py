@@ -81,5 +81,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 
-gymnasium.register("apollonius/Pursuit-v0", f"{__name__}:OneSide", kwargs={"role": Role.PURSUER})
-gymnasium.register("apollonius/Evasion-v0", f"{__name__}:OneSide", kwargs={"role": Role.EVADER})
+_MANY = "apollonius.adapters.vector:ManyGames"
+for _name, _role in (("Pursuit", Role.PURSUER), ("Evasion", Role.EVADER)):
+    gymnasium.register(
+        f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
+    )
