@@ -14,8 +14,8 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.agents.catalogue import find_agent
 from apollonius.errors import require
+from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, Role
 
 _SPARE = 4
@@ -64,7 +64,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation: str = "encoded",
     ) -> None:
         require(num_envs >= 1, "num_envs", num_envs, "at least 1")
-        game = make_game(game) if isinstance(game, str) else game
+        game = find_game(game) if isinstance(game, str) else game
         self.num_envs = num_envs
         self.single_observation_space = observation_space(observation)
         self.single_action_space = action_space()

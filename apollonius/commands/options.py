@@ -23,16 +23,16 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose the game and its start."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
 
 
 def requested_game(options: argparse.Namespace) -> "Game":
     """The named game with the wanted starts."""
     from dataclasses import replace
 
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
 
-    game = make_game(options.game)
+    game = find_game(options.game)
     return replace(game, starts=replace(game.starts, speed=options.starts))
 
 
