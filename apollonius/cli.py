@@ -5,6 +5,7 @@ import os
 import sys
 from typing import NoReturn
 
+from apollonius.commands.arena import add_arena
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.options import INTERRUPTED
@@ -14,7 +15,7 @@ from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
-COMMANDS = (add_train, add_resume, add_evaluate, add_tournament, add_show, add_reproduce, add_bench)
+COMMANDS = (add_train, add_resume, add_evaluate, add_tournament, add_show, add_arena, add_reproduce, add_bench)
 """In the order of the help."""
 
 
