@@ -5,6 +5,7 @@ import os
 import sys
 from typing import NoReturn
 
+from apollonius.commands.arena import add_arena
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
@@ -20,7 +21,7 @@ from apollonius.errors import InvalidInput
 
 COMMANDS = (
     add_train, add_resume, add_evaluate, add_tournament, add_exploit, add_show, add_slice, add_report, add_play,
-    add_reproduce, add_bench,
+    add_arena, add_reproduce, add_bench,
 )  # fmt: skip
 """In the order of the help."""
 

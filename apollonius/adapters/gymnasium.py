@@ -9,8 +9,8 @@ from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.agents.catalogue import find_agent
+from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 
@@ -23,7 +23,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
     Args:
         role: the side that acts from outside.
         opponent: player of the other side, as `find_agent` knows it.
-        game: the game, or the name of one.
+        game: the game, the name of one, or its `.toml` file.
         observation: profile of what is seen (`apollonius.game.observation`).
         render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
 
@@ -41,7 +41,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         observation: str = "encoded",
         render_mode: str | None = None,
     ) -> None:
-        game = make_game(game) if isinstance(game, str) else game
+        game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
@@ -81,5 +81,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 
-gymnasium.register("apollonius/Pursuit-v0", f"{__name__}:OneSide", kwargs={"role": Role.PURSUER})
-gymnasium.register("apollonius/Evasion-v0", f"{__name__}:OneSide", kwargs={"role": Role.EVADER})
+_MANY = "apollonius.adapters.vector:ManyGames"
+for _name, _role in (("Pursuit", Role.PURSUER), ("Evasion", Role.EVADER)):
+    gymnasium.register(
+        f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
+    )

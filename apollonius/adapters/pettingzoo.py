@@ -10,8 +10,8 @@ from pettingzoo import ParallelEnv
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
+from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 AGENTS = {f"{role.name.lower()}_0": role for role in Role}
@@ -26,7 +26,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     row of Tables II and III.
 
     Args:
-        game: the game, or the name of one.
+        game: the game, the name of one, or its `.toml` file.
         observation: profile of what is seen (`apollonius.game.observation`).
         render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
 
@@ -44,7 +44,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def __init__(
         self, game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None
     ) -> None:
-        game = make_game(game) if isinstance(game, str) else game
+        game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
         self.render_mode = render_mode
         self.possible_agents = list(AGENTS)

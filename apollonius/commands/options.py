@@ -26,16 +26,16 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
         "--starts", choices=("rest", "moving", "viable"), default="rest",
         help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
     )  # fmt: skip
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
 
 
 def requested_game(options: argparse.Namespace) -> "Game":
     """The named game with the wanted starts; `viable` ones are drawn from `moving` by who plays."""
     from dataclasses import replace
 
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
 
-    game = make_game(options.game)
+    game = find_game(options.game)
     return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
 
 

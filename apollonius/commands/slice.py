@@ -22,7 +22,7 @@ def add_slice(subparsers: Any) -> None:
     )
     parser.add_argument("--speed", type=float, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
     parser.add_argument("--heading", type=float, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("slice.png"), help="PNG to write (default: %(default)s)")
     parser.set_defaults(run=run_slice)
 
@@ -32,7 +32,7 @@ def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
     from apollonius.agents.catalogue import find_trained
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
     from apollonius.game.types import RobotState
 
     with plots():
@@ -43,6 +43,6 @@ def run_slice(options: argparse.Namespace) -> int:
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
     agent = find_trained(options.agent)
-    save_slice(agent, Path(options.agent).stem, make_game(options.game), own, opponent, options.out)
+    save_slice(agent, Path(options.agent).stem, find_game(options.game), own, opponent, options.out)
     print(f"{options.agent} over the arena; {options.out}")
     return 0

@@ -26,7 +26,7 @@ def add_train(subparsers: Any) -> None:
     )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument("--profile", help="how to learn: fast (default) or paper (plain DQN as printed)")
-    parser.add_argument("--game", help="name of the game (default: paper)")
+    parser.add_argument("--game", help="name of the game, or its .toml file (default: paper)")
     parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
     parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
@@ -76,7 +76,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     """The preset or file, with what the command line changes."""
     from dataclasses import replace
 
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
     from apollonius.learn.config import PRESETS, PROFILES
     from apollonius.learn.folder import load_config
 
@@ -93,7 +93,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
         "evaders": tuple(options.evader) if options.evader else None,
         "pursuer": options.pursuer,
         "dqn": PROFILES.get(options.profile),
-        "game": make_game(options.game) if options.game else None,
+        "game": find_game(options.game) if options.game else None,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
