@@ -8,12 +8,14 @@ from typing import NoReturn
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.options import INTERRUPTED
+from apollonius.commands.regret import add_regret
 from apollonius.commands.reproduce import add_reproduce
 from apollonius.commands.show import add_show
+from apollonius.commands.solve import add_solve
 from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
-COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_reproduce, add_bench)
+COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_solve, add_regret, add_reproduce, add_bench)
 """In the order of the help."""
 
 
