@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
     from apollonius.game.game import Game
+    from apollonius.game.types import Role
+    from apollonius.solve.grid import Grid
 
 AGENT = (
     "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
@@ -37,6 +39,28 @@ def requested_game(options: argparse.Namespace) -> "Game":
 
     game = find_game(options.game)
     return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
+
+
+def add_grid_options(parser: argparse.ArgumentParser) -> None:
+    """Options that choose what to solve on."""
+    parser.add_argument("--grid", help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)")
+    parser.add_argument("--hold", type=int, help="steps for which an action is held (default: about 0.5 s of them)")
+
+
+def requested_grid(options: argparse.Namespace, game: "Game", role: "Role") -> tuple["Grid", int]:
+    """The wanted grid and hold, or those of reference."""
+    from apollonius.game.types import Role
+    from apollonius.solve.grid import make_grid, parse_counts
+    from apollonius.solve.reference import reference_grid
+
+    grid, hold = reference_grid(game, role)
+    if options.grid is not None:
+        body = game.pursuer if role == Role.PURSUER else game.evader
+        grid = make_grid(game.arena, body, parse_counts(options.grid))
+    if options.hold is not None:
+        require(options.hold >= 1, "--hold", options.hold, "at least 1 step of the game")
+        hold = options.hold
+    return grid, hold
 
 
 @contextmanager

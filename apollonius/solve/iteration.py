@@ -58,7 +58,7 @@ def iterate(
         table: where to begin.
         report: told after each sweep.
     """
-    begun = time.perf_counter()
+    begun, residual = time.perf_counter(), float("inf")
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)

@@ -104,7 +104,7 @@ def reach(game, counts, steps, sweeps, target, horizon):
     for _ in range(sweeps):
         table = {
             index: max(
-                discount * value_at(grid, table, one[-1]) if worth is None else worth
+                worth if worth is not None else discount * value_at(grid, table, one[-1]) * (room(game, one) >= 0)
                 for worth, one in zip(events[index], courses[index], strict=True)
             )
             for index in states
