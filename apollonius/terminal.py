@@ -128,6 +128,7 @@ def tournament_table(tournament: Tournament) -> str:
     for side, names, shares in sides:
         playing = sorted(zip(shares, names, strict=True), reverse=True)
         lines.append(f"  {side} " + ", ".join(f"{name} {share:.0%}" for share, name in playing if share >= 0.005))
+    return "\n".join(lines)
 
 
 class SweepDisplay:

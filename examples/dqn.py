@@ -81,7 +81,7 @@ def main(arguments: list[str] | None = None) -> None:
             losses.append(float(loss))
         if step % TARGET_PERIOD == 0:
             target = network
-        if ended >= 1000 or stored >= options.env_steps - GAMES:
+        if ended >= 1000 or stored > options.env_steps - GAMES:
             rate = captured / max(ended, 1)
             print(f"{stored:>9,} env steps  {rate:6.1%} captured  loss {np.mean(losses):.3f}", flush=True)
             ended, captured, losses = 0, 0, []

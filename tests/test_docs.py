@@ -3,9 +3,15 @@
 import re
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tomli_w
+
+from apollonius.cli import main
+from apollonius.game.record import to_dict
+from tests.learn.tiny import RUN
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -35,3 +41,31 @@ def test_interfaces():
     names = run("interfaces.md")
     assert names["infos"] == {}
     assert names["observations"].shape == (4096, 8)
+
+
+SHORTER = {
+    "--preset quick": "--config tiny.toml",
+    "--games 2000": "--games 4",
+    "--games 500": "--games 4",
+    "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
+    "random flee-aware circle": "flee-aware",
+}
+
+
+def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypatch, capsys):
+    """Every command of the walk-through, with less training, fewer and shorter games."""
+    monkeypatch.chdir(tmp_path)
+    text = (DOCS / "own_arena.md").read_text()
+    (plan,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    Path("hall.toml").write_text("max_steps = 30\n" + plan)
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    commands = "".join(re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL))
+    for long, short in SHORTER.items():
+        assert long in commands
+        commands = commands.replace(long, short)
+    with jax.numpy_dtype_promotion("standard"):  # which optax needs
+        for command in commands.splitlines():
+            name, *arguments = command.split()
+            assert (name, main(arguments)) == ("apollonius", 0), command
+    assert Path("hall.png").exists()
+    assert "shielded:P_curriculum (pursuer) against flee-aware (evader), 4 games" in capsys.readouterr().out
