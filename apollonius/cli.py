@@ -7,6 +7,7 @@ from typing import NoReturn
 
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
+from apollonius.commands.export import add_export
 from apollonius.commands.options import INTERRUPTED
 from apollonius.commands.play import add_play
 from apollonius.commands.reproduce import add_reproduce
@@ -14,7 +15,7 @@ from apollonius.commands.show import add_show
 from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
-COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_play, add_reproduce, add_bench)
+COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_play, add_export, add_reproduce, add_bench)
 """In the order of the help."""
 
 

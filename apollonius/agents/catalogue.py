@@ -101,7 +101,12 @@ def load_network(name: str, role: Role) -> QNetwork:
     return _load(name, role)[0].network
 
 
-def _load(name: str, role: Role) -> tuple[Agent, Path]:
+def find_trained(name: str) -> tuple[Agent, Path]:
+    """The trained agent of this name, in the zoo or a file, and where its file is.
+
+    Raises:
+        InvalidInput: when there is none, or its file is bad.
+    """
     if name in zoo_names():
         path = ZOO / f"{name}.safetensors"
     elif Path(name).suffix == ".safetensors" or Path(name).exists():
@@ -109,7 +114,11 @@ def _load(name: str, role: Role) -> tuple[Agent, Path]:
     else:
         known = ", ".join([*BUILT_IN, *zoo_names()])
         raise InvalidInput(f"no agent is called '{name}': choose one of {known}, or give a .safetensors file.")
-    agent = load_agent(path)
+    return load_agent(path), path
+
+
+def _load(name: str, role: Role) -> tuple[Agent, Path]:
+    agent, path = find_trained(name)
     if agent.header.role != role.name.lower():
         raise InvalidInput(
             f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
