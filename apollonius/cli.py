@@ -9,6 +9,7 @@ from apollonius.commands.arena import add_arena
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
+from apollonius.commands.export import add_export
 from apollonius.commands.options import INTERRUPTED
 from apollonius.commands.play import add_play
 from apollonius.commands.regret import add_regret
@@ -23,7 +24,7 @@ from apollonius.errors import InvalidInput
 
 COMMANDS = (
     add_train, add_resume, add_evaluate, add_tournament, add_exploit, add_solve, add_regret, add_show, add_slice,
-    add_report, add_play, add_arena, add_reproduce, add_bench,
+    add_report, add_play, add_arena, add_export, add_reproduce, add_bench,
 )  # fmt: skip
 """In the order of the help."""
 

@@ -129,18 +129,17 @@ def _known(game: Game | None, name: str) -> Game:
     return game
 
 
-def find_trained(name: str) -> Agent:
-    """The trained agent of this name in the zoo or of this file, whichever side it plays.
+def find_trained(name: str) -> tuple[Agent, Path]:
+    """The trained agent of this name, in the zoo or a file, and where its file is.
 
     Raises:
         InvalidInput: when there is none, or its file is bad.
     """
-    return load_agent(_path(name, zoo_names()))
+    return _find(name, zoo_names())
 
 
 def _load(name: str, role: Role) -> tuple[Agent, Path]:
-    path = _path(name, [*BUILT_IN, *CLASSICAL, *zoo_names()])
-    agent = load_agent(path)
+    agent, path = _find(name, [*BUILT_IN, *CLASSICAL, *zoo_names()])
     if agent.header.role != role.name.lower():
         raise InvalidInput(
             f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
@@ -149,10 +148,14 @@ def _load(name: str, role: Role) -> tuple[Agent, Path]:
     return agent, path
 
 
-def _path(name: str, known: Sequence[str]) -> Path:
-    """The file of a trained agent; `known` are the names that the refusal offers."""
+def _find(name: str, known: Sequence[str]) -> tuple[Agent, Path]:
+    """A trained agent and its file; `known` are the names that a refusal offers."""
     if name in zoo_names():
-        return ZOO / f"{name}.safetensors"
-    if Path(name).suffix == ".safetensors" or Path(name).exists():
-        return Path(name)
-    raise InvalidInput(f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file.")
+        path = ZOO / f"{name}.safetensors"
+    elif Path(name).suffix == ".safetensors" or Path(name).exists():
+        path = Path(name)
+    else:
+        raise InvalidInput(
+            f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file."
+        )
+    return load_agent(path), path

@@ -42,7 +42,7 @@ def run_slice(options: argparse.Namespace) -> int:
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
-    agent = find_trained(options.agent)
-    save_slice(agent, Path(options.agent).stem, find_game(options.game), own, opponent, options.out)
+    agent, path = find_trained(options.agent)
+    save_slice(agent, path.stem, find_game(options.game), own, opponent, options.out)
     print(f"{options.agent} over the arena; {options.out}")
     return 0

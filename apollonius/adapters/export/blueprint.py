@@ -1,0 +1,158 @@
+"""What an exported policy is made of: a network, the numbers of a game, and what to do when in doubt."""
+
+import json
+import re
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from apollonius.agents.classical import BRAKE_STRAIGHT
+from apollonius.agents.store import Agent, AgentHeader
+from apollonius.errors import require
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.record import to_dict
+from apollonius.game.types import NUM_ACTIONS, Role
+
+STATE = ("x", "y", "v", "heading")
+"""What a robot's four numbers are: metres, metres, m/s along the heading, radians."""
+LARGEST = 1e6
+"""No number of a state is beyond this, and the sum of all squares is not beyond its square. No NaN compares."""
+FALLBACK = BRAKE_STRAIGHT
+"""The action for what is no state: full braking, straight ahead."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A robot's limits [m/s, m/s^2, rad/s] and its radius [m], as in `Unicycle`."""
+
+    v_min: float
+    v_max: float
+    u1_max: float
+    u2_max: float
+    radius: float
+
+    def __str__(self) -> str:
+        return (
+            f"v from {self.v_min:g} to {self.v_max:g} m/s, |u1| up to {self.u1_max:g} m/s^2, "
+            f"|u2| up to {self.u2_max:g} rad/s, radius {self.radius:g} m"
+        )
+
+
+def _plain(body: Unicycle) -> Body:
+    return Body(*(float(getattr(body, field.name)) for field in fields(Body)))
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """One side's policy: eight numbers in (own x, y, v, heading, then the opponent's), an action and its controls out.
+
+    Attributes:
+        agent: what the agent is called.
+        header: what the agent's file says.
+        game: whose limits and arena are in the observation.
+        layers: weight [out, in] and bias [out] of each layer.
+    """
+
+    agent: str
+    header: AgentHeader
+    game: Game
+    layers: tuple[tuple[Float32[np.ndarray, "_ _"], Float32[np.ndarray, "_"]], ...]
+
+    @cached_property
+    def own(self) -> Body:
+        """The robot that the policy steers."""
+        return _plain(self._bodies[0])
+
+    @cached_property
+    def opponent(self) -> Body:
+        """The other robot."""
+        return _plain(self._bodies[1])
+
+    @property
+    def _bodies(self) -> tuple[Unicycle, Unicycle]:
+        pursuer, evader = self.game.pursuer, self.game.evader
+        return (pursuer, evader) if self.header.role == Role.PURSUER.name.lower() else (evader, pursuer)
+
+    @cached_property
+    def walls(self) -> tuple[float, float, float, float]:
+        """x_min, x_max, y_min, y_max [m]."""
+        arena = self.game.arena
+        return float(arena.x_min), float(arena.x_max), float(arena.y_min), float(arena.y_max)
+
+    @cached_property
+    def discs(self) -> list[tuple[float, float, float]]:
+        """Centre x, y and radius [m] of each obstacle."""
+        return [(float(disc.x), float(disc.y), float(disc.radius)) for disc in self.game.arena.discs]
+
+    @cached_property
+    def controls(self) -> Float32[np.ndarray, "9 2"]:
+        """Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of each action (Eq. 4, 5)."""
+        both = [self._bodies[0].controls(jnp.asarray(action)) for action in range(NUM_ACTIONS)]
+        return np.asarray(both, np.float32)
+
+    def values(self, observation: Float32[np.ndarray, " size"]) -> Float64[np.ndarray, "9"]:
+        """The network's action values for an observation, in double precision."""
+        hidden = observation.astype(float)
+        for weight, bias in self.layers[:-1]:
+            hidden = np.maximum(weight @ hidden + bias, 0)
+        weight, bias = self.layers[-1]
+        return weight @ hidden + bias
+
+    @property
+    def title(self) -> str:
+        """What this is, in half a sentence."""
+        return f"The {self.header.role} {self.agent} of a pursuit-evasion game"
+
+    @property
+    def about(self) -> list[str]:
+        """Lines that say what is built in."""
+        header, (x_min, x_max, y_min, y_max) = self.header, self.walls
+        discs = ", ".join(f"({x:g}, {y:g}; {radius:g})" for x, y, radius in self.discs) or "none"
+        return [
+            f"Agent     plays the {header.role}; observation {header.observation} ({header.observation_size} numbers), "
+            f"{header.depth} hidden layers of {header.width} units",
+            f"Arena     x from {x_min:g} to {x_max:g} m, y from {y_min:g} to {y_max:g} m",
+            f"Discs     (x, y; radius) in m: {discs}",
+            f"Own       {self.own}",
+            f"Opponent  {self.opponent}",
+            f"Step      controls are held for {self.game.dt:g} s",
+        ]
+
+    def metadata(self) -> dict[str, str]:
+        """The agent's header, the game that is built in, and the one that it was trained for."""
+        said: dict[str, Any] = asdict(self.header)
+        said |= {"agent": self.agent, "trained_game": said["game"], "game": to_dict(self.game)}
+        return {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+
+
+def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
+    """The policy of a trained agent in a game.
+
+    Raises:
+        InvalidInput: for a robot whose braking does not end at rest, and a network with numbers that are none.
+    """
+    layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
+    finite = all(np.isfinite(part).all() for layer in layers for part in layer)
+    require(finite, "weights", "NaN or infinite", "finite; train the agent again")
+    blueprint = Blueprint(name, agent.header, game, layers)
+    own = blueprint.own
+    bound = "0 m/s, so that braking, the answer to a broken state, ends at rest"
+    require(own.v_min == 0, "v_min", own.v_min, bound)
+    require(own.u1_max > 0, "u1_max", own.u1_max, "more than 0 m/s^2, or the robot cannot brake")
+    return blueprint
+
+
+def identifier(out: Path) -> str:
+    """What the policy of a file is called in C and Python: the file's name, other characters replaced by `_`.
+
+    Raises:
+        InvalidInput: for a name that does not begin with a letter.
+    """
+    require(re.match("[A-Za-z]", out.name), "--out", out, "a file whose name begins with a letter")
+    return re.sub(r"\W", "_", out.stem, flags=re.ASCII)

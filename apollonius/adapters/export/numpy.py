@@ -1,0 +1,58 @@
+"""A policy as one Python file that needs NumPy alone: code to read, and the weights in base64 below it."""
+
+import base64
+import importlib.util
+import textwrap
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body, identifier
+from apollonius.adapters.export.parity import Decide
+from apollonius.adapters.export.template import fill, shared
+
+SUFFIX = ".py"
+_LINE = 116
+
+
+def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
+    """The file."""
+    numbers = np.concatenate([part.ravel() for layer in blueprint.layers for part in layer]).astype("<f4")
+    sizes = [blueprint.header.observation_size, *(len(bias) for _, bias in blueprint.layers)]
+    text = fill(
+        "policy.py.in",
+        **shared(blueprint),
+        name=identifier(out),
+        about="\n".join(blueprint.about),
+        largest_square=f"{LARGEST**2:g}",
+        own=_body(blueprint.own),
+        opponent=_body(blueprint.opponent),
+        walls=", ".join(map(repr, blueprint.walls)),
+        discs=blueprint.discs,
+        controls="[\n" + "".join(f"    ({u1!s}, {u2!s}),\n" for u1, u2 in blueprint.controls) + "]",
+        sizes=sizes,
+        observation=fill(f"{blueprint.header.observation}.py.in").rstrip(),
+        weights=textwrap.fill(base64.b64encode(numbers.tobytes()).decode(), _LINE),
+    )
+    return {out: text.encode()}
+
+
+def load(source: Path) -> Decide:
+    """Import the file and call it."""
+    spec = importlib.util.spec_from_file_location(identifier(source), source)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    decide = module.decide
+
+    def decide_on(state: Float32[np.ndarray, "8"]) -> tuple[int, float, float]:
+        return decide(state.tolist())
+
+    return decide_on
+
+
+def _body(body: Body) -> str:
+    return ", ".join(f"{name}={value!r}" for name, value in asdict(body).items())

@@ -1,0 +1,112 @@
+"""`apollonius export`: a trained agent as a file that needs no JAX."""
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.errors import InvalidInput, require
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+    from apollonius.adapters.export.blueprint import Blueprint
+    from apollonius.adapters.export.parity import Decide
+    from apollonius.agents.policy import AbstractPolicy
+
+FORMATS = ("onnx", "numpy", "c")
+STATES = 10_000
+"""Decisions of real games that an exported policy is compared on."""
+
+
+def add_export(subparsers: Any) -> None:
+    """The parser of `export`."""
+    parser = subparsers.add_parser("export", help="write a trained agent as ONNX, NumPy or C, which need no JAX")
+    parser.add_argument("agent", metavar="AGENT", help="a zoo agent, or a .safetensors file")
+    parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, one Python file with NumPy, or C99")
+    parser.add_argument("--out", type=Path, required=True, help="file to write: .onnx, .py or .c (with its .h)")
+    parser.add_argument("--game", help="name of the game that is built in (default: the one the agent was made for)")
+    parser.set_defaults(run=run_export)
+
+
+def run_export(options: argparse.Namespace) -> int:
+    """Write the file and check it."""
+    from importlib import import_module
+
+    from apollonius.adapters.export.blueprint import make_blueprint
+    from apollonius.agents.catalogue import BUILT_IN, SHIELDED, find_trained
+    from apollonius.agents.greedy import Greedy
+    from apollonius.agents.store import write_atomically
+    from apollonius.game.game import Game
+    from apollonius.game.presets import make_game
+    from apollonius.game.record import from_dict
+
+    name: str = options.agent
+    if name.startswith(SHIELDED):
+        raise InvalidInput(f"'{name}' cannot be exported, a shield runs in the package alone: export its bare player.")
+    require(name not in BUILT_IN, "AGENT", name, "a trained agent: one of the zoo, or a .safetensors file")
+    try:
+        format_ = import_module(f"apollonius.adapters.export.{options.to}")
+    except ModuleNotFoundError as error:
+        if error.name != "onnx":
+            raise
+        raise InvalidInput("writing ONNX needs a library: pip install 'apollonius[export]'.") from error
+    out: Path = options.out
+    require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
+    agent, path = find_trained(name)
+    require(
+        options.game or agent.header.game, "--game", None, f"given, since '{name}' does not say what it was made for"
+    )
+    game = make_game(options.game) if options.game else from_dict(Game, agent.header.game, f"'{name}'")
+    blueprint = make_blueprint(path.stem, agent, game)
+    with tempfile.TemporaryDirectory() as folder:
+        files = format_.make_files(blueprint, Path(folder) / out.name)
+        for file, content in files.items():
+            file.write_bytes(content)
+        checked = _check(blueprint, Greedy(agent.network), lambda: format_.load(Path(folder) / out.name))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for file, content in files.items():
+        write_atomically(out.with_name(file.name), content)
+    print(
+        f"{blueprint.title} is in {' and '.join(str(out.with_name(file.name)) for file in files)}", *checked, sep="\n"
+    )
+    return 0
+
+
+def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[], Decide]") -> list[str]:
+    """Lines that say whether the exported policy decides as the package's player, and how quickly.
+
+    Raises:
+        InvalidInput: if it does not.
+    """
+    from apollonius.adapters.export.parity import CannotRun, compare, median_microseconds
+    from apollonius.evaluate.decisions import decisions
+    from apollonius.game.types import Role
+
+    try:
+        decide = load()
+    except CannotRun as reason:
+        return [f"not checked: {reason}"]
+    played = decisions(blueprint.game, player, Role[blueprint.header.role.upper()], STATES)
+    parity = compare(decide, blueprint, played.states, played.observations, played.actions)
+    if parity.errors:
+        raise InvalidInput(
+            f"{parity.errors:,} of {STATES:,} actions differ from the package's: report this as an error."
+        )
+    ties = f", {parity.ties} of them equal in value to rounding" if parity.ties else ""
+    lines = [f"checked in {STATES:,} states of games: {parity.ties} actions differ from the package's{ties}"]
+    deciders: dict[str, Callable[[np.ndarray], object]] = {"this file": decide}
+    states = {"this file": played.states}
+    try:
+        from apollonius.adapters.export.onnx import load_network
+
+        deciders["network"], states["network"] = load_network(blueprint), played.observations
+        beside = ""
+    except (ModuleNotFoundError, CannotRun):
+        beside = "; onnxruntime is not installed to compare with: pip install 'apollonius[export]'"
+    times = median_microseconds(deciders, states)
+    if "network" in times:
+        beside = f"; onnxruntime, the network alone: {times['network']:.1f} us"
+    return [*lines, f"one decision, median of 10,000: {times['this file']:.1f} us{beside}"]

@@ -1,0 +1,72 @@
+"""What a player does in real games: the states it decides in, and its actions."""
+
+import functools
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
+
+from apollonius.agents.policy import AbstractPolicy, Pool, solo
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import require
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import Role
+from apollonius.rollout import begin, collect
+
+_GAMES = 100
+_SPACING = 5
+"""Steps between two states that are kept: the ones between are much like them."""
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """States, actions and what was seen, of one side.
+
+    Attributes:
+        states: x [m], y [m], v [m/s], heading [rad] of the side's own robot, then of its opponent.
+        observations: the same in the player's profile.
+        actions: what the player did, 0..8.
+    """
+
+    states: Float32[np.ndarray, "count 8"]
+    observations: Float32[np.ndarray, "count size"]
+    actions: Int[np.ndarray, " count"]
+
+
+def decisions(game: Game, player: AbstractPolicy, role: Role, count: int, seed: int = 0) -> Decisions:
+    """Decisions in games against a random opponent, 100 of them at a time; a finished one begins again.
+
+    Args:
+        count: how many.
+        seed: of starts and of everything random in the games.
+
+    Raises:
+        InvalidInput: unless `count` is at least 1.
+    """
+    require(count >= 1, "count", count, "at least 1")
+    states, seen, actions = _play(game, solo(player), role, jax.random.key(seed), rows=-(-count // _GAMES))
+    return Decisions(*(np.asarray(part)[:count] for part in (states, seen, actions)))
+
+
+@functools.partial(jax.jit, static_argnames=("role", "rows"))
+def _play(
+    game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
+) -> tuple[Float[Array, "decisions 8"], Float[Array, "decisions size"], Int[Array, " decisions"]]:
+    start_key, word_key, play_key = jax.random.split(key, 3)
+    sides = (player, solo(Uniform())) if role == Role.PURSUER else (solo(Uniform()), player)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
+    first = jax.tree.map(lambda leaf: leaf[0], starts)
+    games = begin(first, *sides, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
+
+    def step(games, row):
+        fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
+        after, moves = collect(game, *sides, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
+        state, side = games.state, moves.pursuer if role == Role.PURSUER else moves.evader
+        robots = (state.pursuer, state.evader) if role == Role.PURSUER else (state.evader, state.pursuer)
+        return after, (jnp.stack(jax.tree.leaves(robots), axis=-1), side.observation[0], side.action[0])
+
+    kept = jax.lax.scan(step, games, jnp.arange(rows))[1]
+    states, seen, actions = (leaf.reshape(rows * _GAMES, *leaf.shape[2:]) for leaf in kept)
+    return states, seen, actions

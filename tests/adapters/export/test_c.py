@@ -1,0 +1,81 @@
+"""The C sources: what they need, and that they do nothing undefined."""
+
+import subprocess
+from ctypes import c_float
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+from apollonius.adapters.export import c
+from tests.adapters.export.conftest import Case
+
+pytestmark = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
+
+MATHEMATICS = {"cosf", "sinf", "sincosf", "hypotf", "sqrtf", "ceilf", "fmaxf", "fminf"}
+PROGRAM = """
+#include <math.h>
+#include <stdio.h>
+#include "one.h"
+#include "two.h"
+
+int main(void)
+{
+    float state[8] = {1, 2, 0.5f, 3, 7, 6, 0, -9}, controls[2];
+    for (int i = 0; i < 50; i++) {
+        state[i % 8] += 0.1f * (float)i;
+        printf("%d %d\\n", one_decide(state, controls), two_decide(state, controls));
+    }
+    state[4] = NAN;
+    printf("%d %g %g\\n", one_decide(state, controls), controls[0], controls[1]);
+    return 0;
+}
+"""
+
+
+def write(case: Case, out: Path) -> None:
+    for path, content in c.make_files(case.blueprint, out).items():
+        path.write_bytes(content)
+
+
+def gcc(folder, *arguments):
+    subprocess.run(["gcc", *c.FLAGS, *arguments], cwd=folder, check=True)
+
+
+def test_it_calls_nothing_but_mathematics(case, tmp_path):
+    write(case, tmp_path / "one.c")
+    gcc(tmp_path, "-c", "one.c")
+    listed = subprocess.run(["nm", "one.o"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    symbols = [line.split() for line in listed.splitlines()]
+    assert {symbol[-1] for symbol in symbols if symbol[-2] == "U"} <= MATHEMATICS
+    assert {symbol[-1] for symbol in symbols if symbol[-2] == "T"} == {"one_decide"}
+    assert not [symbol for symbol in symbols if symbol[-2] in "BbDd"], "nothing can be written to"
+
+
+def test_two_policies_in_one_program_run_without_a_fault_under_valgrind(case, tmp_path):
+    for name in ("one", "two"):
+        write(case, tmp_path / f"{name}.c")
+    (tmp_path / "main.c").write_text(PROGRAM)
+    gcc(tmp_path, "-g", "main.c", "one.c", "two.c", "-lm", "-o", "main")
+    checked = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full"] if which("valgrind") else []
+    run = subprocess.run([*checked, "./main"], cwd=tmp_path, check=True, capture_output=True, text=True)
+    *lines, last = run.stdout.splitlines()
+    assert len(set(lines)) > 1
+    assert all(one == two for one, two in map(str.split, lines))
+    assert last == f"1 {-case.blueprint.own.u1_max:g} 0"
+    assert run.stderr == ""
+
+
+def test_a_compiler_that_would_not_notice_a_nan_is_refused(case, tmp_path, capfd):
+    write(case, tmp_path / "one.c")
+    with pytest.raises(subprocess.CalledProcessError):
+        c.load(tmp_path / "one.c", (*c.FLAGS, "-ffast-math"))
+    assert "-ffast-math" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("value", [0.0, -0.0, 1.0, -2.5, 0.1, 1e-40, 3.4e38, 2.0**-149])
+def test_numbers_are_written_exactly(value):
+    single = c_float(value).value
+    text = c._exact(single)
+    assert float.fromhex(text.removesuffix("f")) == single
+    assert len(text) <= len("-0x1.123456p-126f")

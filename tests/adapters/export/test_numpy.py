@@ -1,0 +1,53 @@
+"""The Python file: what it imports, what it sees, what it says."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from apollonius.adapters.export import numpy as export
+
+ALONE = """
+import json, sys
+before = set(sys.modules)
+sys.path.insert(0, sys.argv[1])
+import policy
+answer = policy.decide(json.loads(sys.argv[2]))
+foreign = {name.split(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)
+print(json.dumps([answer, sorted(foreign)]))
+"""
+
+
+def written(case, folder):
+    for path, content in export.make_files(case.blueprint, folder / "policy.py").items():
+        path.write_bytes(content)
+    return folder / "policy.py"
+
+
+def test_it_needs_numpy_alone(case, tmp_path):
+    written(case, tmp_path)
+    state = json.dumps(case.states[0].tolist())
+    run = subprocess.run(
+        [sys.executable, "-c", ALONE, str(tmp_path), state], check=True, capture_output=True, text=True
+    )
+    (action, *controls), foreign = json.loads(run.stdout)
+    assert action == case.actions[0]
+    assert controls == pytest.approx(case.blueprint.controls[action])
+    assert foreign == ["numpy", "policy"]
+
+
+def test_it_sees_what_the_package_sees(case, tmp_path):
+    names = {}
+    exec(written(case, tmp_path).read_text(), names)
+    for state, observation in zip(case.states.tolist(), case.observations, strict=True):
+        seen = names["observe"](names["Robot"](*state[:4]), names["Robot"](*state[4:]))
+        np.testing.assert_allclose(seen, observation, atol=2e-5)
+
+
+def test_anything_but_eight_numbers_is_refused(case, tmp_path):
+    names = {}
+    exec(written(case, tmp_path).read_text(), names)
+    with pytest.raises(ValueError, match="8 numbers, not 7"):
+        names["decide"]([0.0] * 7)
