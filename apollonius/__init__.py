@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from apollonius.agents.store import save_agent as save_agent
     from apollonius.evaluate.match import play_match as play_match
     from apollonius.evaluate.match import record_game as record_game
+    from apollonius.evaluate.regret import measure_regret as measure_regret
     from apollonius.game.arena import Arena as Arena
     from apollonius.game.arena import Disc as Disc
     from apollonius.game.dynamics import Unicycle as Unicycle
@@ -36,6 +37,13 @@ if TYPE_CHECKING:
     from apollonius.replay import save_replay as save_replay
     from apollonius.rollout import collect as collect
     from apollonius.rollout import play_out as play_out
+    from apollonius.solve.reach import make_chase as make_chase
+    from apollonius.solve.reach import solve_reach as solve_reach
+    from apollonius.solve.reference import reference_grid as reference_grid
+    from apollonius.solve.safety import kernel_shielded as kernel_shielded
+    from apollonius.solve.safety import solve_safety as solve_safety
+    from apollonius.solve.store import load_solution as load_solution
+    from apollonius.solve.table_policy import TablePolicy as TablePolicy
 
 _HOMES = {
     "adapters.pettingzoo": ("parallel_env",),
@@ -45,6 +53,7 @@ _HOMES = {
     "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
     "evaluate.match": ("play_match", "record_game"),
+    "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
     "game.dynamics": ("Unicycle",),
     "game.file": ("find_game",),
@@ -55,6 +64,11 @@ _HOMES = {
     "game.types": ("GameState", "Outcome", "RobotState", "Role"),
     "replay": ("load_replay", "save_replay"),
     "rollout": ("collect", "play_out"),
+    "solve.reach": ("make_chase", "solve_reach"),
+    "solve.reference": ("reference_grid",),
+    "solve.safety": ("kernel_shielded", "solve_safety"),
+    "solve.store": ("load_solution",),
+    "solve.table_policy": ("TablePolicy",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]

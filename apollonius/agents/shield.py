@@ -106,7 +106,8 @@ def brakes(game: Game, role: Role) -> Backup:
         InvalidInput: when that side's robot cannot brake to rest.
     """
     body = game.pursuer if role == Role.PURSUER else game.evader
-    require(body.v_min <= 0 < body.u1_max, "v_min, u1_max", (body.v_min, body.u1_max), "of a robot that can stop")
+    bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
+    require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     return Backup(game.arena, body, game.dt, steps=ceil(body.v_max / (body.u1_max * game.dt)))
 
 

@@ -108,7 +108,7 @@ def _about_safety(solution: "Solution", game: "Game", role: "Role", grid: "Grid"
     kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
     facts = {"moving starts lost, by the table": float(jnp.mean(kept < 0))}
     body = (game.pursuer, game.evader)[role]
-    if body.v_min <= 0 < body.u1_max:
+    if body.brakes_to_rest:
         ways = {"as the table steers": steered_brakes(game, role, grid, solution.table), "": brakes(game, role)}
         for how, backup in ways.items():
             lost = float(jnp.mean(jax.jit(jax.vmap(backup.room))(robots) < 0))

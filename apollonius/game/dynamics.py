@@ -54,6 +54,11 @@ class Unicycle(eqx.Module):
     u2_max: Real = 0.8
     radius: Real = 0.0
 
+    @property
+    def brakes_to_rest(self) -> bool:
+        """Whether full braking ends at rest, neither driving on nor backwards."""
+        return bool(self.v_min == 0 and self.u1_max > 0)
+
     def controls(self, action: Int[Array, ""]) -> tuple[Scalar, Scalar]:
         """The control inputs of a discrete action (Eq. 4, 5).
 

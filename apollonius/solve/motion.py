@@ -11,6 +11,9 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
 
+_UNROLL = 5
+"""Steps compiled in a row: quicker than a loop, and no longer to compile for a long hold."""
+
 
 class Motion(eqx.Module):
     """One robot alone in its arena, by the rules' own dynamics and contact.
@@ -33,10 +36,13 @@ class Motion(eqx.Module):
     def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
         """The states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
         controls = self.body.controls(action)
-        course = [robot]
-        for _ in range(self.steps):
-            course.append(self.body.move(course[-1], *controls, self.dt))
-        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *course)
+
+        def one_step(before: RobotState, _: None) -> tuple[RobotState, RobotState]:
+            after = self.body.move(before, *controls, self.dt)
+            return after, after
+
+        _, course = jax.lax.scan(one_step, robot, None, self.steps, unroll=min(self.steps, _UNROLL))
+        return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), robot, course)
 
     def room(self, course: RobotState) -> Scalar:
         """Least clearance [m] of the body along a course, step by step as the rules judge it."""

@@ -7,7 +7,9 @@ from apollonius.game.types import Role
 from apollonius.solve.grid import Grid, make_grid
 
 SPACING = 0.2
-"""Distance between neighbours along x and y [m]."""
+"""Distance between neighbours along x and y [m], where that takes no more than `MOST` nodes."""
+MOST = 101
+"""Nodes along x and along y."""
 HOLD = 0.5
 """How long an action is held [s]: long enough to leave a cell, short enough to steer."""
 _HEADINGS = range(40, 65)
@@ -29,7 +31,7 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     turn = float(body.u2_max) * dt * hold
     headings = min(_HEADINGS, key=lambda count: abs(_cells(turn, count) - round(_cells(turn, count))))
     arena = game.arena
-    x, y = (ceil(size / SPACING) + 1 for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
+    x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 

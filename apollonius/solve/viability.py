@@ -13,17 +13,19 @@ from apollonius.errors import InvalidInput
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, RobotState, Role, Scalar
 from apollonius.solve.grid import Grid
+from apollonius.solve.iteration import Table
 from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety, steered_brakes
 
 _ROUNDS = 1000
+"""Draws of as many starts as are wanted, before it is said that hardly any is viable."""
 
 
 class Kept(eqx.Module):
-    """The room [m] that a robot can keep, from a table alone: for robots that cannot stop."""
+    """The room [m] that a robot can keep, from a table alone: for robots that do not stop when they brake."""
 
     grid: Grid
-    table: Array
+    table: Table
 
     def room(self, robot: RobotState) -> Scalar:
         """Interpolated, so only as exact as the grid."""
@@ -49,8 +51,8 @@ class Viability(eqx.Module):
 def solve_viability(game: Game) -> Viability:
     """Solve both robots' safety on the reference grid; the answer for the latest games is remembered.
 
-    A robot that can stop is lost where neither braking straight or in a turn, nor braking as the kernel steers,
-    comes to rest without contact in the continuous game. One that cannot is lost where its table says so.
+    A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
+    comes to rest without contact in the continuous game. Another one is lost where its table says so.
     """
     pursuer = _judge(game, Role.PURSUER)
     return Viability(pursuer, pursuer if game.evader == game.pursuer else _judge(game, Role.EVADER))
@@ -60,7 +62,7 @@ def _judge(game: Game, role: Role) -> Backup | Kept:
     body = game.pursuer if role == Role.PURSUER else game.evader
     grid, hold = reference_grid(game, role)
     table = solve_safety(game, role, grid, hold).table
-    return steered_brakes(game, role, grid, table) if body.v_min <= 0 < body.u1_max else Kept(grid, table)
+    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else Kept(grid, table)
 
 
 @eqx.filter_jit

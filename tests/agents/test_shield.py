@@ -102,9 +102,10 @@ def test_a_robot_that_is_lost_does_what_leaves_most_room():
     assert room[int(guarded(seen, jnp.uint32(0)))] == max(room)
 
 
-def test_a_robot_that_cannot_stop_is_refused():
-    with pytest.raises(InvalidInput, match=r"v_min, u1_max = \(0.2, 0.3\) .*can stop"):
-        shielded(Uniform(), Game(pursuer=Unicycle(v_min=0.2)), Role.PURSUER)
+@pytest.mark.parametrize("v_min", [0.2, -0.5], ids=["drives on", "goes backwards"])
+def test_a_robot_that_does_not_come_to_rest_is_refused(v_min):
+    with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, 0.3\) .*can stop"):
+        shielded(Uniform(), Game(pursuer=Unicycle(v_min=v_min)), Role.PURSUER)
 
 
 def test_a_name_asks_for_the_shield():

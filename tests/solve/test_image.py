@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -59,4 +60,8 @@ def test_a_robot_of_other_limits_has_a_reference_grid_too():
     odd = Game(pursuer=Unicycle(v_min=0.1, v_max=1.03, u1_max=0.0, u2_max=0.0), dt=0.7)
     grid, hold = reference_grid(odd, Role.PURSUER)
     assert hold == 1
+    assert odd.pursuer.brakes_to_rest is False
     assert grid.counts[2] >= 2
+    wide = Game(arena=Arena(x_max=200.0), dt=0.01)
+    assert reference_grid(wide, Role.PURSUER)[0].counts[:2] == (101, 51)
+    assert reference_grid(wide, Role.PURSUER)[1] == 50
