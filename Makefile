@@ -14,12 +14,12 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
 	$(BIN)/apollonius report runs/demo
 
-# Style, types, tests.
+# Style, types, tests; the files of tests are shared out between the cores.
 test: $(VENV)/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
 
 # Every figure and table of the paper; BUDGET=quick takes minutes.
 BUDGET ?= paper
