@@ -6,9 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from apollonius.adapters.export.blueprint import identifier
 from apollonius.adapters.export.parity import compare, microseconds
-from apollonius.errors import InvalidInput
 from tests.adapters.export.conftest import ONE_OF_EACH_PROFILE
 
 one_case = pytest.mark.parametrize("case", ONE_OF_EACH_PROFILE[:1], indirect=True)
@@ -57,14 +55,3 @@ def test_each_is_timed_over_its_own_states():
     assert seen["few"][:4] == [0, 1, 2, 0]
     assert sorted(set(seen["many"])) == [*range(1000)]
     assert len(seen["few"]) == len(seen["many"]) == 1100
-
-
-@pytest.mark.parametrize(("file", "name"), [("P_pool.c", "P_pool"), ("best-of.3.c", "best_of_3")])
-def test_a_policy_is_called_as_its_file(tmp_path, file, name):
-    assert identifier(tmp_path / file) == name
-
-
-@pytest.mark.parametrize("file", ["3.c", "_.c", "ü.c"])
-def test_a_file_that_nothing_can_be_called_after_is_refused(tmp_path, file):
-    with pytest.raises(InvalidInput, match="begins with a letter"):
-        identifier(tmp_path / file)
