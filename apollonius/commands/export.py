@@ -10,8 +10,6 @@ from apollonius.errors import InvalidInput, require
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-
     from apollonius.adapters.export.blueprint import Blueprint
     from apollonius.adapters.export.parity import Decide
     from apollonius.agents.policy import AbstractPolicy
@@ -69,9 +67,8 @@ def run_export(options: argparse.Namespace) -> int:
     out.parent.mkdir(parents=True, exist_ok=True)
     for file, content in files.items():
         write_atomically(out.with_name(file.name), content)
-    print(
-        f"{blueprint.title} is in {' and '.join(str(out.with_name(file.name)) for file in files)}", *checked, sep="\n"
-    )
+    written = " and ".join(str(out.with_name(file.name)) for file in files)
+    print(f"{blueprint.title} is in {written}", *checked, sep="\n")
     return 0
 
 
@@ -81,7 +78,9 @@ def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[],
     Raises:
         InvalidInput: if it does not.
     """
-    from apollonius.adapters.export.parity import CannotRun, compare, median_microseconds
+    import numpy as np
+
+    from apollonius.adapters.export.parity import CannotRun, compare, microseconds
     from apollonius.evaluate.decisions import decisions
     from apollonius.game.types import Role
 
@@ -106,7 +105,7 @@ def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[],
         beside = ""
     except (ModuleNotFoundError, CannotRun):
         beside = "; onnxruntime is not installed to compare with: pip install 'apollonius[export]'"
-    times = median_microseconds(deciders, states)
+    times = {name: float(np.median(taken)) for name, taken in microseconds(deciders, states).items()}
     if "network" in times:
         beside = f"; onnxruntime, the network alone: {times['network']:.1f} us"
     return [*lines, f"one decision, median of 10,000: {times['this file']:.1f} us{beside}"]

@@ -22,7 +22,7 @@ from apollonius.game.types import NUM_ACTIONS, Role
 STATE = ("x", "y", "v", "heading")
 """What a robot's four numbers are: metres, metres, m/s along the heading, radians."""
 LARGEST = 1e6
-"""No number of a state is beyond this, and the sum of all squares is not beyond its square. No NaN compares."""
+"""No number of a state is beyond this. Compared is the sum of their squares: one test, and a NaN fails it too."""
 FALLBACK = BRAKE_STRAIGHT
 """The action for what is no state: full braking, straight ahead."""
 
@@ -53,7 +53,7 @@ class Blueprint:
     """One side's policy: eight numbers in (own x, y, v, heading, then the opponent's), an action and its controls out.
 
     Attributes:
-        agent: what the agent is called.
+        agent: what the agent is called, without what could end a comment or a string.
         header: what the agent's file says.
         game: whose limits and arena are in the observation.
         layers: weight [out, in] and bias [out] of each layer.
@@ -140,7 +140,7 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
     finite = all(np.isfinite(part).all() for layer in layers for part in layer)
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
-    blueprint = Blueprint(name, agent.header, game, layers)
+    blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)
     own = blueprint.own
     bound = "0 m/s, so that braking, the answer to a broken state, ends at rest"
     require(own.v_min == 0, "v_min", own.v_min, bound)
@@ -149,10 +149,11 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
 
 
 def identifier(out: Path) -> str:
-    """What the policy of a file is called in C and Python: the file's name, other characters replaced by `_`.
+    """What the policy of a file is called in C and Python: the file's name without its ending.
 
     Raises:
-        InvalidInput: for a name that does not begin with a letter.
+        InvalidInput: for a name that neither of them allows.
     """
-    require(re.match("[A-Za-z]", out.name), "--out", out, "a file whose name begins with a letter")
-    return re.sub(r"\W", "_", out.stem, flags=re.ASCII)
+    allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
+    require(allowed, "--out", out, "a file whose name begins with a letter and goes on with letters, digits and _")
+    return out.stem

@@ -57,7 +57,7 @@ def load_network(blueprint: Blueprint) -> Callable[[Float32[np.ndarray, " size"]
 
 
 def _session(model: bytes) -> Any:
-    """One thread: a second one makes a single decision slower."""
+    """One thread: a second is of no use to a single decision."""
     try:
         import onnxruntime
     except ModuleNotFoundError as error:

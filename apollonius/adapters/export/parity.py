@@ -1,13 +1,12 @@
 """Whether an exported policy decides as the package's own player does, and how long it takes."""
 
-import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice
 
 import numpy as np
-from jaxtyping import Float32, Int
+from jaxtyping import Float, Float32, Int
 
 from apollonius.adapters.export.blueprint import Blueprint
 
@@ -52,15 +51,15 @@ def compare(
             errors += 1
         elif chosen != action:
             values = blueprint.values(observation)
-            is_tie = abs(values[chosen] - values[action]) <= ROUNDING * np.max(np.abs(values))
+            is_tie = bool(abs(values[chosen] - values[action]) <= ROUNDING * np.max(np.abs(values)))
             ties, errors = ties + is_tie, errors + (not is_tie)
     return Parity(len(states), ties, errors)
 
 
-def median_microseconds(
+def microseconds(
     deciders: Mapping[str, Callable[[np.ndarray], object]], states: Mapping[str, np.ndarray], calls: int = 10_000
-) -> dict[str, float]:
-    """Median time of one call of each, over its own states, one at a time.
+) -> dict[str, Float[np.ndarray, " calls"]]:
+    """How long calls of each took, over its own states, one at a time.
 
     They take turns in blocks, so that a busy machine slows all alike; the first calls of a block, which find the
     other's numbers in the cache, are not counted.
@@ -75,4 +74,4 @@ def median_microseconds(
                 began = time.perf_counter_ns()
                 decide(state)
                 spent[name].append(time.perf_counter_ns() - began)
-    return {name: statistics.median(times) / 1000 for name, times in spent.items()}
+    return {name: np.array(times) / 1000 for name, times in spent.items()}

@@ -35,6 +35,7 @@ CASES = [
     ("paper", "unequal", Role.PURSUER),
     ("paper", "unequal", Role.EVADER),
 ]
+ONE_OF_EACH_PROFILE = [CASES[1], CASES[5]]
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,18 @@
 """The C sources: what they need, and that they do nothing undefined."""
 
 import subprocess
-from ctypes import c_float
 from pathlib import Path
 from shutil import which
 
 import pytest
 
 from apollonius.adapters.export import c
-from tests.adapters.export.conftest import Case
+from tests.adapters.export.conftest import ONE_OF_EACH_PROFILE, Case
 
-pytestmark = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
+pytestmark = [
+    pytest.mark.skipif(which("gcc") is None, reason="needs gcc"),
+    pytest.mark.parametrize("case", ONE_OF_EACH_PROFILE, indirect=True),
+]
 
 MATHEMATICS = {"cosf", "sinf", "sincosf", "hypotf", "sqrtf", "ceilf", "fmaxf", "fminf"}
 PROGRAM = """
@@ -52,13 +54,18 @@ def test_it_calls_nothing_but_mathematics(case, tmp_path):
     assert not [symbol for symbol in symbols if symbol[-2] in "BbDd"], "nothing can be written to"
 
 
-def test_two_policies_in_one_program_run_without_a_fault_under_valgrind(case, tmp_path):
+VALGRIND = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full"]
+
+
+@pytest.mark.parametrize(
+    "under", [[], pytest.param(VALGRIND, marks=pytest.mark.skipif(not which("valgrind"), reason="needs valgrind"))]
+)
+def test_two_policies_in_one_program_run_without_a_fault(case, tmp_path, under):
     for name in ("one", "two"):
         write(case, tmp_path / f"{name}.c")
     (tmp_path / "main.c").write_text(PROGRAM)
     gcc(tmp_path, "-g", "main.c", "one.c", "two.c", "-lm", "-o", "main")
-    checked = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full"] if which("valgrind") else []
-    run = subprocess.run([*checked, "./main"], cwd=tmp_path, check=True, capture_output=True, text=True)
+    run = subprocess.run([*under, "./main"], cwd=tmp_path, check=True, capture_output=True, text=True)
     *lines, last = run.stdout.splitlines()
     assert len(set(lines)) > 1
     assert all(one == two for one, two in map(str.split, lines))
@@ -66,16 +73,19 @@ def test_two_policies_in_one_program_run_without_a_fault_under_valgrind(case, tm
     assert run.stderr == ""
 
 
+def test_the_loop_over_the_weights_is_made_into_vectors(case, tmp_path):
+    write(case, tmp_path / "one.c")
+    told = subprocess.run(
+        ["gcc", *c.FLAGS, "-fopt-info-vec-optimized", "-c", "one.c"],
+        cwd=tmp_path, check=True, capture_output=True, text=True,
+    ).stderr  # fmt: skip
+    source = (tmp_path / "one.c").read_text().splitlines()
+    line = 1 + next(number for number, text in enumerate(source) if "in0 * row0[o]" in text)
+    assert any(f"one.c:{line - 1}:" in row and "loop vectorized" in row for row in told.splitlines())
+
+
 def test_a_compiler_that_would_not_notice_a_nan_is_refused(case, tmp_path, capfd):
     write(case, tmp_path / "one.c")
     with pytest.raises(subprocess.CalledProcessError):
         c.load(tmp_path / "one.c", (*c.FLAGS, "-ffast-math"))
     assert "-ffast-math" in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("value", [0.0, -0.0, 1.0, -2.5, 0.1, 1e-40, 3.4e38, 2.0**-149])
-def test_numbers_are_written_exactly(value):
-    single = c_float(value).value
-    text = c._exact(single)
-    assert float.fromhex(text.removesuffix("f")) == single
-    assert len(text) <= len("-0x1.123456p-126f")

@@ -16,7 +16,7 @@ FORMATS = ["onnx", "numpy", pytest.param("c", marks=pytest.mark.skipif(which("gc
 def decide(request, case, tmp_path):
     """The case's policy, exported and loaded again."""
     format_ = import_module(f"apollonius.adapters.export.{request.param}")
-    out = tmp_path / f"small-policy{format_.SUFFIX}"
+    out = tmp_path / f"small_policy{format_.SUFFIX}"
     for path, content in format_.make_files(case.blueprint, out).items():
         path.write_bytes(content)
     return format_.load(out)

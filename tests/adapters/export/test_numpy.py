@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from apollonius.adapters.export import numpy as export
+from tests.adapters.export.conftest import ONE_OF_EACH_PROFILE
 
 ALONE = """
 import json, sys
@@ -26,6 +27,7 @@ def written(case, folder):
     return folder / "policy.py"
 
 
+@pytest.mark.parametrize("case", ONE_OF_EACH_PROFILE, indirect=True)
 def test_it_needs_numpy_alone(case, tmp_path):
     written(case, tmp_path)
     state = json.dumps(case.states[0].tolist())
@@ -46,6 +48,7 @@ def test_it_sees_what_the_package_sees(case, tmp_path):
         np.testing.assert_allclose(seen, observation, atol=2e-5)
 
 
+@pytest.mark.parametrize("case", ONE_OF_EACH_PROFILE, indirect=True)
 def test_anything_but_eight_numbers_is_refused(case, tmp_path):
     names = {}
     exec(written(case, tmp_path).read_text(), names)

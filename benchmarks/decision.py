@@ -1,0 +1,96 @@
+"""How long one decision takes: `python benchmarks/decision.py [--agent P_pool] [--calls 20000]`.
+
+From the raw state of both robots to an action and its controls, one at a time, called from Python: the package's own
+player compiled with JAX, and the policy as ONNX, as a NumPy file, and as C through ctypes with `-O3` and with
+`-O3 -march=native`. Beside them the network alone in onnxruntime, which has neither observation nor controls. They take
+turns, in states of real games. Needs the extra `export` and gcc.
+"""
+
+import argparse
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.adapters.export import c, onnx
+from apollonius.adapters.export import numpy as numpy_file
+from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
+from apollonius.adapters.export.parity import Decide, compare, microseconds
+from apollonius.agents.catalogue import find_trained
+from apollonius.agents.greedy import Greedy
+from apollonius.evaluate.decisions import decisions
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.replay import as_state
+
+STATES = 10_000
+
+
+def in_jax(game: Game, role: Role, player: Greedy) -> Decide:
+    """The package's player, from the state on; its weights are constants of the compiled function."""
+
+    @jax.jit
+    def play(state):
+        rows = state if role == Role.PURSUER else jnp.roll(state, 4)
+        seen = game.observe(as_state(rows, jnp.asarray(0)), role, player.observation)
+        action = player(seen, jnp.uint32(0))
+        body = game.pursuer if role == Role.PURSUER else game.evader
+        return jnp.stack([action.astype(jnp.float32), *body.controls(action)])
+
+    def decide(state: np.ndarray) -> tuple[int, float, float]:
+        action, u1, u2 = np.asarray(play(state))
+        return int(action), float(u1), float(u2)
+
+    return decide
+
+
+def exported(blueprint: Blueprint) -> dict[str, Decide]:
+    """The policy in every format, written and loaded again."""
+    with tempfile.TemporaryDirectory() as folder:
+        outs = {format_: Path(folder) / f"policy{format_.SUFFIX}" for format_ in (onnx, numpy_file, c)}
+        for format_, out in outs.items():
+            for path, content in format_.make_files(blueprint, out).items():
+                path.write_bytes(content)
+        return {
+            "onnx": onnx.load(outs[onnx]),
+            "numpy": numpy_file.load(outs[numpy_file]),
+            "c -O3": c.load(outs[c]),
+            "c -O3 -march=native": c.load(outs[c], (*c.FLAGS, "-march=native")),
+        }
+
+
+def main() -> None:
+    """Measure, and print a line of JSON for each."""
+    parser = argparse.ArgumentParser(description="How long one decision takes.")
+    parser.add_argument("--agent", default="P_pool")
+    parser.add_argument("--game", default="paper")
+    parser.add_argument("--calls", type=int, default=20_000)
+    options = parser.parse_args()
+    agent, path = find_trained(options.agent)
+    game, role, player = make_game(options.game), Role[agent.header.role.upper()], Greedy(agent.network)
+    blueprint = make_blueprint(path.stem, agent, game)
+    played = decisions(game, player, role, STATES)
+    deciders = {"jax": in_jax(game, role, player), **exported(blueprint)}
+    network: dict[str, Callable[[np.ndarray], object]] = {
+        "onnxruntime, the network alone": onnx.load_network(blueprint)
+    }
+    states = dict.fromkeys(deciders, played.states) | dict.fromkeys(network, played.observations)
+    times = microseconds(network | deciders, states, options.calls)
+    alone = float(np.median(next(iter(times.values()))))
+    for name, taken in times.items():
+        median, late = np.percentile(taken, (50, 99)).tolist()
+        row = {"what": name, "median_us": round(median, 1), "p99_us": round(late, 1)}
+        row |= {"median_of_network_alone": round(median / alone, 2)}
+        if name in deciders:
+            parity = compare(deciders[name], blueprint, played.states, played.observations, played.actions)
+            row |= {"ties": parity.ties, "errors": parity.errors}
+        print(json.dumps(row))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""What cannot be exported is refused."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import pytest
+
+from apollonius.adapters.export.blueprint import identifier, make_blueprint
+from apollonius.agents.store import describe
+from apollonius.errors import InvalidInput
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from tests.adapters.export.conftest import small_network
+
+AGENT = describe(small_network("paper"), Role.EVADER, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (Unicycle(v_min=0.1), "v_min = 0.1 .* braking"),
+        (Unicycle(v_min=-0.5), "v_min = -0.5 .* at rest"),
+        (Unicycle(u1_max=0.0), "u1_max = 0.0 .* cannot brake"),
+    ],
+)
+def test_a_robot_that_cannot_brake_to_rest_is_refused(body, message):
+    with pytest.raises(InvalidInput, match=message):
+        make_blueprint("E", AGENT, Game(evader=body))
+    assert make_blueprint("E", AGENT, Game(pursuer=body)).own.v_max == 1.2  # the opponent's limits are its own affair
+
+
+@pytest.mark.parametrize("broken", [jnp.nan, -jnp.inf])
+def test_a_network_that_went_astray_is_refused(broken):
+    network = eqx.tree_at(lambda net: net.layers[1].bias, AGENT.network, replace_fn=lambda bias: bias.at[0].set(broken))
+    with pytest.raises(InvalidInput, match="weights = NaN or infinite"):
+        make_blueprint("E", dataclasses.replace(AGENT, network=network), Game())
+
+
+def test_a_policy_is_called_as_its_file(tmp_path):
+    assert identifier(tmp_path / "P_pool2.c") == "P_pool2"
+
+
+@pytest.mark.parametrize("file", ["3.c", "_.c", "ü.c", "best-of.c", "a.b.c", 'a"b.c', "a b.c", "a\n.c"])
+def test_a_file_that_nothing_can_be_called_after_is_refused(tmp_path, file):
+    with pytest.raises(InvalidInput, match="begins with a letter"):
+        identifier(tmp_path / file)
+
+
+def test_no_agents_name_gets_out_of_a_comment():
+    assert make_blueprint('a"""; */\n\\b-1.2', AGENT, Game()).agent == "a_________b-1.2"

@@ -1,0 +1,117 @@
+"""`apollonius export`: what it writes and says, and what it refuses."""
+
+import sys
+from pathlib import Path
+from shutil import which
+
+import jax
+import pytest
+
+from apollonius.adapters.export import numpy as export_numpy
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, save_agent
+from apollonius.cli import main
+from apollonius.game.presets import make_game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Role
+
+
+@pytest.fixture(autouse=True)
+def small(tmp_path, monkeypatch):
+    """A folder of its own, with the files of a small evader and of one that does not say what it was made for."""
+    monkeypatch.chdir(tmp_path)
+    network = make_network("encoded", 8, 1, jax.random.key(0))
+    save_agent(describe(network, Role.EVADER, to_dict(make_game("robot")), {}), Path("small.safetensors"))
+    save_agent(describe(network, Role.EVADER, {}, {}), Path("silent.safetensors"))
+    return {path.name for path in tmp_path.iterdir()}
+
+
+def export(*arguments):
+    try:
+        return main(["export", *arguments])
+    except SystemExit as leaving:
+        return leaving.code
+
+
+@pytest.mark.parametrize(
+    ("to", "files"),
+    [
+        ("onnx", ["new/evader.onnx"]),
+        ("numpy", ["new/evader.py"]),
+        pytest.param("c", ["new/evader.c", "new/evader.h"], marks=pytest.mark.skipif(not which("gcc"), reason="gcc")),
+    ],
+)
+def test_a_policy_is_written_and_checked_and_timed_beside_onnxruntime(capsys, to, files):
+    assert export("small.safetensors", "--to", to, "--out", files[0]) == 0
+    printed = capsys.readouterr()
+    where, checked, timed = printed.out.splitlines()
+    assert printed.err == ""
+    assert where == f"The evader small of a pursuit-evasion game is in {' and '.join(files)}"
+    assert checked == "checked in 10,000 states of games: 0 actions differ from the package's"
+    assert timed.startswith("one decision, median of 10,000: ")
+    assert "; onnxruntime, the network alone: " in timed
+    assert sorted(map(str, Path("new").iterdir())) == files
+    if to != "onnx":
+        assert "radius 0.2 m" in Path(files[-1]).read_text(), "the game it was made for"
+
+
+def test_another_game_is_built_in_where_asked_for(capsys):
+    assert export("silent.safetensors", "--to", "numpy", "--out", "evader.py", "--game", "paper") == 0
+    assert "OWN = Body(v_min=0.0, v_max=1.2, u1_max=0.3, u2_max=0.8, radius=0.0)" in Path("evader.py").read_text()
+
+
+def test_an_agent_of_the_zoo_becomes_c(capsys, tmp_path):
+    assert export("P_pool", "--to", "c", "--out", "P_pool.c") == 0
+    if which("gcc"):
+        assert ": 0 actions differ from the package's" in capsys.readouterr().out
+
+
+def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    assert export("small.safetensors", "--to", "c", "--out", "evader.c") == 0
+    assert capsys.readouterr().out.splitlines()[1:] == ["not checked: there is no gcc here"]
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert export("small.safetensors", "--to", "onnx", "--out", "evader.onnx") == 0
+    install = "onnxruntime is not installed: pip install 'apollonius[export]'"
+    assert capsys.readouterr().out.splitlines()[1:] == [f"not checked: {install}"]
+    assert export("small.safetensors", "--to", "numpy", "--out", "evader.py") == 0
+    assert "; onnxruntime is not installed to compare with: pip install" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "naming"),
+    [
+        (["shielded:P_pool", "--to", "c", "--out", "a.c"], ["shielded:P_pool", "bare player"]),
+        (["random", "--to", "c", "--out", "a.c"], ["random", "trained agent"]),
+        (["nobody", "--to", "c", "--out", "a.c"], ["nobody", "P_pool"]),
+        (["silent.safetensors", "--to", "c", "--out", "a.c"], ["--game", "silent"]),
+        (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "chess"], ["chess", "paper"]),
+        (["small.safetensors", "--to", "c", "--out", "a.py"], ["--out = a.py", ".c"]),
+        (["small.safetensors", "--to", "numpy", "--out", "3.py"], ["3.py", "letter"]),
+        (["small.safetensors", "--to", "rust", "--out", "a.rs"], ["rust", "onnx", "numpy", "c"]),
+        (["small.safetensors", "--to", "c"], ["--out"]),
+    ],
+    ids=" ".join,
+)
+def test_bad_arguments_are_refused(capsys, small, tmp_path, arguments, naming):
+    assert export(*arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert [what for what in naming if what not in printed.err] == []
+    assert {path.name for path in tmp_path.iterdir()} == small
+
+
+def test_onnx_without_its_library_is_refused(capsys, monkeypatch):
+    for name in ("onnx", "graph"):
+        monkeypatch.delitem(sys.modules, f"apollonius.adapters.export.{name}", raising=False)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    assert export("small.safetensors", "--to", "onnx", "--out", "a.onnx") == 2
+    assert "apollonius[export]" in capsys.readouterr().err
+
+
+def test_a_policy_that_decides_otherwise_is_not_written(capsys, small, tmp_path, monkeypatch):
+    monkeypatch.setattr(export_numpy, "load", lambda source: lambda state: (0, -0.3, -0.8))
+    assert export("small.safetensors", "--to", "numpy", "--out", "a.py") == 2
+    assert "of 10,000 actions differ from the package's" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == small
