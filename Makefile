@@ -12,6 +12,7 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
 	$(BIN)/apollonius evaluate P_stage1 still --games 10000
 	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
+	$(BIN)/apollonius report runs/demo
 
 # Style, types, tests.
 test: $(VENV)/installed-dev
@@ -31,6 +32,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/apollonius bench train
 	$(BIN)/apollonius bench train --profile fast
 	$(BIN)/python benchmarks/page.py
+	$(BIN)/python benchmarks/animations.py
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

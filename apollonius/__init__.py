@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from apollonius.adapters.pettingzoo import parallel_env as parallel_env
     from apollonius.agents.catalogue import find_agent as find_agent
     from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
     from apollonius.agents.greedy import Greedy as Greedy
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from apollonius.game.arena import Arena as Arena
     from apollonius.game.arena import Disc as Disc
     from apollonius.game.dynamics import Unicycle as Unicycle
+    from apollonius.game.file import find_game as find_game
     from apollonius.game.game import Game as Game
     from apollonius.game.game import reset_batch as reset_batch
     from apollonius.game.presets import make_game as make_game
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from apollonius.rollout import play_out as play_out
 
 _HOMES = {
+    "adapters.pettingzoo": ("parallel_env",),
     "agents.catalogue": ("find_agent",),
     "agents.greedy": ("EpsilonGreedy", "Greedy"),
     "agents.policy": ("AbstractPolicy", "solo", "stack"),
@@ -44,6 +47,7 @@ _HOMES = {
     "evaluate.match": ("play_match", "record_game"),
     "game.arena": ("Arena", "Disc"),
     "game.dynamics": ("Unicycle",),
+    "game.file": ("find_game",),
     "game.game": ("Game", "reset_batch"),
     "game.presets": ("make_game",),
     "game.reward": ("Reward",),

@@ -24,7 +24,8 @@ from apollonius.learn import dqn
 from apollonius.learn.config import DQNConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.replay import Batch
-from apollonius.learn.stage import Plan, play_and_learn
+from apollonius.learn.stage import play_and_learn
+from apollonius.learn.state import Plan
 from apollonius.rollout import Games, begin, collect
 
 CLASSIC = DQNConfig(

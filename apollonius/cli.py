@@ -5,17 +5,27 @@ import os
 import sys
 from typing import NoReturn
 
+from apollonius.commands.arena import add_arena
 from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
+from apollonius.commands.exploit import add_exploit
 from apollonius.commands.export import add_export
 from apollonius.commands.options import INTERRUPTED
 from apollonius.commands.play import add_play
+from apollonius.commands.regret import add_regret
+from apollonius.commands.report import add_report
 from apollonius.commands.reproduce import add_reproduce
 from apollonius.commands.show import add_show
+from apollonius.commands.slice import add_slice
+from apollonius.commands.solve import add_solve
+from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
-COMMANDS = (add_train, add_resume, add_evaluate, add_show, add_play, add_export, add_reproduce, add_bench)
+COMMANDS = (
+    add_train, add_resume, add_evaluate, add_tournament, add_exploit, add_solve, add_regret, add_show, add_slice,
+    add_report, add_play, add_arena, add_export, add_reproduce, add_bench,
+)  # fmt: skip
 """In the order of the help."""
 
 

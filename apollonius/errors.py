@@ -6,6 +6,9 @@ from typing import Any
 class InvalidInput(ValueError):
     """Something a person gave cannot be used. Its message is one line, fit to be shown as it is."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.splitlines()))  # what was given may have lines of its own
+
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:
     """Refuse a value unless the condition holds.

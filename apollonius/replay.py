@@ -139,9 +139,9 @@ def as_state(row: Float32[Array, "8"], steps: Int[Array, ""]) -> GameState:
     return GameState(pursuer, evader, steps)
 
 
-def save_replay(replay: Replay, path: Path) -> None:
-    """Write a replay as JSON, atomically."""
-    data = {
+def as_data(replay: Replay) -> dict[str, Any]:
+    """A replay as JSON-like data, which keeps every bit of it."""
+    return {
         "format": FORMAT,
         "game": to_dict(replay.game),
         "pursuer": replay.pursuer,
@@ -154,7 +154,11 @@ def save_replay(replay: Replay, path: Path) -> None:
         "actions": replay.actions.tolist(),
         "states": replay.states.astype(float).tolist(),
     }
-    write_atomically(path, json.dumps(data).encode())
+
+
+def save_replay(replay: Replay, path: Path) -> None:
+    """Write a replay as JSON, atomically."""
+    write_atomically(path, json.dumps(as_data(replay)).encode())
 
 
 def load_replay(path: Path) -> Replay:

@@ -11,9 +11,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.policy import Pool
+from apollonius.agents.policy import Pool, Seated
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Outcome, Role
+
+Players = Pool | Seated
+"""All who play one side of a batch of games."""
 
 
 class Side(eqx.Module):
@@ -56,21 +59,17 @@ class Games(eqx.Module):
     evader: Player
 
 
-def begin(starts: GameState, pursuer: Pool, evader: Pool, words: UInt32[Array, "2 games"]) -> Games:
+def begin(starts: GameState, pursuer: Players, evader: Players, words: UInt32[Array, "2 games"]) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    return Games(starts, _draw_member(pursuer, words[0]), _draw_member(evader, words[1]))
+    return Games(starts, _seat(pursuer, words[0]), _seat(evader, words[1]))
 
 
-def _draw_member(pool: Pool, words: UInt32[Array, " games"]) -> Player:
-    if pool.size == 1:
-        member = jnp.zeros(words.shape, jnp.int32)
-    else:
-        member = (((words >> 16) * pool.size) >> 16).astype(jnp.int32)
-    return Player(member, jnp.zeros(words.shape, jnp.float32))
+def _seat(players: Players, words: UInt32[Array, " games"]) -> Player:
+    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32))
 
 
 def step_games(
-    game: Game, pursuer: Pool, evader: Pool, games: Games, words: UInt32[Array, "2 games"]
+    game: Game, pursuer: Players, evader: Players, games: Games, words: UInt32[Array, "2 games"]
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
     sees = jax.vmap(game.observe, in_axes=(0, None, None))
@@ -109,7 +108,7 @@ def step_games(
 
 
 def collect(
-    game: Game, pursuer: Pool, evader: Pool, games: Games, starts: GameState, key: PRNGKeyArray, steps: int
+    game: Game, pursuer: Players, evader: Players, games: Games, starts: GameState, key: PRNGKeyArray, steps: int
 ) -> tuple[Games, Transition]:
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
@@ -127,7 +126,7 @@ def collect(
 
     def draw(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
         """Words for the actions and for the next members of the pools; lone members need none of their own."""
-        kinds = 1 if pursuer.size == evader.size == 1 else 2
+        kinds = 2 if pursuer.draws or evader.draws else 1
         words = jax.random.bits(step_key, (2 * kinds, batch), jnp.uint32)
         return words[:2], words[-2:]
 

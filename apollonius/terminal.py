@@ -2,6 +2,7 @@
 
 import sys
 import time
+from math import isfinite
 from types import TracebackType
 
 from rich.console import Console
@@ -9,10 +10,15 @@ from rich.live import Live
 from rich.table import Table
 
 from apollonius.evaluate.match import MatchResult
+from apollonius.evaluate.regret import Regret
+from apollonius.evaluate.tournament import Tournament, equilibrium
 from apollonius.learn.progress import Progress
+from apollonius.solve.iteration import Sweep
 
 _PLAIN_SECONDS = 10.0
 """Least time between two lines where the output is no terminal."""
+_SWEEP_SECONDS = 1.0
+"""Least time between two lines about sweeps."""
 
 
 class TrainingDisplay:
@@ -97,8 +103,75 @@ def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
         lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
     lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
     lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
-    doomed = "not known" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.1%}"
-    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
+    lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
+    return "\n".join(lines)
+
+
+def tournament_table(tournament: Tournament) -> str:
+    """The pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
+    rates = tournament.win_rates
+    header = ["pursuer \\ evader", *tournament.evaders, "mean"]
+    rows = [
+        [name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]]
+        for name, row in zip((*tournament.pursuers, "mean"), [*rates, rates.mean(axis=0)], strict=True)
+    ]
+    widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
+    rule = ["-" * widths[0], *["-" * (width - 1) + ":" for width in widths[1:]]]
+    lines = [
+        "| " + " | ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) + " |"
+        for row in [header, rule, *rows]
+    ]
+    mixed = equilibrium(rates)
+    sides = (("pursuers", tournament.pursuers, mixed.rows), ("evaders", tournament.evaders, mixed.columns))
+    lines.append(f"\n95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates.")
+    lines.append(f"In equilibrium the pursuer wins {mixed.value:.1%}:")
+    for side, names, shares in sides:
+        playing = sorted(zip(shares, names, strict=True), reverse=True)
+        lines.append(f"  {side} " + ", ".join(f"{name} {share:.0%}" for share, name in playing if share >= 0.005))
+    return "\n".join(lines)
+
+
+class SweepDisplay:
+    """Shows value iteration as it goes on: a line on standard error now and then."""
+
+    def __init__(self) -> None:
+        self._first_residual = 0.0
+        self._last_line = 0.0
+
+    def __call__(self, sweep: Sweep) -> None:
+        """Tell of a sweep."""
+        if sweep.number == 1:
+            self._first_residual = sweep.residual
+        if sweep.seconds - self._last_line < _SWEEP_SECONDS:
+            return
+        self._last_line = sweep.seconds
+        left = sweep.seconds_left(self._first_residual)
+        remaining = f"about {_duration(left)} left" if isfinite(left) else "no end in sight yet"
+        print(f"sweep {sweep.number}  residual {sweep.residual:.2e}  {remaining}", file=sys.stderr, flush=True)
+
+
+def regret_table(pursuer: str, regret: Regret) -> str:
+    """A pursuer beside the table's, as lines of text."""
+    width = len("table's player captures")
+    lines = [f"{pursuer} against standing targets: {regret.games:,} games, {regret.targets} targets"]
+    for who, rate, (low, high) in (
+        ("captures", regret.captured, regret.captured_interval),
+        ("table's player captures", regret.ceiling, regret.ceiling_interval),
+    ):
+        lines.append(f"  {who:<{width}}  {rate:>8.2%}  95 % interval {low:.2%} to {high:.2%}")
+    for what, seconds in (
+        ("mean time", regret.mean_seconds),
+        ("table's mean time", regret.mean_seconds_table),
+        ("regret, median", regret.median_regret),
+        ("regret, 1 in 100", regret.regret_99),
+    ):
+        lines.append(f"  {what:<{width}}  {'-' if seconds is None else f'{seconds:.2f} s':>8}")
+    error = "-" if regret.prediction_error is None else f"{regret.prediction_error:.2%}"
+    lines.append(f"  {'prediction off by':<{width}}  {error:>8}  in the median, of the table's player's own time")
+    lines.append("  most is lost at (x, y, v, heading of the pursuer; x, y of the target):")
+    for game in regret.worst:
+        start, target = ("  ".join(f"{number:6.2f}" for number in game[name]) for name in ("start", "target"))
+        lines.append(f"    {start}; {target}  {game['outcome']} {game['seconds']} s, table {game['seconds_table']} s")
     return "\n".join(lines)
 
 

@@ -31,7 +31,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import PROFILES, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
-from apollonius.learn.stage import Plan, play_and_learn
+from apollonius.learn.stage import play_and_learn
+from apollonius.learn.state import Plan
 
 STAGE = StageConfig(env_steps=6_000_000)
 GOAL = 0.90

@@ -172,6 +172,14 @@ def test_show_writes_one_game_in_every_form(capsys):
     assert "differs from step 5 on" in capsys.readouterr().err
 
 
+def test_slice_draws_an_agent_of_either_side(agent, capsys):
+    for name in ("P.safetensors", "E.safetensors"):
+        assert run_main("slice", name, "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
+        assert capsys.readouterr().out == f"{name} over the arena; new/s.png\n"
+        assert Path("new/s.png").read_bytes().startswith(b"\x89PNG")
+        Path("new/s.png").unlink()
+
+
 def test_bench_prints_one_json_object_and_nothing_else(capsys):
     assert run_main("bench", "env", "--games", "8", "--json") == 0
     printed = capsys.readouterr()
@@ -200,6 +208,15 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["evaluate", "random", "still", "--games", "5", "--record", "6"], ["--record = 6", "--games = 5"]),
         (["show", "random", "still", "--out", "game.avi"], ["game.avi", ".png", ".gif", ".json"]),
         (["show", "nowhere.json"], ["nowhere.json", "check the path"]),
+        (["report", "nowhere"], ["RUN = nowhere", "check the path"]),
+        (["report", "."], ["RUN = .", "a training run or a reproduction"]),
+        (["report", ".", "--out", "report.pdf"], ["report.pdf", ".html"]),
+        (["slice", "nobody", "--opponent", "5", "5"], ["nobody", "P_curriculum", ".safetensors"]),
+        (["slice", "random", "--opponent", "5", "5"], ["random", "P_curriculum"]),
+        (["slice", "P_stage1"], ["--opponent"]),
+        (["slice", "P_stage1", "--opponent", "3", "3"], ["--opponent", "discs"]),
+        (["slice", "P_stage1", "--opponent", "5", "5", "--speed", "2", "--out", "new/s.png"], ["--speed = 2", "1.2 m"]),
+        (["slice", "P_stage1", "--opponent", "5", "5", "--out", "slice.svg"], ["slice.svg", ".png"]),
         (["show", "shielded:nobody", "still"], ["nobody", "random"]),
         (["evaluate", "nobody", "still"], ["nobody", "random", "still", ".safetensors"]),
         (["evaluate", "random", "nobody.safetensors"], ["nobody.safetensors"]),
@@ -320,7 +337,9 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
     metrics = Path("run/metrics.jsonl").read_text().splitlines()
 
     Path("run/notes.txt").write_text("mine")
+    Path("run/report.html").write_text("of the run before")
     assert run_main(*arguments, "--force") == 0
+    assert not Path("run/report.html").exists()
     assert Path("run/agents/P_stage1.safetensors").read_bytes() == agent
     assert len(Path("run/metrics.jsonl").read_text().splitlines()) == len(metrics)
     assert Path("run/notes.txt").read_text() == "mine"

@@ -3,17 +3,15 @@
 from typing import Any
 
 import gymnasium
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt32
 
+from apollonius.adapters.live import LiveGame
+from apollonius.adapters.spaces import action_space, observation_space
+from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.agents.catalogue import find_agent
-from apollonius.errors import require
+from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.observation import OBSERVATION_SIZES
-from apollonius.game.presets import make_game
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, Role
+from apollonius.game.types import Role
 
 
 class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
@@ -25,68 +23,66 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
     Args:
         role: the side that acts from outside.
         opponent: player of the other side, as `find_agent` knows it.
-        game: the game, or the name of one.
-        observation: profile of what is seen (`apollonius.game.observation`); each number is within 2 of 0, unless a
-            robot leaves the walls by more than half the arena in one step.
+        game: the game, the name of one, or its `.toml` file.
+        observation: profile of what is seen (`apollonius.game.observation`).
+        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
 
     Raises:
-        InvalidInput: for an unknown opponent, game or observation.
+        InvalidInput: for an unknown opponent, game, observation or render mode.
     """
 
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
+
     def __init__(
-        self, role: Role, opponent: str = "random", game: Game | str = "paper", observation: str = "encoded"
+        self,
+        role: Role,
+        opponent: str = "random",
+        game: Game | str = "paper",
+        observation: str = "encoded",
+        render_mode: str | None = None,
     ) -> None:
-        require(observation in OBSERVATION_SIZES, "observation", observation, f"one of {', '.join(OBSERVATION_SIZES)}")
-        game = make_game(game) if isinstance(game, str) else game
-        size = OBSERVATION_SIZES[observation]
-        self.observation_space = gymnasium.spaces.Box(-2.0, 2.0, (size,), np.float32)
-        self.action_space = gymnasium.spaces.Discrete(NUM_ACTIONS)
-        other = Role.EVADER if role == Role.PURSUER else Role.PURSUER
-        player = find_agent(opponent, other, game).policy
-
-        # The game is a constant of the compiled step: passing its many numbers costs more than the step itself.
-        @jax.jit
-        def begin(seed: UInt32[Array, ""]) -> tuple[GameState, Float[Array, " size"]]:
-            state = game.reset(jax.random.key(seed))
-            return state, game.observe(state, role, observation)
-
-        @jax.jit
-        def step(
-            state: GameState, action: Int[Array, ""], word: UInt32[Array, ""]
-        ) -> tuple[GameState, Float[Array, " told"]]:
-            answer = player(game.observe(state, other, player.observation), word)
-            actions = (action, answer) if role == Role.PURSUER else (answer, action)
-            after = game.step(state, *actions)
-            reward = after.pursuer_reward if role == Role.PURSUER else after.evader_reward
-            flags = [flag.astype(jnp.float32) for flag in (after.terminated, after.truncated, after.outcome)]
-            told = jnp.stack([reward, *flags])
-            return after.state, jnp.concatenate([game.observe(after.state, role, observation), told])
-
-        self._begin, self._step = begin, step
-        self._state: GameState | None = None
+        game = find_game(game) if isinstance(game, str) else game
+        self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
+        self.render_mode = render_mode
+        self.observation_space = observation_space(observation)
+        self.action_space = action_space()
+        other = Role(1 - role)
+        self._role = role
+        self._live = LiveGame(game, observation, {other: find_agent(opponent, other, game).policy})
+        self._view = View(self._live, render_mode)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
         """A new game from the game's distribution of starts."""
         super().reset(seed=seed)
-        self._state, observation = self._begin(self._word())
-        return np.array(observation), {"outcome": "ongoing"}
+        self._live.reset(self._word())
+        self._view.begin()
+        return self._live.observation(self._role), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Both sides hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
+            InvalidInput: for an action that is none of the nine.
         """
-        if self._state is None:
+        live = self._live
+        if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        self._state, packed = self._step(self._state, np.int32(action), self._word())
-        *_, reward, terminated, truncated, outcome = told = np.asarray(packed)
-        info = {"outcome": Outcome(int(outcome)).name.lower()}
-        return told[:-4].copy(), float(reward), bool(terminated), bool(truncated), info
+        live.step((action, 0) if self._role == Role.PURSUER else (0, action), self._word())
+        self._view.follow()
+        reward = live.rewards[self._role]
+        return live.observation(self._role), reward, live.terminated, live.truncated, {"outcome": live.outcome}
+
+    def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        return self._view.render()
 
     def _word(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 
-gymnasium.register("apollonius/Pursuit-v0", f"{__name__}:OneSide", kwargs={"role": Role.PURSUER})
-gymnasium.register("apollonius/Evasion-v0", f"{__name__}:OneSide", kwargs={"role": Role.EVADER})
+_MANY = "apollonius.adapters.vector:ManyGames"
+for _name, _role in (("Pursuit", Role.PURSUER), ("Evasion", Role.EVADER)):
+    gymnasium.register(
+        f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
+    )

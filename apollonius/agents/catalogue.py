@@ -7,10 +7,13 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 
-from apollonius.agents.classical import Still
+from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.classical import AbstractClassical, Still
+from apollonius.agents.fleeing import Circle, Flee, FleeAware
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
+from apollonius.agents.potential import PotentialField
 from apollonius.agents.shield import shielded
 from apollonius.agents.store import Agent, AgentHeader, load_agent
 from apollonius.agents.uniform import Uniform
@@ -22,7 +25,17 @@ ZOO = Path(__file__).parent.parent / "zoo"
 """Where the trained agents that ship with the package lie."""
 
 BUILT_IN: dict[str, Callable[[], AbstractPolicy]] = {"random": Uniform, "still": Still}
-"""Players that need no file and play either side."""
+"""Players that need no file, know no game and play either side."""
+CLASSICAL: dict[str, tuple[type[AbstractClassical], tuple[Role, ...]]] = {
+    "pure-pursuit": (PurePursuit, (Role.PURSUER,)),
+    "proportional-navigation": (ProportionalNavigation, (Role.PURSUER,)),
+    "intercept": (Intercept, (Role.PURSUER,)),
+    "potential-field": (PotentialField, (Role.PURSUER, Role.EVADER)),
+    "flee": (Flee, (Role.EVADER,)),
+    "flee-aware": (FleeAware, (Role.EVADER,)),
+    "circle": (Circle, (Role.EVADER,)),
+}
+"""Players that need no file but the game they play, and the sides that they can play."""
 SHIELDED = "shielded:"
 """Before a player's name: the same, behind a shield."""
 
@@ -47,18 +60,21 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
     Args:
         name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`).
         role: the side it is to play.
-        game: what is played, which a shield has to know.
+        game: what is played, which shields and classical players have to know.
 
     Raises:
         InvalidInput: when there is none, its file is bad, it was trained for the other side, or a shield cannot help.
     """
     if name.startswith(SHIELDED):
-        bare = find_agent(name.removeprefix(SHIELDED), role)
-        if game is None:
-            raise InvalidInput(f"'{name}' needs a game that its shield knows: give one, or name the player without it.")
-        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
+        bare = find_agent(name.removeprefix(SHIELDED), role, game)
+        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, _known(game, name), role))
     if name in BUILT_IN:
         return Named(name, BUILT_IN[name]())
+    if name in CLASSICAL:
+        kind, sides = CLASSICAL[name]
+        side = role.name.lower()
+        require(role in sides, side, f"'{name}'", f"another player, as this one plays the {sides[0].name.lower()} only")
+        return Named(name, kind.for_side(_known(game, name), role))
     agent, path = _load(name, role)
     return Named(path.stem, Greedy(agent.network), agent.header)
 
@@ -101,27 +117,45 @@ def load_network(name: str, role: Role) -> QNetwork:
     return _load(name, role)[0].network
 
 
+def player_names(role: Role) -> list[str]:
+    """Names of all the players of one side that need no file."""
+    classical = [name for name, (_, sides) in CLASSICAL.items() if role in sides]
+    return [*BUILT_IN, *classical, *[name for name in zoo_names() if name[0] == role.name[0]]]
+
+
+def _known(game: Game | None, name: str) -> Game:
+    if game is None:
+        raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")
+    return game
+
+
 def find_trained(name: str) -> tuple[Agent, Path]:
     """The trained agent of this name, in the zoo or a file, and where its file is.
 
     Raises:
         InvalidInput: when there is none, or its file is bad.
     """
-    if name in zoo_names():
-        path = ZOO / f"{name}.safetensors"
-    elif Path(name).suffix == ".safetensors" or Path(name).exists():
-        path = Path(name)
-    else:
-        known = ", ".join([*BUILT_IN, *zoo_names()])
-        raise InvalidInput(f"no agent is called '{name}': choose one of {known}, or give a .safetensors file.")
-    return load_agent(path), path
+    return _find(name, zoo_names())
 
 
 def _load(name: str, role: Role) -> tuple[Agent, Path]:
-    agent, path = find_trained(name)
+    agent, path = _find(name, [*BUILT_IN, *CLASSICAL, *zoo_names()])
     if agent.header.role != role.name.lower():
         raise InvalidInput(
             f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
             "the evader second."
         )
     return agent, path
+
+
+def _find(name: str, known: Sequence[str]) -> tuple[Agent, Path]:
+    """A trained agent and its file; `known` are the names that a refusal offers."""
+    if name in zoo_names():
+        path = ZOO / f"{name}.safetensors"
+    elif Path(name).suffix == ".safetensors" or Path(name).exists():
+        path = Path(name)
+    else:
+        raise InvalidInput(
+            f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file."
+        )
+    return load_agent(path), path

@@ -1,9 +1,18 @@
-"""Players that follow a rule instead of a network."""
+"""Players that follow a rule instead of a network: the one that stands still, and what the others share."""
 
+from abc import abstractmethod
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, AbstractValued
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.game import Game
+from apollonius.game.observation import both_states
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
 
 BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
@@ -19,3 +28,92 @@ class Still(AbstractPolicy):
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32)
+
+
+class AbstractClassical(AbstractValued):
+    """A player that knows the game, reads both robots' states from what it sees, and follows a rule.
+
+    Attributes:
+        arena: walls and obstacles.
+        body: its own robot.
+        opponent_body: the other one.
+        dt: how long controls are held [s].
+    """
+
+    arena: Arena
+    body: Unicycle
+    opponent_body: Unicycle
+    dt: Real
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
+        """The player of one side of a game.
+
+        Args:
+            game: what is played.
+            role: the side.
+            rule: numbers of its rule that are not to have their defaults.
+
+        Raises:
+            InvalidInput: when its rule does not fit the game.
+        """
+        bodies = (game.pursuer, game.evader)
+        return cls(game.arena, bodies[role], bodies[1 - role], game.dt, **rule)
+
+    @property
+    def observation(self) -> str:
+        """Both states, and nothing that would have to be computed from them."""
+        return "paper"
+
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+        """How well the rule is followed by each of the nine actions."""
+        return self.judge(*both_states(self.observation, self.arena, self.body, self.opponent_body, observation))
+
+    @abstractmethod
+    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+        """How well the rule is followed by each of the nine actions: the higher the better."""
+
+    def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+        """Its own robot after one step."""
+        return self.body.move(robot, *self.body.controls(action), self.dt)
+
+
+class AbstractSteering(AbstractClassical):
+    """A player whose rule is a course: a heading and a speed to have."""
+
+    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+        """Minus how far heading and speed are from the course after each action, in steps of full turn and thrust.
+
+        So a gear is used only while more than half a step is missing, and a course once held is held quietly.
+        """
+        heading, speed = self.course(own, opponent)
+        turn = jnp.maximum(self.body.u2_max * self.dt, 1e-6)
+        thrust = jnp.maximum(self.body.u1_max * self.dt, 1e-6)
+
+        def value(action: Int[Array, ""]) -> Scalar:
+            after = self.hold(own, action)
+            return -jnp.abs(wrap_angle(heading - after.heading)) / turn - jnp.abs(speed - after.v) / thrust
+
+        return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
+
+    @abstractmethod
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """The heading [rad] and the speed [m/s] it would have now."""
+
+
+def direction(start: RobotState, end: RobotState) -> Scalar:
+    """The direction [rad] in which one robot sees another."""
+    return jnp.arctan2(end.y - start.y, end.x - start.x)
+
+
+def separation(first: RobotState, second: RobotState) -> Scalar:
+    """Distance [m] between two robots' centres."""
+    return jnp.hypot(second.x - first.x, second.y - first.y)
+
+
+def facing_speed(body: Unicycle, robot: RobotState, heading: Scalar) -> Scalar:
+    """The speed [m/s] to have on the way to a heading: the top one times the cosine of the turn that is left, or 0.
+
+    The part of the wanted velocity that a robot which cannot move sideways can have now.
+    """
+    return body.v_max * jnp.maximum(jnp.cos(wrap_angle(heading - robot.heading)), 0.0)

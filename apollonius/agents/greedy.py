@@ -1,15 +1,15 @@
 """Players that act by a network's action values: the best action, or now and then a random one."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, AbstractValued
 from apollonius.agents.uniform import uniform_action
 from apollonius.game.types import Scalar
 
 
-class Greedy(AbstractPolicy):
+class Greedy(AbstractValued):
     """The action of highest value; among equals, the lowest index."""
 
     network: QNetwork
@@ -19,14 +19,9 @@ class Greedy(AbstractPolicy):
         """The network's observation profile."""
         return self.network.observation
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.argmax(self.network(observation)).astype(jnp.int32)
-
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
-        """The allowed action of highest value."""
-        return jnp.argmax(jnp.where(allowed, self.network(observation), -jnp.inf)).astype(jnp.int32)
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+        """The network's action values."""
+        return self.network(observation)
 
 
 class EpsilonGreedy(AbstractPolicy):

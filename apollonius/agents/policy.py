@@ -34,6 +34,23 @@ class AbstractPolicy(eqx.Module):
         return jnp.where(allowed[action], action, jnp.argmax(allowed)).astype(jnp.int32)
 
 
+class AbstractValued(AbstractPolicy):
+    """A player that values all nine actions and takes the best; among equals, the one of lowest index."""
+
+    @abstractmethod
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+        """The values of the nine actions for an observation in the policy's profile: the higher the better."""
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        return jnp.argmax(self.values(observation)).astype(jnp.int32)
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The allowed action of highest value."""
+        return jnp.argmax(jnp.where(allowed, self.values(observation), -jnp.inf)).astype(jnp.int32)
+
+
 class Pool(eqx.Module):
     """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
 
@@ -50,6 +67,17 @@ class Pool(eqx.Module):
         """Profile of the observation that all members expect."""
         return self.members.observation
 
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game."""
+        return self.size > 1
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets, from the upper bits of random words."""
+        if self.size == 1:
+            return jnp.zeros(words.shape, jnp.int32)
+        return (((words >> 16) * self.size) >> 16).astype(jnp.int32)
+
     def act(
         self,
         member: Int[Array, " games"],
@@ -59,6 +87,60 @@ class Pool(eqx.Module):
         """Each game's action, by the member of this pool that it meets."""
         everyone = jax.vmap(lambda policy: jax.vmap(policy)(observation, word), axis_size=self.size)(self.members)
         return everyone[0] if self.size == 1 else jnp.take_along_axis(everyone, member[None], axis=0)[0]
+
+
+class Seated(eqx.Module):
+    """One player for most games of a batch, and others who each have a few games of their own, next to one another.
+
+    A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
+    2, ... are those in the seats.
+
+    Attributes:
+        at_large: the player of all games without a seat.
+        seated: the others; array leaves have a leading axis of length `seats`.
+        seats: how many they are.
+        first: the first game that belongs to a seat.
+        games: how many games belong to each.
+    """
+
+    at_large: AbstractPolicy
+    seated: AbstractPolicy
+    seats: int = eqx.field(static=True)
+    first: int = eqx.field(static=True)
+    games: int = eqx.field(static=True)
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all of them expect."""
+        return self.at_large.observation
+
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game: seats are fixed."""
+        return False
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets."""
+        game = jnp.arange(words.shape[0]) - self.first
+        return jnp.where((game >= 0) & (game < self.seats * self.games), game // self.games + 1, 0).astype(jnp.int32)
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Int[Array, " games"]:
+        """Each game's action, by the player whose it is."""
+        end = self.first + self.seats * self.games
+        seats = (self.seats, self.games)
+        others = jax.vmap(lambda policy, seen, words: jax.vmap(policy)(seen, words))(
+            self.seated,
+            observation[self.first : end].reshape(*seats, -1),
+            word[self.first : end].reshape(seats),
+        )
+        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (observation, word)]
+        own = jax.vmap(self.at_large)(*beside)
+        return jnp.concatenate([own[: self.first], others.reshape(-1), own[self.first :]])
 
 
 def solo(policy: AbstractPolicy) -> Pool:

@@ -36,12 +36,13 @@ def run_evaluate(options: argparse.Namespace) -> int:
     pursuer = find_agent(options.pursuer, Role.PURSUER, game)
     evader = find_agent(options.evader, Role.EVADER, game)
     require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
-    results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed)
-    result = count(game, results)
+    viable = options.starts == "viable"
+    results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable)
+    result = count(game, results, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
     for index in worst_first(results)[: options.record]:
-        replay = record_game(game, pursuer, evader, options.games, options.seed, index)
+        replay = record_game(game, pursuer, evader, options.games, options.seed, index, viable)
         save_replay(replay, options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
     if options.json:
         match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}

@@ -1,16 +1,21 @@
-"""What several commands ask for: a game, players, matplotlib."""
+"""What several commands ask for: a game, players, what draws."""
 
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
     from apollonius.game.game import Game
+    from apollonius.game.types import Role
+    from apollonius.solve.grid import Grid
 
-AGENT = "a built-in player (random, still), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+AGENT = (
+    "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
+    "evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+)
 """Help for an argument that names a player."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
@@ -19,26 +24,51 @@ INTERRUPTED = 130
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose the game and its start."""
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument("--starts", choices=("rest", "moving"), default="rest", help="initial speeds (default: rest)")
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument(
+        "--starts", choices=("rest", "moving", "viable"), default="rest",
+        help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
+    )  # fmt: skip
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
 
 
 def requested_game(options: argparse.Namespace) -> "Game":
-    """The named game with the wanted starts."""
+    """The named game with the wanted starts; `viable` ones are drawn from `moving` by who plays."""
     from dataclasses import replace
 
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
 
-    game = make_game(options.game)
-    return replace(game, starts=replace(game.starts, speed=options.starts))
+    game = find_game(options.game)
+    return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
+
+
+def add_grid_options(parser: argparse.ArgumentParser) -> None:
+    """Options that choose what to solve on."""
+    parser.add_argument("--grid", help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)")
+    parser.add_argument("--hold", type=int, help="steps for which an action is held (default: about 0.5 s of them)")
+
+
+def requested_grid(options: argparse.Namespace, game: "Game", role: "Role") -> tuple["Grid", int]:
+    """The wanted grid and hold, or those of reference."""
+    from apollonius.game.types import Role
+    from apollonius.solve.grid import make_grid, parse_counts
+    from apollonius.solve.reference import reference_grid
+
+    grid, hold = reference_grid(game, role)
+    if options.grid is not None:
+        body = game.pursuer if role == Role.PURSUER else game.evader
+        grid = make_grid(game.arena, body, parse_counts(options.grid))
+    if options.hold is not None:
+        require(options.hold >= 1, "--hold", options.hold, "at least 1 step of the game")
+        hold = options.hold
+    return grid, hold
 
 
 @contextmanager
 def plots() -> Iterator[None]:
-    """What is imported here needs matplotlib, and says so where it is missing."""
+    """What is imported here needs what draws and writes pages, and says so where it is missing."""
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name != "matplotlib":
+        if error.name not in ("matplotlib", "jinja2", "markupsafe", "markdown_it"):
             raise
-        raise InvalidInput("figures need matplotlib: pip install 'apollonius[plot]'.") from error
+        raise InvalidInput(f"this needs {error.name}: pip install 'apollonius[plot]'.") from error

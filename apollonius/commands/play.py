@@ -16,7 +16,7 @@ def add_play(subparsers: Any) -> None:
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
     )
     parser.add_argument("--against", metavar="AGENT", help=f"your opponent: {AGENT} (default: the best there is)")
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument("--port", type=int, help="port of the page on this machine (default: the first free one)")
     parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
@@ -33,15 +33,15 @@ def run_play(options: argparse.Namespace) -> int:
     from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site
 
-    choice, files = choose(Role[options.side.upper()], options.against, options.game, options.seed)
+    choice = choose(Role[options.side.upper()], options.against, options.game, options.seed)
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
-        write_site(options.site, choice, files)
+        write_site(options.site, choice)
         print(f"the page is {options.site / 'index.html'}: put the folder on any web host")
         return 0
     with tempfile.TemporaryDirectory() as folder:
-        write_site(Path(folder), choice, files)
+        write_site(Path(folder), choice)
         with make_server(Path(folder), options.port) as server:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             try:

@@ -40,7 +40,8 @@ def run_show(options: argparse.Namespace) -> int:
     else:
         game = requested_game(options)
         pursuer = find_agent(options.pursuer, Role.PURSUER, game)
-        replay = record_game(game, pursuer, find_agent(options.evader, Role.EVADER, game), 1, options.seed, 0)
+        evader = find_agent(options.evader, Role.EVADER, game)
+        replay = record_game(game, pursuer, evader, 1, options.seed, 0, options.starts == "viable")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.out.suffix == ".json":
         save_replay(replay, options.out)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from apollonius.learn.config import RunConfig
 
 STAGES = ("fixed-target", "self-play", "both")
+SCHEMES = ("latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
 
 
 def add_train(subparsers: Any) -> None:
@@ -25,12 +26,15 @@ def add_train(subparsers: Any) -> None:
     )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument("--profile", help="how to learn: fast (default) or paper (plain DQN as printed)")
-    parser.add_argument("--game", help="name of the game (default: paper)")
+    parser.add_argument("--game", help="name of the game, or its .toml file (default: paper)")
     parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
     parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
     parser.add_argument(
         "--evader", nargs="+", help="players that the pursuer of --stage fixed-target learns to catch (default: still)"
+    )
+    parser.add_argument(
+        "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
     parser.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
@@ -72,20 +76,24 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     """The preset or file, with what the command line changes."""
     from dataclasses import replace
 
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
     from apollonius.learn.config import PRESETS, PROFILES
     from apollonius.learn.folder import load_config
 
     require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
     require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
     config = load_config(options.config) if options.config else PRESETS[options.preset]
+    self_play = config.self_play
+    if options.opponents:
+        self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
     changes: dict[str, Any] = {
+        "self_play": self_play,
         "stages": options.stage,
         "seed": options.seed,
         "evaders": tuple(options.evader) if options.evader else None,
         "pursuer": options.pursuer,
         "dqn": PROFILES.get(options.profile),
-        "game": make_game(options.game) if options.game else None,
+        "game": find_game(options.game) if options.game else None,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
@@ -120,19 +128,17 @@ def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
     from apollonius.agents.catalogue import find_agent
     from apollonius.agents.store import write_atomically
     from apollonius.evaluate.match import play_match
+    from apollonius.evaluate.pairings import last_agents, pairings
     from apollonius.game.types import Role
     from apollonius.terminal import match_table
 
-    files = sorted((folder / "agents").glob("*.safetensors"))
-    agents = {path.stem: str(path) for path in files if "-" not in path.stem}
-    evaders = ["random", *[name for name in agents if name.startswith("E_")]]
+    agents = last_agents(folder)
     record = {}
-    for name in [name for name in agents if name.startswith("P_")]:
-        for opponent in ["still"] if name == "P_stage1" else evaders:
-            pursuer = find_agent(agents[name], Role.PURSUER)
-            evader = find_agent(agents.get(opponent, opponent), Role.EVADER)
-            result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
-            record[f"{name} against {opponent}"] = result.to_dict()
-            print(match_table(name, opponent, result), end="\n\n")
+    for name, opponent in pairings(agents):
+        pursuer = find_agent(str(agents[name]), Role.PURSUER)
+        evader = find_agent(str(agents.get(opponent, opponent)), Role.EVADER)
+        result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
+        record[f"{name} against {opponent}"] = result.to_dict()
+        print(match_table(name, opponent, result), end="\n\n")
     write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
     print(f"agents and metrics are in {folder}{os.sep}")

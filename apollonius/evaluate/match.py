@@ -17,6 +17,7 @@ from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.rollout import Results, play_out
+from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 _reset_batch = jax.jit(reset_batch, static_argnames="games")
 
@@ -39,8 +40,8 @@ class MatchResult:
     mean_steps: float
     mean_capture_steps: float | None
     """Over the captured games; None if there are none."""
-    doomed_start_rate: float | None
-    """Starts from which a robot cannot help crashing: 0 for robots that can stay at rest; None where not known."""
+    doomed_start_rate: float
+    """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`)."""
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-like data."""
@@ -48,29 +49,50 @@ class MatchResult:
 
 
 def play_match(
-    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, slots: int = 512
+    game: Game,
+    pursuer: AbstractPolicy,
+    evader: AbstractPolicy,
+    games: int,
+    seed: int,
+    slots: int = 512,
+    viable: bool = False,
 ) -> MatchResult:
     """Play a number of games and count.
 
-    The starts depend on the game, the seed and the number of games alone, so matches of other players with the same
-    ones are paired: they meet the very same starts.
+    The starts depend on the game, the seed, the number of games and `viable` alone, so matches of other players with
+    the same ones are paired: they meet the very same starts.
+
+    Args:
+        viable: leave out the starts from which a robot cannot help crashing.
 
     Raises:
         InvalidInput: unless `games` is at least 1 and `seed` is not negative.
     """
-    return count(game, play_games(game, pursuer, evader, games, seed, slots))
+    return count(game, play_games(game, pursuer, evader, games, seed, slots, viable), viable)
 
 
 def play_games(
-    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, slots: int = 512
+    game: Game,
+    pursuer: AbstractPolicy,
+    evader: AbstractPolicy,
+    games: int,
+    seed: int,
+    slots: int = 512,
+    viable: bool = False,
 ) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    starts, key = _begin(game, games, seed)
+    starts, key = _begin(game, games, seed, viable)
     return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots)
 
 
 def replay_game(
-    game: Game, pursuer: AbstractPolicy, evader: AbstractPolicy, games: int, seed: int, index: int
+    game: Game,
+    pursuer: AbstractPolicy,
+    evader: AbstractPolicy,
+    games: int,
+    seed: int,
+    index: int,
+    viable: bool = False,
 ) -> Trajectory:
     """One game of a match, step by step; the other arguments and errors are those of `play_match`.
 
@@ -78,7 +100,7 @@ def replay_game(
         index: which of the games, from 0.
     """
     require(0 <= index < games, "index", index, f"at least 0 and less than games = {games}")
-    return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed), index)
+    return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed, viable), index)
 
 
 def worst_first(results: Results) -> list[int]:
@@ -88,25 +110,29 @@ def worst_first(results: Results) -> list[int]:
     return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
 
 
-def record_game(game: Game, pursuer: Named, evader: Named, games: int, seed: int, index: int) -> Replay:
+def record_game(
+    game: Game, pursuer: Named, evader: Named, games: int, seed: int, index: int, viable: bool = False
+) -> Replay:
     """One game of a match as a replay; arguments and errors as those of `replay_game`."""
-    course = replay_game(game, pursuer.policy, evader.policy, games, seed, index)
+    course = replay_game(game, pursuer.policy, evader.policy, games, seed, index, viable)
     return Replay(
         game, pursuer.name, evader.name, seed, games, index,
         as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),
     )  # fmt: skip
 
 
-def _begin(game: Game, games: int, seed: int) -> tuple[GameState, PRNGKeyArray]:
+def _begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, PRNGKeyArray]:
     """The starts of a match, and the key of everything random in its games."""
     require(games >= 1, "games", games, "at least 1")
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
     start_key, play_key = jax.random.split(jax.random.key(seed))
+    if viable and not _starts_at_rest(game):
+        return viable_starts(game, solve_viability(game), start_key, games), play_key
     return _reset_batch(game, start_key, games=games), play_key
 
 
-def count(game: Game, results: Results) -> MatchResult:
-    """What games that were played to their ends come to."""
+def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
+    """What games that were played to their ends come to; `viable` as in `play_match`."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
     games = len(outcome)
     pursuer_won = int(jnp.sum(pursuer_wins(results.outcome)))
@@ -123,10 +149,10 @@ def count(game: Game, results: Results) -> MatchResult:
         evader_undefeated_rate=(games - pursuer_won - both_failed) / games,
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
-        doomed_start_rate=_doomed_start_rate(game),
+        doomed_start_rate=0.0 if viable or _starts_at_rest(game) else doomed_start_rate(game, solve_viability(game)),
     )
 
 
-def _doomed_start_rate(game: Game) -> float | None:
-    can_stay = bool(game.pursuer.v_min <= 0 and game.evader.v_min <= 0)
-    return 0.0 if can_stay and game.starts.speed == "rest" else None
+def _starts_at_rest(game: Game) -> bool:
+    """Whether both robots start where they can stay, so that no start is lost."""
+    return bool(game.pursuer.v_min <= 0 and game.evader.v_min <= 0) and game.starts.speed == "rest"

@@ -1,5 +1,6 @@
 """Fig. 4: success rate and average reward in stage 1, over episodes."""
 
+from apollonius.evaluate.paper import STAGE_1
 from apollonius.experiments.claims import rate_claim
 from apollonius.experiments.finding import Finding, win_count
 from apollonius.experiments.reward import reward_curve
@@ -24,13 +25,14 @@ def run(study: Study) -> Finding:
         rewards.append(reward_curve(study, "curriculum", seed, "fixed-target"))
     with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
         draw_seeds(left, successes, palette.PURSUER, "greedy")
-        left.axhline(96, color=palette.INK, linewidth=0.8, linestyle=":")
-        left.annotate("paper: 96 % after 200,000", (0.98, 0.88), xycoords="axes fraction", ha="right", fontsize=7.5)
+        left.axhline(100 * STAGE_1, color=palette.INK, linewidth=0.8, ls=":", label="the paper, 200,000 episodes")
         left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
+        left.legend(loc="lower right")
         draw_seeds(right, rewards, palette.PURSUER, "exploring")
         right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
+        right.legend(loc="lower right")
     matches = [study.match("P_stage1", "still", seed) for seed in study.seeds]
-    claim = rate_claim("stage 1: success", "section IV, Fig. 4", 0.96, 0.96, [win_count(m) for m in matches])
+    claim = rate_claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, [win_count(m) for m in matches])
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
     data = {"success": successes, "matches": [match.to_dict() for match in matches]}

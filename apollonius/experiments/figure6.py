@@ -18,7 +18,9 @@ def run(study: Study) -> Finding:
     )
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_bars(axes, names, [c.mean for c in claims], [c.interval for c in claims], palette.PURSUER)
+        draw_bars(
+            axes, names, [c.mean for c in claims], [c.interval for c in claims], [palette.PURSUER, palette.EVADER]
+        )
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     columns = [

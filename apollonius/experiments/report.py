@@ -17,7 +17,10 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
         "seeds": list(study.seeds),
         "games": study.games,
         "claims": [claim.to_dict() for claim in claims],
-        "findings": {finding.title: finding.data for finding in findings},
+        "findings": {
+            finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
+            for finding in findings
+        },
     }
     write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
     sections = [

@@ -1,25 +1,14 @@
 """Table II: against the random evader."""
 
+from apollonius.evaluate.paper import TABLE_2
 from apollonius.experiments.claims import difference_claim, rate_claim
 from apollonius.experiments.finding import Finding, as_data, beside_the_paper, win_count
 from apollonius.experiments.study import Study
 
-PAPER = {
-    "P_random": {
-        "captured": 336, "pursuer_hit_obstacle": 28, "evader_hit_obstacle": 26,
-        "pursuer_out_of_range": 17, "evader_out_of_range": 93, "no_result": 0,
-    },
-    "P_curriculum": {
-        "captured": 62, "pursuer_hit_obstacle": 15, "evader_hit_obstacle": 52,
-        "pursuer_out_of_range": 19, "evader_out_of_range": 351, "no_result": 1,
-    },
-}  # fmt: skip
-"""Games of 500."""
-
 
 def run(study: Study) -> Finding:
     """Both pursuers against the random evader: wins, and how many of them by capture."""
-    results = {name: [study.match(name, "random", seed) for seed in study.seeds] for name in PAPER}
+    results = {name: [study.match(name, "random", seed) for seed in study.seeds] for name in TABLE_2}
     captures = {
         name: [result.outcomes["captured"] / result.games for result in matches] for name, matches in results.items()
     }
@@ -32,5 +21,5 @@ def run(study: Study) -> Finding:
             list(zip(captures["P_random"], captures["P_curriculum"], strict=True)), study.games,
         ),
     )  # fmt: skip
-    text = beside_the_paper(results, PAPER)
+    text = beside_the_paper(results, TABLE_2)
     return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))

@@ -1,5 +1,7 @@
 """Where the robots are: walls (Eq. 2), circular obstacles, and whether a step along a segment touches them."""
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
@@ -40,10 +42,18 @@ class Arena(eqx.Module):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest wall or disc; negative outside the walls or inside a disc."""
-        least = self._to_walls(x, y)
-        for disc in self.discs:
-            least = jnp.minimum(least, jnp.hypot(x - disc.x, y - disc.y) - disc.radius)
-        return least
+        return functools.reduce(jnp.minimum, self.clearances(x, y))
+
+    def clearances(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        """Distance [m] from a point to each of the four walls, then to each disc; negative on the wrong side."""
+        return [x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y, *self._to_discs(x, y)]
+
+    def to_obstacles(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point to the nearest disc; negative inside it. There must be one."""
+        return functools.reduce(jnp.minimum, self._to_discs(x, y))
+
+    def _to_discs(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        return [jnp.hypot(x - disc.x, y - disc.y) - disc.radius for disc in self.discs]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Least clearance [m] on the segment between two states."""

@@ -21,6 +21,8 @@ from apollonius.game.types import Real, RobotState, Scalar
 
 OBSERVATION_SIZES = {"paper": 8, "encoded": 17}
 """Numbers in an observation of each profile."""
+_ROBOT_SIZES = {"paper": 4, "encoded": 5}
+"""Numbers that describe one robot; those of `own` come first, then those of `opponent`."""
 
 
 def _scale(value: Scalar, low: Real, high: Real) -> Scalar:
@@ -71,13 +73,28 @@ def observe(
 
 
 def own_state(profile: str, arena: Arena, own_body: Unicycle, observation: Float[Array, " size"]) -> RobotState:
-    """The state of `own` that an observation tells: `observe`, undone, for one of the two profiles."""
-    heading = observation[3] * jnp.pi if profile == "paper" else jnp.arctan2(observation[4], observation[3])
+    """The state of `own` that an observation tells."""
+    return _robot_state(profile, arena, own_body, observation)
+
+
+def both_states(
+    profile: str, arena: Arena, own_body: Unicycle, opponent_body: Unicycle, observation: Float[Array, " size"]
+) -> tuple[RobotState, RobotState]:
+    """The states of `own` and `opponent` that an observation tells: `observe`, undone."""
+    rest = observation[_ROBOT_SIZES[profile] :]
+    return (
+        _robot_state(profile, arena, own_body, observation),
+        _robot_state(profile, arena, opponent_body, rest),
+    )
+
+
+def _robot_state(profile: str, arena: Arena, body: Unicycle, numbers: Float[Array, " rest"]) -> RobotState:
+    """The state of the robot that the first of these numbers of an observation describe."""
     return RobotState(
-        x=_unscale(observation[0], arena.x_min, arena.x_max),
-        y=_unscale(observation[1], arena.y_min, arena.y_max),
-        v=_unscale(observation[2], own_body.v_min, own_body.v_max),
-        heading=heading,
+        x=_unscale(numbers[0], arena.x_min, arena.x_max),
+        y=_unscale(numbers[1], arena.y_min, arena.y_max),
+        v=_unscale(numbers[2], body.v_min, body.v_max),
+        heading=numbers[3] * jnp.pi if profile == "paper" else jnp.arctan2(numbers[4], numbers[3]),
     )
 
 

@@ -1,5 +1,7 @@
 """What a step does to the game: capture, failures, time limit, and which of them counts."""
 
+import functools
+import operator
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -8,6 +10,11 @@ from jaxtyping import Array, Bool, Int
 
 from apollonius.game.arena import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real
+
+PURSUER_WINS = (Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
+"""Captured, or the evader failed alone (the win rate of Table II)."""
+PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
+"""The pursuer failed alone."""
 
 
 def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
@@ -53,22 +60,24 @@ def decide(
 
 
 def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
-    """Captured, or the evader failed alone (the win rate of Table II)."""
-    return (
-        (outcome == Outcome.CAPTURED)
-        | (outcome == Outcome.EVADER_HIT_OBSTACLE)
-        | (outcome == Outcome.EVADER_OUT_OF_RANGE)
-    )
+    """Whether the outcome is one of `PURSUER_WINS`."""
+    return _is_one_of(PURSUER_WINS, outcome)
 
 
 def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
     """The pursuer failed alone or, where the rules say so, the evader outlived the time limit."""
-    wins = (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
-    if time_limit_wins:
-        wins = wins | (outcome == Outcome.NO_RESULT)
-    return wins
+    return _is_one_of((*PURSUER_FAILS, *([Outcome.NO_RESULT] if time_limit_wins else [])), outcome)
+
+
+def _is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
+    return functools.reduce(operator.or_, (outcome == one for one in outcomes))
 
 
 def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]:
     """Games by the name of their outcome, from counts indexed by `Outcome`; unfinished ones are left out."""
     return {outcome.name.lower(): int(counts[outcome]) for outcome in Outcome if outcome != Outcome.ONGOING}
+
+
+def names_of(outcomes: Sequence[Outcome]) -> list[str]:
+    """The names that outcomes have in counts."""
+    return [outcome.name.lower() for outcome in outcomes]

@@ -35,6 +35,10 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str) -> T:
         raise InvalidInput(f"{source}: '{unknown}' is no known key: remove it, or did you mean '{near}'?") from error
     except dacite.DaciteError as error:
         raise InvalidInput(f"{source}: {error}; correct the value.") from error
+    except InvalidInput:
+        raise
+    except (TypeError, ValueError) as error:  # a number where a list is due, a table where there are several
+        raise InvalidInput(f"{source}: a value is of the wrong kind ({error}); correct it.") from error
 
 
 def _real(value: Any) -> Any:

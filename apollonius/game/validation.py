@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 MAX_TURN = 2.0
 """Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be those of its chord."""
+MAX_SIZE = 1e6
+"""Largest size of any number of a game: in single precision the places of a larger arena would be decimetres apart."""
+MAX_STEPS = 2**31 - 1
+"""Largest time limit [steps]: steps are counted in 32 bits."""
 _DRAWS = 100_000
 """Pairs of places at which free space is looked for; a start rarer than that would take for ever to draw."""
 
@@ -29,11 +33,12 @@ def check_game(game: "Game") -> None:
     _check_finite(game)
     require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
     require(game.starts.speed in ("rest", "moving"), "starts.speed", game.starts.speed, "rest or moving")
-    require(game.dt > 0, "dt", game.dt, "more than 0 s; the paper game uses 0.1")
-    require(game.capture_distance > 0, "capture_distance", game.capture_distance, "more than 0 m; the paper uses 0.3")
+    require(np.float32(game.dt) > 0, "dt", game.dt, "more than 0 s; the paper game uses 0.1")
+    capture = game.capture_distance
+    require(np.float32(capture) > 0, "capture_distance", capture, "more than 0 m; the paper uses 0.3")
     require(
-        game.max_steps >= 1 and game.max_steps == int(game.max_steps),
-        "max_steps", game.max_steps, "a whole number of steps, at least 1; the paper game uses 1000",
+        1 <= game.max_steps <= MAX_STEPS and game.max_steps == int(game.max_steps),
+        "max_steps", game.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000",
     )  # fmt: skip
     _check_robot(game.pursuer, "pursuer", game.dt)
     _check_robot(game.evader, "evader", game.dt)
@@ -51,7 +56,8 @@ def _check_finite(game: "Game") -> None:
     for path, leaf in jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]:
         name = jax.tree_util.keystr(path, simple=True, separator=".")
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
-        require(is_number and math.isfinite(leaf), name, leaf, "a finite number")
+        require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
+        require(abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0")
 
 
 def _check_robot(body: "Unicycle", name: str, dt: Any) -> None:

@@ -153,6 +153,35 @@ class StageConfig:
         return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
 
 
+Scheme = Literal["latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even"]
+
+
+@dataclass(frozen=True)
+class OpponentConfig:
+    """Whom the sides of self-play meet (`apollonius.learn.opponents`)."""
+
+    scheme: Scheme = "latest"
+    """`latest`: each other, as in Algorithm 2. `alternating`: each other, and only one of them learns at a time. The
+    rest: in a share of the games an earlier version, drawn by the scheme."""
+    past_share: float = 0.5
+    """Share of the games with an earlier version, half of them of either side; `latest-80-20` has 0.2."""
+    versions: int = 16
+    """Earlier versions kept of each side, taken evenly over the stage."""
+    seats: int = 8
+    """Earlier versions of each side that play at a time."""
+    renewal: int = 524_288
+    """Env steps between two draws of who plays; with `alternating`, between two changes of who learns."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "versions", "seats", "renewal")
+        require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
+
+    @property
+    def share(self) -> float:
+        """Share of the games with an earlier version."""
+        return {"latest": 0.0, "alternating": 0.0, "latest-80-20": 0.2}.get(self.scheme, self.past_share)
+
+
 @dataclass(frozen=True)
 class SelfPlayConfig(StageConfig):
     """Stage 2 as it works best: the pursuer explores little, for it has learned already, and progress weighs little.
@@ -163,6 +192,8 @@ class SelfPlayConfig(StageConfig):
     env_steps: int = 90_000_000
     pursuer_epsilon: float = 0.2
     progress: float = 1.0
+    opponents: OpponentConfig = OpponentConfig()
+    """Whom both sides meet."""
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,10 @@ def init(config: DQNConfig, key: PRNGKeyArray) -> Learner:
 
 
 def start_from(network: QNetwork) -> Learner:
-    """A learner that goes on from a trained network: its target is the network, its optimiser is fresh."""
-    target, average = (jax.tree.map(jnp.copy, network) for _ in range(2))
-    optimiser = _adam.init(eqx.filter(network, eqx.is_array))
-    return Learner(network, target, average, optimiser, jnp.zeros((), jnp.int32))
+    """A learner that goes on from a copy of a network: its target is the network, its optimiser is fresh."""
+    own, target, average = (jax.tree.map(jnp.copy, network) for _ in range(3))
+    optimiser = _adam.init(eqx.filter(own, eqx.is_array))
+    return Learner(own, target, average, optimiser, jnp.zeros((), jnp.int32))
 
 
 _adam = optax.scale_by_adam()

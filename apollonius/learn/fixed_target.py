@@ -7,7 +7,7 @@ from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Pool
 from apollonius.game.game import Game
 from apollonius.learn import dqn
-from apollonius.learn.stage import Plan, TrainState, start
+from apollonius.learn.state import Plan, TrainState, start
 
 
 def start_fixed_target(

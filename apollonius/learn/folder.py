@@ -45,6 +45,7 @@ def _remove_run(folder: Path) -> None:
         "checkpoint.safetensors",
         "*.jsonl",
         "evaluation.json",
+        "report.html",
         "**/*.tmp",
         "config.toml",
     ):

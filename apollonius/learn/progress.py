@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from apollonius.game.outcome import counts_by_name
-from apollonius.learn.stage import Metrics, Plan, TrainState
+from apollonius.learn.stage import Metrics
+from apollonius.learn.state import Plan, TrainState
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,13 @@ def add(replay: Replay, new: Row) -> Replay:
     return Replay(written, (replay.head + steps) % rows, jnp.minimum(replay.filled + steps, rows))
 
 
+def cut(replay: Replay, games: Bool[Array, " games"]) -> Replay:
+    """The ring after some games were broken off: their latest transitions are truncated, unless they ended them."""
+    latest = (replay.head - 1) % replay.rows.reward.shape[0]
+    truncated = replay.rows.truncated[latest] | (games & ~replay.rows.terminated[latest])
+    return eqx.tree_at(lambda ring: ring.rows.truncated, replay, replay.rows.truncated.at[latest].set(truncated))
+
+
 def sample(
     replay: Replay, key: PRNGKeyArray, batch: int, max_n_step: int, n_step: Int[Array, ""] | int, gamma: float
 ) -> Batch:

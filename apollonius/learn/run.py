@@ -29,8 +29,10 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
+from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import Plan, TrainState, play_and_learn
+from apollonius.learn.stage import play_and_learn
+from apollonius.learn.state import Plan, TrainState
 from apollonius.rollout import play_out
 
 FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
@@ -126,6 +128,8 @@ class Run:
         began, last_save = time.monotonic() - here["seconds"], time.monotonic()
         while here["chunks"] < plan.chunks:
             chunk_began = time.monotonic()
+            if plan.renews_after(here["chunks"]):
+                train = renew_opponents(plan, game, train)
             train, metrics = play_and_learn(plan, game, train, pursuer, evader)
             env_steps = int(train.env_steps)
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)

@@ -6,7 +6,7 @@ from jaxtyping import PRNGKeyArray
 from apollonius.agents.network import QNetwork
 from apollonius.game.game import Game
 from apollonius.learn import dqn
-from apollonius.learn.stage import Plan, TrainState, start
+from apollonius.learn.state import Plan, TrainState, start
 
 
 def start_self_play(plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:

@@ -1,6 +1,8 @@
 """How every figure looks: lines and letters, and how one is made and saved."""
 
-from collections.abc import Iterator
+import io
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from apollonius.show.palette import INK
+from apollonius.show.palette import GRID, INK, LIGHT
 
 _SETTINGS: dict[Any, Any] = {
     "figure.dpi": 120,
@@ -26,7 +28,7 @@ _SETTINGS: dict[Any, Any] = {
     "ytick.color": INK,
     "text.color": INK,
     "axes.grid": True,
-    "grid.color": "#e4e4df",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "legend.frameon": False,
@@ -50,3 +52,28 @@ def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.
         figure = Figure(figsize=(columns * width, height), layout="constrained")
         yield list(figure.subplots(1, columns, squeeze=False)[0])
         figure.savefig(path)
+
+
+def inline_svg(draw: Callable[[Axes], None], label: str, width: float = 4.6, height: float = 3.0) -> str:
+    """A figure of one panel as an `<svg>` element for a page that defines the palette's colours as CSS variables.
+
+    The same figure serves light and dark pages. Letters stay text.
+
+    Args:
+        draw: draws on the panel.
+        label: what the figure shows, for readers who do not see it; plain text that needs no escaping.
+        width, height: of the panel [inches].
+    """
+    settings: dict[Any, Any] = _SETTINGS | {"svg.fonttype": "none", "svg.hashsalt": label}
+    with mpl.rc_context(settings):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        draw(figure.subplots())
+        file = io.StringIO()
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        figure.savefig(file, format="svg", transparent=True, metadata=nothing)
+    drawn = re.search(r"<svg.*</svg>", file.getvalue(), re.DOTALL)
+    assert drawn, "matplotlib writes one svg element"
+    svg = re.sub(r'<metadata>.*?</metadata>|xmlns(:\w+)?="[^"]*"', "", drawn.group(), flags=re.DOTALL)
+    for name, colour in LIGHT.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    return svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)

@@ -46,7 +46,7 @@ def test_a_file_plays_no_other_side(pursuer, tmp_path):
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still.* or give a \.safetensors file"):
+    with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still, .*flee.* a \.safetensors file"):
         find_agent("nobody", Role.PURSUER)
 
 

@@ -73,7 +73,7 @@ def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
     for seed in range(12):
         network = make_network("encoded", 8, 2, jax.random.key(seed))
         guarded = shielded(Greedy(network), Game(), Role.PURSUER)
-        room = [float(guarded.room_after(own, jnp.int32(action))) for action in range(9)]
+        room = [float(guarded.backup.room_after(own, jnp.int32(action))) for action in range(9)]
         allowed = np.array(room) > MARGIN
         assert list(np.flatnonzero(allowed)) == [0, 2]
         values = np.where(allowed, np.asarray(network(seen)), -np.inf)
@@ -87,15 +87,15 @@ def test_room_is_what_the_best_way_to_brake_leaves():
     guarded = shielded(Uniform(), Game(), Role.PURSUER)
     own = robot(10 - 2.0, 5.0, 1.2)
     reach = quad(lambda t: (1.2 - 0.3 * t) * np.cos(0.8 * t), 0, np.pi / 1.6)[0]
-    assert float(guarded.room_after(own, jnp.int32(0))) == pytest.approx(2.0 - reach, abs=2e-3)
+    assert float(guarded.backup.room_after(own, jnp.int32(0))) == pytest.approx(2.0 - reach, abs=2e-3)
     along = robot(5.0, 0.02, 1.2)  # beside a wall, with open space on the left
-    assert float(guarded.room_after(along, jnp.int32(4))) == pytest.approx(0.02, abs=1e-4)
+    assert float(guarded.backup.room_after(along, jnp.int32(4))) == pytest.approx(0.02, abs=1e-4)
 
 
 def test_a_robot_that_is_lost_does_what_leaves_most_room():
     guarded = shielded(Greedy(NETWORK), Game(), Role.PURSUER)
     own = robot(9.5, 5.0, 1.2)
-    room = [float(guarded.room_after(own, jnp.int32(action))) for action in range(9)]
+    room = [float(guarded.backup.room_after(own, jnp.int32(action))) for action in range(9)]
     assert max(room) < 0
     state = Game().reset(jax.random.key(0))
     seen = Game().observe(type(state)(own, robot(1.0, 1.0), state.steps), Role.PURSUER, "encoded")
@@ -111,7 +111,7 @@ def test_a_name_asks_for_the_shield():
     found = find_agent("shielded:P_stage1", Role.PURSUER, PAPER)
     assert found.name == "shielded:P_stage1"
     assert found.header == find_agent("P_stage1", Role.PURSUER).header
-    assert found.policy.body == PAPER.pursuer
+    assert found.policy.backup.body == PAPER.pursuer
     with pytest.raises(InvalidInput, match="needs a game"):
         find_agent("shielded:P_stage1", Role.PURSUER)
     with pytest.raises(InvalidInput, match="nobody"):

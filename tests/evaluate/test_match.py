@@ -14,11 +14,11 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
 from apollonius.evaluate.match import count, play_match
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
-from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome
 from apollonius.rollout import Results
+from apollonius.solve.viability import doomed_start_rate, solve_viability
+from tests.solve.small import MOVING
 
 GAMES = 200
 PAPER = replace(make_game("paper"), max_steps=150)
@@ -112,13 +112,25 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
     assert result.mean_capture_steps == 12
 
 
-MOVING = replace(PAPER, starts=Starts(speed="moving"))
-UNSTOPPABLE = replace(PAPER, evader=Unicycle(v_min=0.1))
+def test_no_start_is_doomed_where_both_can_stay_at_rest():
+    assert count(PAPER, Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == 0
 
 
-@pytest.mark.parametrize(("game", "rate"), [(PAPER, 0.0), (MOVING, None), (UNSTOPPABLE, None)])
-def test_starts_are_known_not_to_be_doomed_where_both_can_stay_at_rest(game, rate):
-    assert count(game, Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == rate
+def test_doomed_starts_are_counted_unless_they_are_left_out():
+    results = Results(jnp.array([7]), jnp.array([1]))
+    expected = doomed_start_rate(MOVING, solve_viability(MOVING))
+    assert count(MOVING, results).doomed_start_rate == expected > 0.02
+    assert count(MOVING, results, viable=True).doomed_start_rate == 0
+
+
+def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
+    for pursuer in (Uniform(), Still()):
+        play_match(MOVING, pursuer, Still(), GAMES, seed=0, viable=True)
+    assert identical(*starts)
+    assert starts[0].pursuer.x.shape == (GAMES,)
+    assert np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[0])))
+    play_match(MOVING, Still(), Still(), GAMES, seed=0)
+    assert not np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[2])))
 
 
 def test_a_result_survives_json(random_match):

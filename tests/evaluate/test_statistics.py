@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import wilson_interval
+from apollonius.evaluate.statistics import mean_band, wilson_interval
 
 Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
@@ -42,3 +42,22 @@ def test_the_interval_stays_within_0_and_1(successes, trials):
 def test_counts_that_cannot_be_are_refused(successes, trials):
     with pytest.raises(ValueError, match=r"\d"):
         wilson_interval(successes, trials)
+
+
+def test_the_band_of_a_mean_is_students():
+    low, high = mean_band(np.array([[1.0, 5.0], [2.0, 5.0], [3.0, 5.0]]))
+    reach = 4.302653 / math.sqrt(3)  # of Student's t with 2 degrees of freedom; the standard deviation is 1
+    np.testing.assert_allclose(low, [2 - reach, 5], rtol=1e-6)
+    np.testing.assert_allclose(high, [2 + reach, 5], rtol=1e-6)
+
+
+@pytest.mark.parametrize("seeds", [2, 3, 10])
+def test_the_band_holds_the_true_mean_as_often_as_it_says(seeds):
+    curves = np.random.default_rng(0).normal(7.0, 2.0, size=(seeds, 20_000))
+    low, high = mean_band(curves)
+    assert np.mean((low <= 7) & (high >= 7)) == pytest.approx(0.95, abs=0.006)
+
+
+def test_a_lone_seed_has_no_band():
+    with pytest.raises(ValueError, match="1 seeds"):
+        mean_band(np.zeros((1, 4)))

@@ -1,10 +1,13 @@
 """The whole of `reproduce` on the smallest trainings: what it writes, that it goes on, and what it refuses."""
 
+import base64
 import json
+import re
 from dataclasses import replace
 
 import jax
 import pytest
+from markupsafe import escape
 
 from apollonius.errors import InvalidInput
 from apollonius.experiments.reproduce import EXPERIMENTS, reproduce
@@ -13,6 +16,8 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run
+from apollonius.show.report.page import render
+from apollonius.show.report.study import study_page
 from tests.learn.tiny import GAME
 from tests.learn.tiny import RUN as TINY
 
@@ -77,9 +82,31 @@ def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(st
 
 def test_results_count_the_matches_of_the_agents_in_the_folder(study):
     table = json.loads((study / "results.json").read_text())["findings"]["Table II: against the random evader"]
-    for matches in table.values():
+    for matches in table["data"].values():
         for match in matches:
             assert sum(match["outcomes"].values()) == match["games"] == GAMES
+
+
+def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
+    page = study_page(study)
+    html = render(page)
+    for claim in json.loads((study / "results.json").read_text())["claims"]:
+        row = html[html.index(f'<th scope="row">{escape(claim["name"])}</th>') :].split("</tr>")[0]
+        assert f"<strong>{100 * claim['mean']:.1f} %</strong>" in row
+        assert f">{claim['verdict']}<" in row
+    for name in PICTURES:
+        assert base64.b64encode((study / name).read_bytes()).decode() in html
+    assert "<td>12.4%</td>" in html  # Table II of the paper, captures by P_curriculum
+    assert not re.search(r"https?:", html)
+    pairings = list(dict.fromkeys(shown.pairing for shown in page.games))
+    assert pairings == [
+        "P_stage1 against still",
+        "P_random against random",
+        "P_curriculum against random",
+        "P_random against E_scratch",
+        "P_curriculum against E_scratch",
+    ]
+    assert all(shown.replay.game == RUN.game for shown in page.games)
 
 
 def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):

@@ -2,6 +2,7 @@
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.observation import OBSERVATION_SIZES, own_state
+from apollonius.game.observation import OBSERVATION_SIZES, both_states, own_state
 from apollonius.game.types import GameState, RobotState, Role
 
 GAME = Game(
@@ -106,8 +107,11 @@ def test_where_the_opponent_is_does_not_depend_on_where_north_is():
 
 @pytest.mark.parametrize("profile", OBSERVATION_SIZES)
 @pytest.mark.parametrize("role", Role)
-def test_the_own_state_is_read_back_from_what_is_seen(profile, role):
+def test_both_states_are_read_back_from_what_is_seen(profile, role):
     placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))
-    own, body = (placed.pursuer, GAME.pursuer) if role == Role.PURSUER else (placed.evader, GAME.evader)
-    read = own_state(profile, GAME.arena, body, observe(GAME, placed, role, profile))
-    np.testing.assert_allclose(jax.tree.leaves(read), jax.tree.leaves(own), atol=3e-6)
+    pursuer, evader = (placed.pursuer, GAME.pursuer), (placed.evader, GAME.evader)
+    (own, body), (opponent, other_body) = (pursuer, evader) if role == Role.PURSUER else (evader, pursuer)
+    seen = observe(GAME, placed, role, profile)
+    read = both_states(profile, GAME.arena, body, other_body, seen)
+    np.testing.assert_allclose(jax.tree.leaves(read), jax.tree.leaves((own, opponent)), atol=3e-6)
+    assert eqx.tree_equal(own_state(profile, GAME.arena, body, seen), read[0])

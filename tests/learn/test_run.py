@@ -20,6 +20,7 @@ from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import run as run_module
+from apollonius.learn.config import OpponentConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.run import Run
 from apollonius.rollout import Results
@@ -114,6 +115,19 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
     assert metrics(folder)[-1]["stage"] == "self-play"
     assert Run(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
+
+
+def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
+    past = OpponentConfig(scheme="prioritised-hard", versions=4, seats=2, renewal=CHUNK)
+    config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))
+    whole, broken = begin(tmp_path / "whole", config), begin(tmp_path / "broken", config)
+    assert Run(config, whole).execute()
+    assert not Run(config, broken, should_stop=stop_after(2)).execute()
+    assert Run(config, broken).execute()
+    assert_same_end(broken, whole)
+    latest = begin(tmp_path / "latest", replace(config, self_play=RUN.self_play))
+    assert Run(load_config(latest / "config.toml"), latest).execute()
+    assert agents(latest) != agents(whole)
 
 
 def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):

@@ -19,7 +19,8 @@ from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome
 from apollonius.learn.fixed_target import start_fixed_target
-from apollonius.learn.stage import Metrics, TrainState, play_and_learn
+from apollonius.learn.stage import Metrics, play_and_learn
+from apollonius.learn.state import TrainState
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
 EVADER = solo(Still())

@@ -6,7 +6,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.learn.config import DQNConfig, RunConfig, SelfPlayConfig, StageConfig
-from apollonius.learn.stage import Plan
+from apollonius.learn.state import Plan
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""

@@ -11,7 +11,8 @@ from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
-from apollonius.show.animation import SIZE, frames, save_animation
+from apollonius.show.animation import frames, save_animation
+from apollonius.show.canvas import SIZE
 from apollonius.show.palette import EVADER, PURSUER
 
 STEPS = 12

@@ -5,12 +5,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
-from apollonius.show import style
+from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena, draw_game, save_picture
-from apollonius.show.curves import draw_bars, draw_seeds, smooth
+from apollonius.show.curves import draw_bars, draw_rate, draw_seeds, smooth
 
 
 @pytest.fixture
@@ -36,12 +37,48 @@ def test_the_mean_of_seeds_covers_what_all_of_them_cover(axes):
     np.testing.assert_allclose(mean.get_ydata()[[0, -1]], [(0.5 + 2) / 2, (2 + 3.5) / 2])
 
 
+def test_the_mean_of_seeds_has_its_band_and_a_lone_seed_none(axes):
+    draw_seeds(axes, [([0, 10], [0.0, 1.0]), ([0, 10], [2.0, 1.0])], "red", "reward")
+    (band,) = axes.collections
+    reach = 12.7062047  # of Student's t with 1 degree of freedom; the standard error is 1, then 0
+    np.testing.assert_allclose(band.get_datalim(axes.transData).get_points(), [[0, 1 - reach], [10, 1 + reach]])
+    assert axes.get_lines()[-1].get_label() == "reward: mean of 2 seeds, 95 % band"
+    alone = Figure().subplots()
+    draw_seeds(alone, [([0, 10], [0.0, 1.0])], "red", "reward")
+    assert not alone.collections
+    assert [line.get_label() for line in alone.get_lines()] == ["reward"]
+
+
+def test_a_rate_has_wilsons_interval_as_its_band(axes):
+    draw_rate(axes, [0, 100], [5, 10], [10, 10], "red", "captured")
+    (line,), (band,) = axes.get_lines(), axes.collections
+    np.testing.assert_allclose(line.get_xydata(), [[0, 50], [100, 100]])
+    corners = band.get_paths()[0].vertices
+    for x, times in ((0, 5), (100, 10)):
+        for end in wilson_interval(times, 10):
+            assert np.isclose(corners, [x, 100 * end]).all(axis=1).any()
+
+
+def test_an_inline_figure_takes_its_colours_from_the_page():
+    def draw(axes):
+        axes.plot([0, 1], [0, 1], color=palette.PURSUER, label="pursuer")
+        axes.set_xlabel("episodes & <more>")
+
+    drawn = style.inline_svg(draw, "a curve")
+    assert drawn == style.inline_svg(draw, "a curve")
+    assert drawn.startswith('<svg role="img" aria-label="a curve"')
+    assert "var(--pursuer)" in drawn
+    assert "var(--ink)" in drawn
+    assert not any(colour in drawn for colour in (palette.PURSUER, palette.INK, palette.GRID, "http"))
+    assert "episodes &amp; &lt;more&gt;" in drawn
+
+
 def test_running_means_are_of_neighbours():
     assert smooth([1.0, 1.0, 4.0, 1.0, 1.0], 3) == pytest.approx([1, 2, 2, 2, 1])
 
 
 def test_bars_carry_their_figures(axes):
-    draw_bars(axes, ["a", "b"], [0.5, 0.25], [(0.4, 0.6), (0.2, 0.3)], "blue")
+    draw_bars(axes, ["a", "b"], [0.5, 0.25], [(0.4, 0.6), (0.2, 0.3)], ["blue", "red"])
     assert [patch.get_height() for patch in axes.patches] == [50, 25]
     assert [text.get_text() for text in axes.texts] == ["50.0 %", "25.0 %"]
 

@@ -35,24 +35,34 @@ def test_the_page_asks_nobody_else():
 
 
 def test_colours_are_those_of_all_pictures():
-    style = (PAGE / "style.css").read_text()
+    light, dark = (PAGE / "style.css").read_text().split("@media (prefers-color-scheme: dark)")
     for name in ("pursuer", "evader", "obstacle"):
-        assert f"--{name}: {getattr(palette, name.upper())};" in style
+        assert f"--{name}: {palette.LIGHT[name]};" in light
+        assert f"--{name}: {palette.DARK[name]};" in dark
 
 
 def test_a_person_meets_the_best_unless_told_otherwise():
-    choice, files = choose(Role.EVADER, None, "paper", 3)
-    assert (choice.pursuer, choice.evader, choice.seed, files) == ("shielded:P_pool", YOU, 3, {})
-    assert choose(Role.PURSUER, "random", "robot", 0)[0].evader == "random"
+    choice = choose(Role.EVADER, None, "paper", 3)
+    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_pool", YOU, 3, {})
+    assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
+
+
+def test_a_game_from_a_file_is_served_too(tmp_path):
+    (tmp_path / "hall.toml").write_text("capture_distance = 0.4\n[arena]\nx_max = 12.0\n")
+    choice = choose(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
+    write_site(tmp_path / "site", choice)
+    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    assert catalogue["chosen"]["game"] == "hall"
+    assert catalogue["games"]["hall"]["arena"]["x_max"] == 12.0
 
 
 def test_an_agent_from_a_run_is_served_too(tmp_path):
     path = tmp_path / "first" / "agents" / "P_pool.safetensors"
     path.parent.mkdir(parents=True)
     shutil.copyfile(ZOO / "P_random.safetensors", path)
-    choice, files = choose(Role.EVADER, f"shielded:{path}", "paper", 0)
+    choice = choose(Role.EVADER, f"shielded:{path}", "paper", 0)
     assert choice.pursuer == "shielded:P_pool of first"
-    write_site(tmp_path / "site", choice, files)
+    write_site(tmp_path / "site", choice)
     catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
     assert "P_pool of first" in catalogue["agents"]["pursuer"]
     assert (tmp_path / "site" / catalogue["files"]["P_pool of first"]).read_bytes() == path.read_bytes()

@@ -1,0 +1,118 @@
+"""One game under way behind one compiled call: what the interfaces to a single game share."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, UInt32
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role, Timestep
+
+_ROBOTS = slice(0, 8)
+"""In what a step tells: x, y, v, heading of the pursuer, then of the evader. Both observations follow, then ..."""
+_REWARDS = slice(-5, -3)
+_TERMINATED, _TRUNCATED, _OUTCOME = -3, -2, -1
+_OUTCOMES = [outcome.name.lower() for outcome in Outcome]
+_NO_WORD = np.uint32(0)
+
+
+class LiveGame:
+    """One game, one step at a time, either side's action from outside or from a player of the package.
+
+    All that a step needs and tells is one array each: passing a game's many numbers costs several times the step.
+
+    Args:
+        game: the rules.
+        observation: profile of what both sides see (`apollonius.game.observation`).
+        inside: the player of each side that is not played from outside.
+
+    """
+
+    def __init__(self, game: Game, observation: str, inside: dict[Role, AbstractPolicy] | None = None) -> None:
+        players = inside or {}
+        size = OBSERVATION_SIZES[observation]
+        self.game = game
+        self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
+
+        def tell(state: GameState, rest: list[Array]) -> Float[Array, " told"]:
+            robots = jnp.stack(jax.tree.leaves((state.pursuer, state.evader)))
+            seen = [game.observe(state, role, observation) for role in Role]
+            return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])
+
+        # The game is a constant of both functions.
+        @jax.jit
+        def begin(word: UInt32[Array, ""]) -> Float[Array, " told"]:
+            return tell(game.reset(jax.random.key(word)), [jnp.zeros(())] * 5)
+
+        @jax.jit
+        def step(told: Float[Array, " told"], given: Int[Array, "3"], word: UInt32[Array, ""]) -> Float[Array, " told"]:
+            steps, actions = given[0], [given[1], given[2]]
+            state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), steps)
+            for role, player in players.items():
+                actions[role] = player(game.observe(state, role, player.observation), word)
+            after: Timestep = game.step(state, *actions)
+            flags = [after.terminated, after.truncated, after.outcome]
+            return tell(after.state, [after.pursuer_reward, after.evader_reward, *flags])
+
+        self._begin, self._step = begin, step
+        self._told: Array | None = None
+        self._read = np.zeros(0, np.float32)
+        self._steps = 0
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is a game."""
+        return self._told is not None
+
+    def reset(self, word: np.uint32) -> None:
+        """Begin a new game; a word of random bits decides where."""
+        self._take(self._begin(word), 0)
+
+    def step(self, actions: tuple[int | np.integer, int | np.integer], word: np.uint32 = _NO_WORD) -> None:
+        """Both sides hold their actions for one step; that of a side played from inside is not looked at.
+
+        Args:
+            actions: of the pursuer and the evader, 0..8.
+            word: random bits for a player inside.
+
+        Raises:
+            InvalidInput: for an action that is none of the nine.
+        """
+        for action in actions:
+            require(0 <= action < NUM_ACTIONS, "action", action, f"from 0 to {NUM_ACTIONS - 1}")
+        self._take(self._step(self._told, np.array((self._steps, *actions), np.int32), word), self._steps + 1)
+
+    def _take(self, told: Array, steps: int) -> None:
+        self._told, self._read, self._steps = told, np.asarray(told), steps
+
+    def observation(self, role: Role) -> Float[np.ndarray, " size"]:
+        """What a side sees now."""
+        return self._read[self._seen[role]].copy()
+
+    @property
+    def rewards(self) -> list[float]:
+        """Of the pursuer and the evader, for the last step."""
+        return self._read[_REWARDS].tolist()
+
+    @property
+    def terminated(self) -> bool:
+        """Whether the rules have ended the game."""
+        return bool(self._read[_TERMINATED])
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the time limit has stopped it."""
+        return bool(self._read[_TRUNCATED])
+
+    @property
+    def outcome(self) -> str:
+        """How it stands: `ongoing`, or the name of a row of Tables II and III."""
+        return _OUTCOMES[int(self._read[_OUTCOME])]
+
+    @property
+    def robots(self) -> list[float]:
+        """x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader."""
+        return self._read[_ROBOTS].tolist()

@@ -1,0 +1,115 @@
+"""PettingZoo's parallel interface: both sides act from outside, at the same time."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from pettingzoo import ParallelEnv
+
+from apollonius.adapters.live import LiveGame
+from apollonius.adapters.spaces import action_space, observation_space
+from apollonius.adapters.view import RENDER_MODES, View
+from apollonius.game.file import find_game
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+
+AGENTS = {f"{role.name.lower()}_0": role for role in Role}
+"""What PettingZoo calls the sides: `pursuer_0` and `evader_0`."""
+
+
+class BothSides(ParallelEnv[str, np.ndarray, Any]):
+    """A game between `pursuer_0` and `evader_0`, who act at the same time and leave together.
+
+    Actions are the 9 of Eq. 5, rewards those of Eq. 8 and 9. `terminations`: the rules ended the game;
+    `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name of a
+    row of Tables II and III.
+
+    Args:
+        game: the game, the name of one, or its `.toml` file.
+        observation: profile of what is seen (`apollonius.game.observation`).
+        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+
+    Raises:
+        InvalidInput: for an unknown game, observation or render mode.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 (as PettingZoo declares it)
+        "name": "apollonius_v0",
+        "render_modes": RENDER_MODES,
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None
+    ) -> None:
+        game = find_game(game) if isinstance(game, str) else game
+        self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
+        self.render_mode = render_mode
+        self.possible_agents = list(AGENTS)
+        self.agents: list[str] = []
+        self.observation_spaces = {agent: observation_space(observation) for agent in AGENTS}
+        self.action_spaces = {agent: action_space() for agent in AGENTS}
+        self._live = LiveGame(game, observation)
+        self._view = View(self._live, render_mode)
+        self._random, _ = np_random()
+
+    def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
+        """What an agent can see; the same for both."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> gymnasium.spaces.Space[Any]:
+        """What an agent can do; the same for both."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        """A new game from the game's distribution of starts; games after a seeded one are seeded too."""
+        if seed is not None:
+            self._random, _ = np_random(seed)
+        self._live.reset(np.uint32(self._random.integers(2**32, dtype=np.uint64)))
+        self._view.begin()
+        self.agents = list(AGENTS)
+        return self._observations(), self._infos()
+
+    def step(
+        self, actions: dict[str, int | np.integer]
+    ) -> tuple[
+        dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:  # fmt: skip
+        """Both sides hold their actions for one step.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
+            InvalidInput: for an action that is none of the nine.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded("a game begins with reset()")
+        live = self._live
+        live.step((actions["pursuer_0"], actions["evader_0"]))
+        self._view.follow()
+        terminated, truncated = live.terminated, live.truncated
+        if terminated or truncated:
+            self.agents = []
+        rewards = dict(zip(AGENTS, live.rewards, strict=True))
+        return (
+            self._observations(), rewards, dict.fromkeys(AGENTS, terminated), dict.fromkeys(AGENTS, truncated),
+            self._infos(),
+        )  # fmt: skip
+
+    def render(self) -> np.ndarray | None:
+        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        return self._view.render()
+
+    def _observations(self) -> dict[str, np.ndarray]:
+        return {agent: self._live.observation(role) for agent, role in AGENTS.items()}
+
+    def _infos(self) -> dict[str, dict[str, Any]]:
+        return {agent: {"outcome": self._live.outcome} for agent in AGENTS}
+
+
+def parallel_env(game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None) -> BothSides:
+    """The game as PettingZoo's parallel environment; arguments and errors are those of `BothSides`."""
+    return BothSides(game, observation, render_mode)

@@ -1,0 +1,70 @@
+"""Players that chase by a law of guidance: pure pursuit, proportional navigation, constant bearing."""
+
+import jax.numpy as jnp
+
+from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.types import Real, RobotState, Scalar
+
+
+class PurePursuit(AbstractSteering):
+    """Heads for where the opponent is (Bouguer's curve of pursuit, 1732), as fast as the way there can be driven.
+
+    The way there is the arc of Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm" (1992).
+    """
+
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """Straight at the opponent."""
+        return direction(own, opponent), arc_speed(self.body, own, opponent)
+
+
+class ProportionalNavigation(AbstractSteering):
+    """Turns in proportion to the turn of the line of sight (Zarchan, "Tactical and Strategic Missile Guidance").
+
+    The law is made for an opponent ahead; towards any other it turns by the shorter way first.
+
+    Attributes:
+        gain: how many times faster than the line of sight it turns; 3 to 5 are usual.
+        cone: largest angle [rad] off its heading at which the opponent is ahead.
+    """
+
+    gain: Real = 3.0
+    cone: Real = 0.8
+
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """The heading that the law leads to within one step."""
+        x, y = opponent.x - own.x, opponent.y - own.y
+        vx = opponent.v * jnp.cos(opponent.heading) - own.v * jnp.cos(own.heading)
+        vy = opponent.v * jnp.sin(opponent.heading) - own.v * jnp.sin(own.heading)
+        sight_rate = (x * vy - y * vx) / jnp.maximum(x * x + y * y, 1e-6)
+        sight = direction(own, opponent)
+        ahead = jnp.abs(wrap_angle(sight - own.heading)) < self.cone
+        heading = jnp.where(ahead, own.heading + self.gain * sight_rate * self.dt, sight)
+        return heading, arc_speed(self.body, own, opponent)
+
+
+class Intercept(AbstractSteering):
+    """Heads for where both could be at the same time, if the opponent kept its velocity: constant bearing.
+
+    That is the point where the opponent's course meets the circle of Apollonius, the places that both reach at the
+    same time (Isaacs, "Differential Games", 1965): there the pursuer, at its top speed, keeps abreast of the
+    opponent's motion across the line of sight. An opponent that crosses faster than that is led by a right angle.
+    """
+
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """The line of sight, and on top of it the lead."""
+        sight = direction(own, opponent)
+        across = opponent.v * jnp.sin(opponent.heading - sight)
+        lead = jnp.arcsin(jnp.clip(across / self.body.v_max, -1.0, 1.0))
+        return sight + lead, arc_speed(self.body, own, opponent)
+
+
+def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
+    """The highest speed [m/s] at which a robot can drive the arc from where it is, and heads, to a target.
+
+    The arc has the radius `distance / (2 sin(angle off the heading))`, and what is behind takes half the distance: a
+    robot faster than that runs around its target for ever.
+    """
+    angle = jnp.abs(wrap_angle(direction(robot, target) - robot.heading))
+    sine = jnp.sin(jnp.minimum(angle, jnp.pi / 2))
+    return jnp.minimum(body.v_max, body.u2_max * separation(robot, target) / jnp.maximum(2 * sine, 1e-6))

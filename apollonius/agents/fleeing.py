@@ -1,0 +1,108 @@
+"""Players that flee: straight away, past walls and obstacles, around an obstacle."""
+
+from math import ceil
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+
+_HORIZON = 4.0
+"""How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
+
+
+class Flee(AbstractSteering):
+    """Moves in the direction furthest from the pursuer: the heuristic evader of the paper's reference [13].
+
+    Egorov, "Multi-Agent Deep Reinforcement Learning" (2016). It minds neither walls nor obstacles.
+    """
+
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """Straight away from the opponent, at top speed."""
+        return direction(opponent, own), jnp.asarray(self.body.v_max, jnp.float32)
+
+
+class FleeAware(AbstractClassical):
+    """Moves to where it will be furthest from the pursuer, among the ways that touch neither wall nor obstacle.
+
+    The dynamic window approach (Fox, Burgard and Thrun, 1997): each action is tried for 4 s ahead, and judged by the
+    distance from the pursuer there, which is taken to go straight on, and by the room it keeps on its way.
+
+    Attributes:
+        steps: how many steps it looks ahead.
+        margin: room that it will not do without [m].
+        caution: what a metre of room is worth, in metres of distance; room beyond 1 m is worth nothing.
+    """
+
+    steps: int = eqx.field(static=True, default=40)
+    margin: Real = 0.1
+    caution: Real = 1.0
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
+        """The player of one side of a game: it looks 4 s ahead."""
+        return super().for_side(game, role, steps=ceil(_HORIZON / game.dt), **rule)
+
+    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+        """Distance and room in metres; where the room runs out, how late it does, below all ways on which it lasts."""
+        coast = jnp.zeros(())
+        pursuer = self.opponent_body.move(opponent, coast, coast, self.steps * self.dt)
+
+        def value(action: Int[Array, ""]) -> Scalar:
+            def one_step(robot: RobotState, _: None) -> tuple[RobotState, Scalar]:
+                after = self.hold(robot, action)
+                return after, self.arena.clearance_along(robot, after) - self.body.radius
+
+            end, rooms = jax.lax.scan(one_step, own, None, self.steps)
+            room = jnp.min(rooms)
+            lasts = separation(end, pursuer) + self.caution * jnp.minimum(room, 1.0)
+            runs_out = jnp.argmax(rooms <= self.margin).astype(jnp.float32) - self.steps
+            return jnp.where(room > self.margin, lasts, runs_out)
+
+        return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
+
+
+class Circle(AbstractSteering):
+    """Drives around the nearest obstacle, the way round that leads away from the pursuer (the paper's Fig. 5c).
+
+    The course is the vector field of an orbit (Nelson, Barber, McLain and Beard, "Vector Field Path Following for
+    Miniature Air Vehicles", 2007): the tangent, and towards the orbit the more the further it is.
+
+    Attributes:
+        height: how far from the obstacle the orbit is [m].
+        gain: how sharply it makes for the orbit [1/m].
+        habit: how much the way it drives counts against the way that leads away.
+    """
+
+    height: Real = 0.6
+    gain: Real = 2.0
+    habit: Real = 1.0
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
+        """The player of one side of a game.
+
+        Raises:
+            InvalidInput: when there is nothing to circle.
+        """
+        require(game.arena.discs, "arena.discs", "none", "one at least for 'circle', which drives around it")
+        return super().for_side(game, role, **rule)
+
+    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+        """Along the orbit, as fast as the turn still to be made allows."""
+        distance, (out_x, out_y) = jax.value_and_grad(self.arena.to_obstacles, argnums=(0, 1))(own.x, own.y)
+        away = direction(opponent, own)
+        left_x, left_y = -out_y, out_x
+        leads_away = left_x * jnp.cos(away) + left_y * jnp.sin(away)
+        drives = left_x * jnp.cos(own.heading) + left_y * jnp.sin(own.heading)
+        side = jnp.where(leads_away + self.habit * drives >= 0, 1.0, -1.0)
+        outwards = jnp.arctan2(out_y, out_x)
+        # Counter-clockwise around the obstacle is a quarter turn left of outwards; inwards is half a turn.
+        heading = outwards + side * (jnp.pi / 2 + jnp.arctan(self.gain * (distance - self.body.radius - self.height)))
+        return heading, facing_speed(self.body, own, heading)

@@ -1,0 +1,75 @@
+"""`apollonius arena`: check the arena of a game of one's own, or draw a random one."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from apollonius.errors import require
+
+
+def add_arena(subparsers: Any) -> None:
+    """The parser of `arena`."""
+    parser = subparsers.add_parser("arena", help="check the arena of a game of one's own, or make a random one")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
+    check.add_argument("game", metavar="GAME", help="a .toml file, or the name of a game")
+    check.add_argument("--out", type=Path, metavar="PNG", help="write a picture of what was found")
+    check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    check.set_defaults(run=run_check)
+    draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
+    draw.add_argument("--discs", type=int, default=5, help="number of discs (default: %(default)s)")
+    draw.add_argument("--seed", type=int, default=0, help="seed of the arena (default: %(default)s)")
+    draw.add_argument("--gap", type=float, default=1.0, help="least width of all passages [m] (default: %(default)s)")
+    draw.add_argument("--size", type=float, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
+    draw.add_argument("--game", default="paper", help="game whose other rules it has (default: %(default)s)")
+    draw.add_argument("--out", type=Path, required=True, metavar="TOML", help="file to write")
+    draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
+    draw.set_defaults(run=run_random)
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Survey the arena; exit status 1 where something is wrong with it."""
+    from apollonius.game.file import find_game
+    from apollonius.game.survey import survey
+    from apollonius.show.plan import save_plan
+
+    require(options.out is None or options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
+    found = survey(find_game(options.game))
+    if options.out:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        save_plan(found, options.out)
+    if options.json:
+        print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": found.notes}))
+    else:
+        for line in found.wrong:
+            print(f"wrong: {line}")
+        for line in found.notes:
+            print(f"note: {line}")
+        if not found.wrong:
+            print(f"{options.game}: nothing is wrong with this arena")
+    return 1 if found.wrong else 0
+
+
+def run_random(options: argparse.Namespace) -> int:
+    """Write a game like another, in an arena drawn at random."""
+    from dataclasses import replace
+
+    import tomli_w
+
+    from apollonius.agents.store import write_atomically
+    from apollonius.game.file import find_game
+    from apollonius.game.random_arena import random_arena
+    from apollonius.game.record import to_dict
+
+    require(options.out.suffix == ".toml", "--out", options.out, "a file that ends in .toml")
+    require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
+    game = find_game(options.game)
+    for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
+        bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
+        require(options.gap > 2 * body.radius, "--gap", options.gap, bound)
+    width, height = options.size
+    arena = random_arena(options.discs, options.seed, gap=options.gap, width=width, height=height)
+    write_atomically(options.out, tomli_w.dumps(to_dict(replace(game, arena=arena))).encode())
+    print(f"{options.out}: {options.discs} discs, passages of {options.gap:g} m and more")
+    return 0

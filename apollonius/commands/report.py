@@ -1,0 +1,40 @@
+"""`apollonius report`: a training run or a reproduction as one HTML page."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from apollonius.commands.options import plots
+from apollonius.errors import require
+
+
+def add_report(subparsers: Any) -> None:
+    """The parser of `report`."""
+    parser = subparsers.add_parser("report", help="a training run or a reproduction as one HTML page, games included")
+    parser.add_argument("folder", type=Path, metavar="RUN", help="folder of a training run or a reproduction")
+    parser.add_argument("--out", type=Path, help="file to write, .html (default: RUN/report.html)")
+    parser.set_defaults(run=run_report)
+
+
+def run_report(options: argparse.Namespace) -> int:
+    """Write the report."""
+    folder: Path = options.folder
+    out: Path = options.out or folder / "report.html"
+    require(folder.is_dir(), "RUN", folder, "the folder of a training run or a reproduction; check the path")
+    require(out.suffix == ".html", "--out", out, "a file that ends in .html")
+    with plots():
+        from apollonius.show.report.page import save_page
+        from apollonius.show.report.study import study_page
+        from apollonius.show.report.training import training_page
+
+    is_study = (folder / "results.json").is_file()
+    is_run = (folder / "config.toml").is_file()
+    unfinished = any(folder.glob("seed-*/*/config.toml"))
+    bound = "finished" if unfinished else "the folder of a training run or a reproduction"
+    remedy = "go on with apollonius reproduce and --resume" if unfinished else "check the path"
+    require(is_study or is_run, "RUN", folder, f"{bound}; {remedy}")
+    page = study_page(folder) if is_study else training_page(folder)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    save_page(page, out)
+    print(f"the report is {out}: open it in a browser")
+    return 0

@@ -1,0 +1,48 @@
+"""`apollonius slice`: what a trained agent values and does, all over the arena."""
+
+import argparse
+from math import radians
+from pathlib import Path
+from typing import Any
+
+from apollonius.commands.options import plots
+from apollonius.errors import require
+
+
+def add_slice(subparsers: Any) -> None:
+    """The parser of `slice`."""
+    parser = subparsers.add_parser("slice", help="a trained agent's action values and actions over the arena")
+    parser.add_argument("agent", metavar="AGENT", help="a zoo agent or a .safetensors file")
+    parser.add_argument(
+        "--opponent", type=float, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
+    )
+    parser.add_argument("--opponent-speed", type=float, default=0.0, metavar="V", help="[m/s] (default: 0)")
+    parser.add_argument(
+        "--opponent-heading", type=float, default=0.0, metavar="DEG", help="from the x axis, leftwards (default: 0)"
+    )
+    parser.add_argument("--speed", type=float, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
+    parser.add_argument("--heading", type=float, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("slice.png"), help="PNG to write (default: %(default)s)")
+    parser.set_defaults(run=run_slice)
+
+
+def run_slice(options: argparse.Namespace) -> int:
+    """Draw the slice."""
+    import jax.numpy as jnp
+
+    from apollonius.agents.catalogue import find_trained
+    from apollonius.game.file import find_game
+    from apollonius.game.types import RobotState
+
+    with plots():
+        from apollonius.show.slices import save_slice
+
+    require(options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
+    numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
+    opponent = RobotState(*(jnp.float32(number) for number in numbers))
+    own = (options.speed, radians(options.heading))
+    agent, path = find_trained(options.agent)
+    save_slice(agent, path.stem, find_game(options.game), own, opponent, options.out)
+    print(f"{options.agent} over the arena; {options.out}")
+    return 0

@@ -1,0 +1,47 @@
+"""`apollonius tournament`: every pursuer against every evader."""
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from apollonius.commands.options import AGENT, add_game_options, requested_game
+
+
+def add_tournament(subparsers: Any) -> None:
+    """The parser of `tournament`."""
+    parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
+    everyone = "default: all players that need no file"
+    parser.add_argument("--pursuers", nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
+    parser.add_argument("--evaders", nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})")
+    parser.add_argument("--games", type=int, default=1000, help="games in each match (default: %(default)s)")
+    add_game_options(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.set_defaults(run=run_tournament)
+
+
+def run_tournament(options: argparse.Namespace) -> int:
+    """Play all matches and print the table."""
+    from apollonius.agents.catalogue import find_agent, player_names
+    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.tournament import play_tournament
+    from apollonius.game.types import Role
+    from apollonius.terminal import tournament_table
+
+    game = requested_game(options)
+    pursuers, evaders = (
+        [find_agent(name, role, game) for name in names or player_names(role)]
+        for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
+    )
+
+    def tell(pursuer: str, evader: str, result: MatchResult) -> None:
+        if not options.json:
+            print(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}", file=sys.stderr, flush=True)
+
+    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell)
+    if options.json:
+        settings = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
+        print(json.dumps(settings | tournament.to_dict()))
+    else:
+        print(tournament_table(tournament))
+    return 0

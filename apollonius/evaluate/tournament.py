@@ -1,0 +1,122 @@
+"""A tournament: every pursuer against every evader, on the same starts, and what comes of it as a whole."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from apollonius.agents.catalogue import Named
+from apollonius.errors import require
+from apollonius.evaluate.match import MatchResult, play_match
+from apollonius.game.game import Game
+
+
+@dataclass(frozen=True)
+class Tournament:
+    """Who met whom, and how it ended.
+
+    Attributes:
+        pursuers, evaders: what the players are called.
+        matches: a row for each pursuer, in it a match with each evader.
+    """
+
+    pursuers: tuple[str, ...]
+    evaders: tuple[str, ...]
+    matches: tuple[tuple[MatchResult, ...], ...]
+
+    @property
+    def win_rates(self) -> Float[np.ndarray, "pursuers evaders"]:
+        """The pursuer's share of wins in each match."""
+        return np.array([[match.pursuer_win_rate for match in row] for row in self.matches])
+
+    @property
+    def widest_interval(self) -> float:
+        """Half the width of the widest of the matches' 95 % intervals of the pursuer's win rate."""
+        ends = [match.pursuer_win_interval for row in self.matches for match in row]
+        return max(high - low for low, high in ends) / 2
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tournament as JSON-like data."""
+        mixed = equilibrium(self.win_rates)
+        return {
+            "pursuers": self.pursuers,
+            "evaders": self.evaders,
+            "matches": [
+                {"pursuer": pursuer, "evader": evader} | match.to_dict()
+                for pursuer, row in zip(self.pursuers, self.matches, strict=True)
+                for evader, match in zip(self.evaders, row, strict=True)
+            ],
+            "equilibrium": {
+                "value": mixed.value,
+                "pursuers": dict(zip(self.pursuers, mixed.rows.tolist(), strict=True)),
+                "evaders": dict(zip(self.evaders, mixed.columns.tolist(), strict=True)),
+            },
+        }
+
+
+def play_tournament(
+    game: Game,
+    pursuers: Sequence[Named],
+    evaders: Sequence[Named],
+    games: int,
+    seed: int,
+    on_match: Callable[[str, str, MatchResult], None] = lambda pursuer, evader, result: None,
+) -> Tournament:
+    """Play a match of every pursuer with every evader. All matches have the same starts.
+
+    Args:
+        games: in each match.
+        on_match: called after each.
+
+    Raises:
+        InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
+    """
+    for side, players in (("pursuers", pursuers), ("evaders", evaders)):
+        names = [player.name for player in players]
+        require(names and len(set(names)) == len(names), side, ", ".join(names) or "none", "one at least, each once")
+    rows = []
+    for pursuer in pursuers:
+        row = []
+        for evader in evaders:
+            row.append(play_match(game, pursuer.policy, evader.policy, games, seed))
+            on_match(pursuer.name, evader.name, row[-1])
+        rows.append(tuple(row))
+    return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Mixtures from which neither side of a matrix game gains by leaving, and what the row side then gets."""
+
+    rows: Float[np.ndarray, " rows"]
+    columns: Float[np.ndarray, " columns"]
+    value: float
+
+
+def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
+    """The minimax mixtures of a matrix game whose payoff the row side raises and the column side lowers.
+
+    As a ranking of players it does not care how often a weak one, or a copy of one, takes part (Balduzzi et al.,
+    "Re-evaluating evaluation", 2018). It is the linear programme of von Neumann; where several mixtures are optimal, it
+    is one of them.
+    """
+    columns, _ = _guarantee(payoff.T, -1.0)
+    rows, value = _guarantee(payoff, 1.0)
+    return Equilibrium(rows, columns, value)
+
+
+def _guarantee(payoff: Float[np.ndarray, "own others"], sign: float) -> tuple[Float[np.ndarray, " own"], float]:
+    """The mixture of rows with the best worst payoff, and that payoff; `sign` -1 takes low ones for good."""
+    own, others = payoff.shape
+    answer = linprog(
+        c=[0.0] * own + [-1.0],
+        A_ub=np.column_stack([-sign * payoff.T, np.ones(others)]),
+        b_ub=np.zeros(others),
+        A_eq=[[1.0] * own + [0.0]],
+        b_eq=[1.0],
+        bounds=[(0, None)] * own + [(None, None)],
+    )
+    return answer.x[:-1], sign * float(answer.x[-1])

@@ -1,0 +1,39 @@
+"""Games as files: a TOML file says what differs from the defaults, or a preset's name stands for one."""
+
+import tomllib
+from pathlib import Path
+
+from apollonius.errors import InvalidInput, require
+from apollonius.game.game import Game
+from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.record import from_dict
+
+
+def find_game(name: str) -> Game:
+    """The game of this name, or of this `.toml` file.
+
+    Raises:
+        InvalidInput: for an unknown name, and as `load_game`.
+    """
+    if Path(name).suffix == ".toml":
+        return load_game(Path(name))
+    if name not in PRESETS:
+        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}, or give a .toml file.")
+    return make_game(name)
+
+
+def load_game(path: Path) -> Game:
+    """The game of a TOML file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and the game's own numbers.
+
+    What is left out has its default; see `docs/own_arena.md`.
+
+    Raises:
+        InvalidInput: when the file is missing or no TOML, for an unknown key, and for a game that cannot be played.
+    """
+    require(path.is_file(), "game", path, "a preset's name or a .toml file; check the path")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        reason = str(error) or "it is nested too deeply"
+        raise InvalidInput(f"'{path}' is no TOML file: {reason}; correct it.") from error
+    return from_dict(Game, data, f"'{path}'")

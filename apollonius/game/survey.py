@@ -1,0 +1,127 @@
+"""An arena surveyed before anyone trains in it: parts that are cut off, havens, room to start."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import distance_transform_edt, label
+
+from apollonius.game.game import Game
+
+_CELLS = 500
+"""Cells along the arena's longer side."""
+_LEAST_PART = 1e-4
+"""Parts of the free space smaller than this share of the arena are specks of the grid."""
+_LEAST_ROOM = 0.02
+"""Share of the arena from which on there is room enough to start."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a grid over an arena shows, `[rows, columns]`, the first row at the bottom.
+
+    Attributes:
+        blocked: where no robot's centre can be: walls apart, the obstacles themselves.
+        parts: of the pursuer's and the evader's free space, numbered from 1; 0 is not free.
+        haven: where the evader can be, and no pursuer that can start comes close enough to catch it.
+        wrong: what makes games in this arena go wrong, a line each.
+        notes: what is odd but harmless, a line each.
+    """
+
+    blocked: Bool[np.ndarray, "rows columns"]
+    parts: tuple[Int[np.ndarray, "rows columns"], Int[np.ndarray, "rows columns"]]
+    haven: Bool[np.ndarray, "rows columns"]
+    wrong: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def survey(game: Game) -> Survey:
+    """Look at every place of a game's arena, to a five-hundredth of its longer side."""
+    arena, starts = game.arena, game.starts
+    width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
+    cell = max(width, height) / _CELLS
+    x, y = np.meshgrid(
+        _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell), indexing="xy"
+    )
+    clearance = _clearance(game, x, y)
+    bodies = {"pursuer": game.pursuer, "evader": game.evader}
+    parts, may_start, wrong = [], [], []
+    for name, body in bodies.items():
+        numbered = _parts(clearance >= float(body.radius))
+        start = clearance >= float(starts.clearance + body.radius)
+        areas = [cell**2 * np.sum(numbered == part) for part in range(1, numbered.max() + 1)]
+        if len(areas) > 1:
+            sizes = ", ".join(f"{area:.3g}" for area in sorted(areas, reverse=True))
+            wrong.append(
+                f"the {name}'s free space falls into {len(areas)} parts of {sizes} m^2, and it never leaves the one it "
+                f"starts in: widen the passages to more than {name}.radius = {float(body.radius):g} m on each side, or "
+                "fill the closed pockets."
+            )
+        if start.mean() < _LEAST_ROOM:
+            wrong.append(
+                f"the {name} can start on {start.mean():.2%} of the arena only, less than {_LEAST_ROOM:.0%}: make "
+                "starts.clearance or the obstacles smaller."
+            )
+        parts.append(numbered)
+        may_start.append(start)
+    # A part in which no pursuer starts is one that none ever enters.
+    entered = np.isin(parts[0], np.unique(parts[0][may_start[0]])) & (parts[0] > 0)
+    reach = np.asarray(distance_transform_edt(~entered)) * cell - cell
+    haven = (parts[1] > 0) & (reach >= float(game.capture_distance))
+    if haven.any():
+        wrong.append(
+            f"the evader is safe on {cell**2 * haven.sum():.3g} m^2, where no pursuer comes within capture_distance = "
+            f"{float(game.capture_distance):g} m as it does not fit: make the pursuer smaller or the passages wider."
+        )
+    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game)))
+
+
+def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cells"]:
+    """The middles of the cells along one side."""
+    count = max(1, round(length / cell))
+    return low + length * (np.arange(count) + 0.5) / count
+
+
+def _clearance(
+    game: Game, x: Float[np.ndarray, "rows columns"], y: Float[np.ndarray, "rows columns"]
+) -> Float[np.ndarray, "rows columns"]:
+    every = jax.jit(jax.vmap(jax.vmap(game.arena.clearance)))
+    return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
+
+
+def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
+    """Connected parts numbered from 1, specks left out."""
+    numbered = np.zeros(free.shape, np.int32)
+    count = int(label(free, structure=np.ones((3, 3)), output=numbered))  # pyright: ignore[reportArgumentType]
+    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
+    kept = [part for part in range(1, count + 1) if sizes[part] > _LEAST_PART * free.size]
+    renumber = np.zeros(count + 1, int)
+    renumber[kept] = np.arange(1, len(kept) + 1)
+    return renumber[numbered]
+
+
+def _notes(game: Game) -> list[str]:
+    arena, notes = game.arena, []
+    depths = {
+        (i, j): one.radius + other.radius - float(np.hypot(one.x - other.x, one.y - other.y))
+        for (i, one), (j, other) in combinations(enumerate(arena.discs), 2)
+    }
+    beyond = {
+        i: disc.radius - min(disc.x - arena.x_min, arena.x_max - disc.x, disc.y - arena.y_min, arena.y_max - disc.y)
+        for i, disc in enumerate(arena.discs)
+    }
+    overlaps = [(f"arena.discs[{i}] and arena.discs[{j}]", depth) for (i, j), depth in depths.items() if depth > 0]
+    sticking_out = [(f"arena.discs[{i}]", depth) for i, depth in beyond.items() if depth > 0]
+    for found, what in ((overlaps, "overlap, by up to"), (sticking_out, "reach beyond a wall, by up to")):
+        if found:
+            names = "; ".join(name for name, _ in found)
+            notes.append(f"{names} {what} {max(depth for _, depth in found):.3g} m.")
+    bodies = float(game.pursuer.radius + game.evader.radius)
+    if game.capture_distance < bodies:
+        notes.append(
+            f"the bodies overlap before they count as caught: capture_distance = {float(game.capture_distance):g} m is "
+            f"less than both radii together, {bodies:g} m."
+        )
+    return notes

@@ -1,0 +1,173 @@
+"""Whom the learning sides of self-play meet: each other, and earlier versions that are kept in an archive.
+
+Some games of a batch belong to seats: there an earlier version of one side, frozen and greedy, plays the other side's
+learner. Who sits is drawn anew at intervals, by the scheme; the games of all seats then begin anew, so an opponent
+never changes within a game. Everything is part of the training state, so a resumed run draws the same opponents.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.network import QNetwork
+from apollonius.agents.policy import Seated
+from apollonius.game.outcome import pursuer_wins
+from apollonius.game.types import Role
+from apollonius.learn.config import OpponentConfig
+
+FORGETTING = 0.5
+"""What games before a renewal count after it: versions are judged by how today's learner fares against them."""
+QUALITY_STEP = 0.01
+"""Eta of OpenAI Five's quality scores (Berner et al., "Dota 2 with large scale deep reinforcement learning", 2019)."""
+
+
+class Archive(eqx.Module):
+    """Earlier versions of one side.
+
+    Attributes:
+        networks: leaves with a leading axis of length `versions`, of which `count` are filled.
+        games, lost: games that sat versions finished lately, and how many of them they lost.
+        quality: scores of the scheme `latest-80-20`.
+        seats: the version in each seat.
+        seated: the networks of the seats, leaves with a leading axis of length `seats`.
+    """
+
+    networks: QNetwork
+    count: Int[Array, ""]
+    games: Float[Array, " versions"]
+    lost: Float[Array, " versions"]
+    quality: Float[Array, " versions"]
+    seats: Int[Array, " seats"]
+    seated: QNetwork
+
+
+def init(network: QNetwork, config: OpponentConfig) -> Archive:
+    """An archive of one version, which has all seats."""
+    nothing = jnp.zeros(config.versions, jnp.float32)
+
+    def repeated(times: int) -> QNetwork:
+        return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), network)
+
+    return Archive(
+        networks=repeated(config.versions),
+        count=jnp.ones((), jnp.int32),
+        games=nothing,
+        lost=jnp.copy(nothing),
+        quality=jnp.copy(nothing),
+        seats=jnp.zeros(config.seats, jnp.int32),
+        seated=repeated(config.seats),
+    )
+
+
+def enter(archive: Archive, network: QNetwork, due: Bool[Array, ""]) -> Archive:
+    """The archive with one more version, where that is due and there is room. It begins with the best quality."""
+    due = due & (archive.count < archive.games.shape[0])
+    place = jnp.minimum(archive.count, archive.games.shape[0] - 1)
+    networks = jax.tree.map(
+        lambda all_, one: all_.at[place].set(jnp.where(due, one, all_[place])), archive.networks, network
+    )
+    best = jnp.max(jnp.where(_filled(archive), archive.quality, -jnp.inf))
+    return Archive(
+        networks=networks,
+        count=archive.count + due,
+        games=archive.games,
+        lost=archive.lost,
+        quality=archive.quality.at[place].set(jnp.where(due, best, archive.quality[place])),
+        seats=archive.seats,
+        seated=archive.seated,
+    )
+
+
+def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
+    """How likely each version is to be given a seat.
+
+    Of a version that lost a share w of its games to the learner: `uniform` ignores w (fictitious self-play, Heinrich,
+    Lanctot, Silver 2015); `prioritised-hard` weighs (1 - w)^2 and `prioritised-even` w (1 - w) (AlphaStar, Vinyals et
+    al. 2019); `latest-80-20` takes the softmax of the quality scores (OpenAI Five).
+    """
+    filled = _filled(archive)
+    w = (archive.lost + 1) / (archive.games + 2)
+    if config.scheme == "latest-80-20":
+        return jax.nn.softmax(jnp.where(filled, archive.quality, -jnp.inf))
+    weights = {"prioritised-hard": (1 - w) ** 2, "prioritised-even": w * (1 - w)}.get(config.scheme, jnp.ones_like(w))
+    weights = jnp.where(filled, weights, 0.0)
+    return weights / jnp.sum(weights)
+
+
+def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
+    """The archive with its seats drawn anew and its records aged. The key is consumed."""
+    chance = probabilities(archive, config)
+    seats = jax.random.choice(key, chance.shape[0], (config.seats,), p=chance).astype(jnp.int32)
+    return Archive(
+        networks=archive.networks,
+        count=archive.count,
+        games=FORGETTING * archive.games,
+        lost=FORGETTING * archive.lost,
+        quality=archive.quality,
+        seats=seats,
+        seated=jax.tree.map(lambda leaf: leaf[seats], archive.networks),
+    )
+
+
+def record(
+    archive: Archive,
+    config: OpponentConfig,
+    role: Role,
+    outcome: Int[Array, "steps games"],
+    over: Bool[Array, "steps games"],
+) -> Archive:
+    """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer.
+
+    A version's quality falls by eta / (N p) for each game it lost, N the number of versions and p its probability.
+    """
+    first, games = first_game(config, role, outcome.shape[1]), seat_games(config, outcome.shape[1])
+    theirs = slice(first, first + config.seats * games)
+    pursuer_won = pursuer_wins(outcome[:, theirs])
+    lost = ~pursuer_won if role == Role.PURSUER else pursuer_won
+
+    def by_seat(which: Bool[Array, "steps theirs"]) -> Float[Array, " seats"]:
+        return jnp.sum(which.astype(jnp.float32).reshape(-1, config.seats, games), axis=(0, 2))
+
+    lost_games = by_seat(over[:, theirs] & lost)
+    chance = jax.nn.softmax(jnp.where(_filled(archive), archive.quality, -jnp.inf))[archive.seats]
+    return eqx.tree_at(
+        lambda this: (this.games, this.lost, this.quality),
+        archive,
+        (
+            archive.games.at[archive.seats].add(by_seat(over[:, theirs])),
+            archive.lost.at[archive.seats].add(lost_games),
+            archive.quality.at[archive.seats].add(-QUALITY_STEP * lost_games / (archive.count * chance)),
+        ),
+    )
+
+
+def seat(archive: Archive, config: OpponentConfig, role: Role, learner: EpsilonGreedy, games: int) -> Seated:
+    """All who play one side of a batch of games: its learner, and in the seats its earlier versions."""
+    return Seated(
+        at_large=learner,
+        seated=Greedy(archive.seated),
+        seats=config.seats,
+        first=first_game(config, role, games),
+        games=seat_games(config, games),
+    )
+
+
+def has_seat(config: OpponentConfig, games: int) -> Bool[Array, " games"]:
+    """Which games of a batch belong to a seat of either side."""
+    return jnp.arange(games) < 2 * config.seats * seat_games(config, games)
+
+
+def seat_games(config: OpponentConfig, games: int) -> int:
+    """Games that belong to one seat."""
+    return int(config.share * games) // (2 * config.seats)
+
+
+def first_game(config: OpponentConfig, role: Role, games: int) -> int:
+    """Earlier pursuers have the first games of a batch, earlier evaders the next."""
+    return 0 if role == Role.PURSUER else config.seats * seat_games(config, games)
+
+
+def _filled(archive: Archive) -> Bool[Array, " versions"]:
+    return jnp.arange(archive.games.shape[0]) < archive.count

@@ -1,0 +1,124 @@
+"""What a stage of training is and what changes in it: the plan, the learning sides, the games under way."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.agents.greedy import EpsilonGreedy
+from apollonius.agents.policy import Pool, solo
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.types import Role, Scalar
+from apollonius.learn import dqn, opponents, replay
+from apollonius.learn.config import DQNConfig, OpponentConfig, SelfPlayConfig, StageConfig
+from apollonius.rollout import Games, Players, begin
+
+_CHUNK_ENV_STEPS = 8192
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under `jit`."""
+
+    dqn: DQNConfig
+    stage: StageConfig
+
+    @property
+    def opponents(self) -> OpponentConfig:
+        """Whom both sides meet where both learn."""
+        return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
+
+    @property
+    def iterations_per_chunk(self) -> int:
+        """Rounds of play and updates in one compiled call."""
+        return max(8, _CHUNK_ENV_STEPS // self.dqn.env_steps_per_iteration)
+
+    @property
+    def env_steps_per_chunk(self) -> int:
+        """Env steps in one compiled call."""
+        return self.iterations_per_chunk * self.dqn.env_steps_per_iteration
+
+    def renews_after(self, chunks: int) -> bool:
+        """Whether opponents change after so many chunks of a stage."""
+        interval = max(1, self.opponents.renewal // self.env_steps_per_chunk)
+        return self.opponents.share > 0 and chunks > 0 and chunks % interval == 0
+
+    @property
+    def chunks(self) -> int:
+        """Compiled calls in the whole stage."""
+        return -(-self.stage.env_steps // self.env_steps_per_chunk)
+
+
+class Learning(eqx.Module):
+    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions."""
+
+    learner: dqn.Learner
+    replay: replay.Replay
+    archive: opponents.Archive | None = None
+
+
+class TrainState(eqx.Module):
+    """Everything that changes while a stage is trained; a side that does not learn is None.
+
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games.
+    """
+
+    games: Games
+    pursuer: Learning | None
+    evader: Learning | None
+    key: PRNGKeyArray
+    iterations: Int[Array, ""]
+    env_steps: Int[Array, ""]
+    episodes: Int[Array, ""]
+
+
+def start(
+    plan: Plan,
+    game: Game,
+    key: PRNGKeyArray,
+    pursuer: dqn.Learner | Pool,
+    evader: dqn.Learner | Pool,
+) -> TrainState:
+    """The state before the first step. A side given as a `Learner` learns; one given as a `Pool` does not.
+
+    The key is consumed.
+    """
+    start_key, member_key, train_key = jax.random.split(key, 3)
+    games = plan.dqn.games
+    words = jax.random.bits(member_key, (2, games), jnp.uint32)
+    chaser, pursuers = _side(plan, Role.PURSUER, pursuer)
+    runner, evaders = _side(plan, Role.EVADER, evader)
+    return TrainState(
+        games=begin(reset_batch(game, start_key, games), pursuers, evaders, words),
+        pursuer=chaser,
+        evader=runner,
+        key=train_key,
+        iterations=jnp.zeros((), jnp.int32),
+        env_steps=jnp.zeros((), jnp.int32),
+        episodes=jnp.zeros((), jnp.int32),
+    )
+
+
+def _side(plan: Plan, role: Role, side: dqn.Learner | Pool) -> tuple[Learning | None, Players]:
+    """What one side begins with, and who plays it."""
+    if isinstance(side, Pool):
+        return None, side
+    size = OBSERVATION_SIZES[plan.dqn.observation]
+    archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
+    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive)
+    return learning, players(plan, role, learning, None, jnp.ones(()))
+
+
+def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, epsilon: Scalar) -> Players:
+    """Who plays one side: a given pool, or its exploring learner and, in the seats, its earlier versions."""
+    if pool is not None:
+        return pool
+    assert side is not None, "a side without players must learn"
+    learner = EpsilonGreedy(side.learner.network, epsilon)
+    if side.archive is None:
+        return solo(learner)
+    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games)

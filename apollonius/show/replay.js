@@ -1,0 +1,232 @@
+// Draws a recorded game on a canvas and plays it. A game is the data of a replay file; its states are rows of
+// x, y [m], v [m/s], heading [rad] of the pursuer, then of the evader. Needs nothing else.
+
+const MARK_SECONDS = 5; // between two dots on a trail
+const MARGIN = 30; // pixels around the arena, for its scale
+const TICK = 2; // metres between two figures of the scale
+const ROBOT = 9; // pixels: radius of a robot's sign
+
+/** The state at a step that need not be whole: positions in a straight line, headings the short way round. */
+export function stateAt(states, step) {
+  const before = Math.min(Math.floor(step), states.length - 1);
+  const after = Math.min(before + 1, states.length - 1);
+  const part = step - before;
+  return states[before].map((value, column) => {
+    let change = states[after][column] - value;
+    if (column % 4 === 3) change -= 2 * Math.PI * Math.round(change / (2 * Math.PI));
+    return value + part * change;
+  });
+}
+
+/** Distance between the robots [m]. */
+export function distance(state) {
+  return Math.hypot(state[4] - state[0], state[5] - state[1]);
+}
+
+/** An outcome in words. */
+export function inWords(outcome) {
+  return outcome.replaceAll("_", " ");
+}
+
+/** From metres to pixels: the arena as large as fits, its y axis upwards. */
+export function projection(arena, width, height) {
+  const scale = Math.min(
+    (width - 2 * MARGIN) / (arena.x_max - arena.x_min),
+    (height - 2 * MARGIN) / (arena.y_max - arena.y_min),
+  );
+  return {
+    scale,
+    x: (metres) => MARGIN + (metres - arena.x_min) * scale,
+    y: (metres) => MARGIN + (arena.y_max - metres) * scale,
+  };
+}
+
+/** Draw a game as it stands at a step: the arena with its scale, both trails, both robots, the reach of a capture. */
+export function drawGame(context, width, height, replay, step, colours) {
+  const { game, states } = replay;
+  const at = projection(game.arena, width, height);
+  context.clearRect(0, 0, width, height);
+  drawArena(context, game.arena, at, colours);
+  const state = stateAt(states, step);
+  const sides = [
+    { column: 0, colour: colours.pursuer, letter: "P", dash: [] },
+    { column: 4, colour: colours.evader, letter: "E", dash: [6, 4] },
+  ];
+  for (const side of sides) drawTrail(context, at, replay, step, state, side);
+  context.strokeStyle = colours.pursuer;
+  context.lineWidth = 1;
+  context.setLineDash([2, 3]);
+  circle(context, at.x(state[0]), at.y(state[1]), game.capture_distance * at.scale);
+  context.stroke();
+  context.setLineDash([]);
+  for (const side of sides) drawRobot(context, at, state, side, colours);
+}
+
+function circle(context, x, y, radius) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+}
+
+function drawArena(context, arena, at, colours) {
+  const [left, right, top, bottom] = [at.x(arena.x_min), at.x(arena.x_max), at.y(arena.y_max), at.y(arena.y_min)];
+  context.font = "12px system-ui, sans-serif";
+  context.fillStyle = colours.quiet;
+  context.strokeStyle = colours.grid;
+  context.lineWidth = 1;
+  context.textAlign = "center";
+  context.textBaseline = "top";
+  for (let metres = Math.ceil(arena.x_min / TICK) * TICK; metres <= arena.x_max; metres += TICK) {
+    line(context, at.x(metres), top, at.x(metres), bottom);
+    context.fillText(metres + (metres + TICK > arena.x_max ? " m" : ""), at.x(metres), bottom + 7);
+  }
+  context.textAlign = "right";
+  context.textBaseline = "middle";
+  for (let metres = Math.ceil(arena.y_min / TICK) * TICK; metres <= arena.y_max; metres += TICK) {
+    line(context, left, at.y(metres), right, at.y(metres));
+    context.fillText(metres, left - 7, at.y(metres));
+  }
+  context.fillStyle = colours.obstacle;
+  for (const disc of arena.discs) {
+    circle(context, at.x(disc.x), at.y(disc.y), disc.radius * at.scale);
+    context.fill();
+  }
+  context.strokeStyle = colours.ink;
+  context.lineWidth = 2;
+  context.strokeRect(left, top, right - left, bottom - top);
+}
+
+function line(context, fromX, fromY, toX, toY) {
+  context.beginPath();
+  context.moveTo(fromX, fromY);
+  context.lineTo(toX, toY);
+  context.stroke();
+}
+
+function drawTrail(context, at, replay, step, state, { column, colour, dash }) {
+  const { states, game } = replay;
+  const [startX, startY] = [at.x(states[0][column]), at.y(states[0][column + 1])];
+  context.strokeStyle = context.fillStyle = colour;
+  context.lineWidth = 2;
+  context.setLineDash(dash);
+  context.beginPath();
+  context.moveTo(startX, startY);
+  for (let index = 1; index <= step; index++) {
+    context.lineTo(at.x(states[index][column]), at.y(states[index][column + 1]));
+  }
+  context.lineTo(at.x(state[column]), at.y(state[column + 1]));
+  context.stroke();
+  context.setLineDash([]);
+  circle(context, startX, startY, 5);
+  context.stroke();
+  const every = Math.round(MARK_SECONDS / game.dt);
+  for (let index = every; index <= step; index += every) {
+    circle(context, at.x(states[index][column]), at.y(states[index][column + 1]), 3.5);
+    context.fill();
+  }
+}
+
+function drawRobot(context, at, state, { column, colour, letter }, colours) {
+  const [x, y] = [at.x(state[column]), at.y(state[column + 1])];
+  const heading = state[column + 3];
+  context.fillStyle = context.strokeStyle = colour;
+  context.lineWidth = 3;
+  line(context, x, y, x + 2 * ROBOT * Math.cos(heading), y - 2 * ROBOT * Math.sin(heading));
+  circle(context, x, y, ROBOT);
+  context.fill();
+  context.fillStyle = colours.paper;
+  context.font = `bold ${ROBOT + 3}px system-ui, sans-serif`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillText(letter, x, y + 0.5);
+}
+
+/**
+ * Plays games in the elements of a page. Inside `root` it looks for `canvas`, and by `data-part` for `play` and `pace`
+ * (a button and a select: simulated seconds in a second), `seek` (a range), `clock`, `facts` and `outcome` (for text),
+ * and for elements with `data-game`, each of which chooses the game of that index.
+ */
+export class ReplayPlayer {
+  constructor(root, replays) {
+    this.root = root;
+    this.replays = replays;
+    this.canvas = root.querySelector("canvas");
+    this.part = (name) => root.querySelector(`[data-part="${name}"]`);
+    this.playing = false;
+    this.part("play").addEventListener("click", () => (this.playing ? this.pause() : this.play()));
+    this.part("seek").addEventListener("input", (event) => {
+      this.pause();
+      this.show(Number(event.target.value));
+    });
+    this.choices = [...root.querySelectorAll("[data-game]")];
+    for (const choice of this.choices) {
+      choice.addEventListener("click", () => {
+        this.choose(Number(choice.dataset.game));
+        this.canvas.scrollIntoView({ block: "nearest" });
+        this.play();
+      });
+    }
+    new ResizeObserver(() => this.show(this.step)).observe(this.canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.show(this.step));
+    this.choose(0);
+  }
+
+  /** Take up a game; it is shown at its end, with both trails. */
+  choose(index) {
+    this.pause();
+    this.replay = this.replays[index];
+    this.last = this.replay.states.length - 1;
+    const { arena, dt } = this.replay.game;
+    this.canvas.style.aspectRatio = `${arena.x_max - arena.x_min} / ${arena.y_max - arena.y_min}`;
+    this.part("seek").max = this.last;
+    this.part("outcome").textContent =
+      `${this.replay.pursuer} against ${this.replay.evader}: ` +
+      `${inWords(this.replay.outcome)} after ${(this.last * dt).toFixed(1)} s`;
+    for (const choice of this.choices) choice.setAttribute("aria-pressed", String(Number(choice.dataset.game) === index));
+    this.show(this.last);
+  }
+
+  /** Play on from here, or from the start if the game is at its end. */
+  play() {
+    if (this.step >= this.last) this.show(0);
+    this.playing = true;
+    this.part("play").textContent = "Pause";
+    let before;
+    const frame = (now) => {
+      if (!this.playing) return;
+      const seconds = before === undefined ? 0 : (now - before) / 1000;
+      before = now;
+      this.show(Math.min(this.last, this.step + (seconds * Number(this.part("pace").value)) / this.replay.game.dt));
+      if (this.step >= this.last) this.pause();
+      else requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  pause() {
+    this.playing = false;
+    this.part("play").textContent = "Play";
+  }
+
+  /** Show the game as it stands at a step, whole or not. */
+  show(step) {
+    this.step = step;
+    const { width, height } = this.canvas.getBoundingClientRect();
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    const context = this.canvas.getContext("2d");
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const style = getComputedStyle(this.root);
+    const names = ["pursuer", "evader", "obstacle", "ink", "paper", "grid", "quiet"];
+    const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    drawGame(context, width, height, this.replay, step, colours);
+    const state = stateAt(this.replay.states, step);
+    const { dt } = this.replay.game;
+    const clock = `${(step * dt).toFixed(1)} s of ${(this.last * dt).toFixed(1)} s`;
+    this.part("seek").value = Math.round(step);
+    this.part("seek").setAttribute("aria-valuetext", clock);
+    this.part("clock").textContent = clock;
+    this.part("facts").textContent =
+      `distance ${distance(state).toFixed(2)} m · pursuer ${state[2].toFixed(2)} m/s · evader ${state[6].toFixed(2)} m/s`;
+  }
+}

@@ -1,0 +1,65 @@
+"""The games that a report shows: one for every way in which a pairing's games end, lost ones first."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from apollonius.agents.catalogue import Named
+from apollonius.evaluate.match import play_games, record_game, worst_first
+from apollonius.game.game import Game
+from apollonius.replay import Replay, as_data
+
+GAMES = 200
+"""Games of each pairing among which those that are shown are found."""
+SEED = 1
+ORDER = (
+    "one for every way in which they end, those that the pursuer lost first; beside each how long it lasts, and "
+    "how many of the games end so."
+)
+"""Which they are, in words."""
+_DIGITS = 3
+"""Decimals of the states in the page: a millimetre, which is less than a pixel."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A game to watch."""
+
+    replay: Replay
+    times: int
+    """How many games of this pairing ended in this way."""
+
+    @property
+    def pairing(self) -> str:
+        """Who plays whom."""
+        return f"{self.replay.pursuer} against {self.replay.evader}"
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, by the name that counts have."""
+        return self.replay.outcome.name.lower()
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasted [s]."""
+        return len(self.replay.actions) * float(self.replay.game.dt)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The game as the page's script reads it: a replay file without the actions, states rounded."""
+        data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
+        del data["actions"]
+        return data
+
+
+def games_to_show(game: Game, pursuer: Named, evader: Named, games: int = GAMES, seed: int = SEED) -> list[Shown]:
+    """One game for each outcome that occurs in a match, in the order of `worst_first`."""
+    results = play_games(game, pursuer.policy, evader.policy, games, seed)
+    outcomes = np.asarray(results.outcome)
+    first: dict[int, int] = {}
+    for index in worst_first(results):
+        first.setdefault(int(outcomes[index]), index)
+    return [
+        Shown(record_game(game, pursuer, evader, games, seed, index), int(np.sum(outcomes == outcome)))
+        for outcome, index in first.items()
+    ]

@@ -1,0 +1,134 @@
+"""The page of a report: what stands on it, and the one HTML file that it becomes."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+from PIL import Image
+
+from apollonius.agents.store import write_atomically
+from apollonius.errors import require
+from apollonius.evaluate.match import MatchResult
+from apollonius.game.outcome import PURSUER_WINS, names_of
+from apollonius.show import palette
+from apollonius.show.report.games import Shown
+
+MAX_BYTES = 3_000_000
+"""Largest report: one that can be sent by mail."""
+_PIXELS = 1.5
+"""Pixels of a picture's file to one of the page, for screens with fine ones."""
+_NARROWEST = 0.55
+"""How small a picture may become on a narrow screen; beyond that the reader moves it sideways."""
+_BAR = (
+    "captured", "evader_hit_obstacle", "evader_out_of_range", "no_result",
+    "both_failed", "pursuer_out_of_range", "pursuer_hit_obstacle",
+)  # fmt: skip
+"""Outcomes from the pursuer's best to its worst, as bars show them."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a match between two agents came to."""
+
+    pursuer: str
+    evader: str
+    result: MatchResult
+    paper: dict[str, float]
+    """The paper's shares of outcomes for such a pairing, as far as it reports them."""
+
+    @property
+    def paper_win_rate(self) -> float:
+        """The pursuer's win rate in the paper, of the outcomes that it reports."""
+        return sum(self.paper.get(outcome, 0.0) for outcome in names_of(PURSUER_WINS))
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page with a heading: words, then pictures."""
+
+    title: str
+    text: str = ""
+    """Markdown; HTML in it is shown as it is written."""
+    pictures: Sequence[Markup] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report before it is HTML. What it leaves empty is left out of the page."""
+
+    title: str
+    summary: str
+    """One or two sentences: what this is."""
+    warnings: Sequence[str] = ()
+    """What is missing or not finished, and what to do."""
+    claims: Sequence[dict[str, Any]] = ()
+    """As `Claim.to_dict` writes them."""
+    matches: Sequence[Judged] = ()
+    matches_note: str = ""
+    facts: Sequence[Sequence[str]] = ()
+    """A table: its head, then its rows."""
+    sections: Sequence[Section] = ()
+    games: Sequence[Shown] = ()
+    games_note: str = ""
+    config: str = ""
+    """The configuration's file."""
+    command: str = ""
+    """What makes all this again."""
+
+
+def save_page(page: Page, path: Path) -> None:
+    """Write a page as one HTML file, atomically.
+
+    Raises:
+        InvalidInput: when it would be larger than `MAX_BYTES`; nothing is written.
+    """
+    html = render(page).encode()
+    bound = f"at most {MAX_BYTES:,}; make the figures in the folder smaller"
+    require(len(html) <= MAX_BYTES, "size of the report [bytes]", f"{len(html):,}", bound)
+    write_atomically(path, html)
+
+
+def render(page: Page) -> str:
+    """The page as HTML. Whatever comes from files is escaped."""
+    environment = Environment(
+        loader=PackageLoader("apollonius.show", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["markdown"] = _markdown
+    environment.filters["words"] = lambda name: name.replace("_", " ")
+    return environment.get_template("page.html").render(
+        page=page,
+        replays=[shown.to_dict() for shown in page.games],
+        bar=_BAR,
+        light=palette.LIGHT,
+        dark=palette.DARK,
+        style=_source("report/page.css"),
+        player=_source("replay.js"),
+    )
+
+
+def picture(path: Path, label: str) -> Markup:
+    """A PNG file as an element that holds it, at the size of its letters' design; narrow screens show it smaller."""
+    with Image.open(path) as opened:
+        width = opened.width / _PIXELS
+    return Markup(
+        '<img class="print" alt="{}" style="width: {:.0f}px; min-width: {:.0f}px" src="data:image/png;base64,{}">'
+    ).format(label, width, _NARROWEST * width, base64.b64encode(path.read_bytes()).decode())
+
+
+def _markdown(text: str) -> Markup:
+    return Markup(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
+
+
+def _source(name: str) -> Markup:
+    """A style sheet or script of this package, to stand in the page as it is."""
+    return Markup(files("apollonius.show").joinpath(name).read_text())

@@ -1,0 +1,70 @@
+"""The report of a reproduction: claims with verdicts, figures and tables beside the paper's, and games."""
+
+import json
+from pathlib import Path
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.pairings import last_agents
+from apollonius.evaluate.paper import TABLE_2, TABLE_3
+from apollonius.game.game import Game
+from apollonius.game.record import from_dict
+from apollonius.game.types import Role
+from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
+from apollonius.show.report.page import Page, Section, picture
+
+_PAIRINGS = (("P_stage1", "still"), *((name, "random") for name in TABLE_2), *((name, "E_scratch") for name in TABLE_3))
+"""The matches that the paper reports."""
+
+
+def study_page(folder: Path) -> Page:
+    """The report of the finished reproduction in a folder.
+
+    Raises:
+        InvalidInput: when a file is missing or not what `apollonius reproduce` writes.
+    """
+    path = folder / "results.json"
+    try:
+        results = json.loads(path.read_text())
+        sections = [
+            Section(title, found["text"], [picture(folder / name, title) for name in found["pictures"]])
+            for title, found in results["findings"].items()
+        ]
+        claims, budget = results["claims"], results["budget"]
+        verdicts = [claim["verdict"] for claim in claims]
+        held, refuted, open_ = (verdicts.count(verdict) for verdict in ("holds", "does not hold", "undecided"))
+        first, *_ = seeds = results["seeds"]
+        summary = (
+            f"Six agents, trained with budget {budget} and seed{'s' if len(seeds) > 1 else ''} "
+            f"{', '.join(map(str, seeds))}; {results['games']:,} games in a match, all on the same starts. Intervals "
+            f"are 95 %: {'a bootstrap over seeds' if len(seeds) > 1 else 'of the games of the one seed'}. "
+            f"Of {len(claims)} claims, {held} hold, {refuted} do not, and {open_} are undecided."
+        )
+        command = f"apollonius reproduce --budget {budget} --seeds {len(seeds)} --games {results['games']} --out NEW"
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        again = "run apollonius reproduce with --resume again"
+        raise InvalidInput(f"'{path}' is not of this version ({type(error).__name__}: {error}): {again}.") from error
+    return Page(
+        title="The paper's evaluation, again",
+        summary=summary,
+        claims=claims,
+        sections=sections,
+        games=_games(folder / f"seed-{first}"),
+        games_note=(
+            f"Of {GAMES} games from seed {SEED} of each match that the paper reports, between the agents of seed "
+            f"{first}: {ORDER}"
+        ),
+        config=(folder / f"seed-{first}" / "curriculum" / "config.toml").read_text(),
+        command=command,
+    )
+
+
+def _games(seed: Path) -> list[Shown]:
+    files = {name: file for run in sorted(seed.iterdir()) for name, file in last_agents(run).items()}
+    shown = []
+    for pursuer, evader in _PAIRINGS:
+        hunter = find_agent(str(files[pursuer]), Role.PURSUER)
+        assert hunter.header, "a trained agent's file has a header"
+        game = from_dict(Game, hunter.header.game, f"'{files[pursuer]}'")
+        shown += games_to_show(game, hunter, find_agent(str(files.get(evader, evader)), Role.EVADER))
+    return shown

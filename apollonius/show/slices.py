@@ -1,0 +1,162 @@
+"""What a trained agent thinks of every place in the arena: the value of its best action there, and which action it is.
+
+Everything but its own position is held fixed, so the pictures are slices of a function of eight numbers.
+"""
+
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+
+from apollonius.agents.network import QNetwork
+from apollonius.agents.store import Agent
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.types import GameState, RobotState, Role
+from apollonius.show import palette, style
+from apollonius.show.arena import draw_arena
+
+CELLS = 200
+"""Cells of a slice along each side of the arena."""
+_SIGNS = 16
+"""Signs for the acceleration along each side of the arena."""
+_TURNS = {"right": "#f6d68a", "straight": "#f4f4ef", "left": "#c9bfe6"}
+"""Pale colours of the three turns, in the order of their gears: neither side's."""
+_GEARS = {"brake": "_", "hold": ".", "speed up": "+"}
+"""Signs of the three accelerations, in the order of their gears."""
+
+
+class Slice(eqx.Module):
+    """Where a robot might stand, and what its network says there.
+
+    Attributes:
+        x, y: of the cells' centres [m].
+        values: of the nine actions at each of them: discounted reward to come, in the units of its training; NaN
+            where the robot's body touches a disc or a wall by more than a cell.
+    """
+
+    x: Float[np.ndarray, " columns"]
+    y: Float[np.ndarray, " rows"]
+    values: Float[np.ndarray, "rows columns 9"]
+
+
+def slice_values(
+    network: QNetwork, game: Game, role: Role, own: tuple[float, float], opponent: RobotState, cells: int = CELLS
+) -> Slice:
+    """The values of all actions over the arena.
+
+    Args:
+        role: the side that the network plays.
+        own: speed [m/s] and heading [rad] of its robot, the same everywhere.
+        opponent: the other robot's state.
+        cells: along each side of the arena.
+    """
+    arena = game.arena
+    x, y = (
+        float(low) + float(high - low) * (np.arange(cells, dtype=np.float32) + 0.5) / cells
+        for low, high in ((arena.x_min, arena.x_max), (arena.y_min, arena.y_max))
+    )
+    speed, heading = (jnp.float32(number) for number in own)
+    cell_size = max(arena.x_max - arena.x_min, arena.y_max - arena.y_min) / cells
+    body = game.pursuer if role == Role.PURSUER else game.evader
+
+    @jax.jit
+    @jax.vmap
+    def row(own_y: Float[Array, ""]) -> Float[Array, "columns 9"]:
+        @jax.vmap
+        def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
+            robots = (RobotState(own_x, own_y, speed, heading), opponent)
+            state = GameState(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
+            values = network(game.observe(state, role, network.observation))
+            return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
+
+        return cell(jnp.asarray(x))
+
+    return Slice(x, y, np.asarray(row(jnp.asarray(y))))
+
+
+def save_slice(agent: Agent, name: str, game: Game, own: tuple[float, float], opponent: RobotState, path: Path) -> None:
+    """Two maps of the arena as PNG: the value of an agent's best action, and that action.
+
+    Args:
+        name: what the agent is called.
+        own: speed [m/s] and heading [rad] of its robot.
+        opponent: the other robot's state.
+
+    Raises:
+        InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
+    """
+    role = Role[agent.header.role.upper()]
+    bodies = (game.pursuer, game.evader) if role == Role.PURSUER else (game.evader, game.pursuer)
+    for option, speed, body in (("--speed", own[0], bodies[0]), ("--opponent-speed", float(opponent.v), bodies[1])):
+        slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)  # as precise as the speeds themselves
+        require(slowest <= speed <= fastest, option, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s")
+    place = (float(opponent.x), float(opponent.y))
+    require(
+        game.arena.clearance(opponent.x, opponent.y) > bodies[1].radius, "--opponent", place,
+        "a place [m] inside the walls and outside the discs",
+    )  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    found = slice_values(agent.network, game, role, own, opponent)
+    with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
+        _draw_values(left, found)
+        _draw_actions(right, found)
+        for axes in (left, right):
+            draw_arena(axes, game.arena)
+            _draw_opponent(axes, role, opponent, float(game.capture_distance))
+        left.set_title(f"{name}: value of its best action\nat {_motion(*own)}")
+        motion = _motion(float(opponent.v), float(opponent.heading))
+        other = Role(1 - role).name.lower()
+        right.set_title(f"{name}: its best action\n{other} at ({place[0]:g}, {place[1]:g}) m, {motion}")
+
+
+def _motion(speed: float, heading: float) -> str:
+    return f"{speed:.3g} m/s, heading {np.degrees(heading):.0f}°"
+
+
+def _draw_values(axes: Axes, found: Slice) -> None:
+    """The highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
+    best = found.values.max(axis=-1)
+    mesh = axes.pcolormesh(found.x, found.y, best, cmap="viridis", rasterized=True)
+    below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
+    axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label="value [discounted reward to come]")
+
+
+def _draw_actions(axes: Axes, found: Slice) -> None:
+    """Turns as colours, accelerations as signs."""
+    free = ~np.isnan(found.values[..., 0])
+    action = np.where(free, np.argmax(np.nan_to_num(found.values, nan=-np.inf), axis=-1), 0)
+    turn = np.ma.masked_where(~free, action % 3)
+    axes.pcolormesh(
+        found.x, found.y, turn, cmap=ListedColormap(list(_TURNS.values())), norm=BoundaryNorm([0, 1, 2, 3], 3)
+    )
+    every = max(1, len(found.x) // _SIGNS)
+    chosen = slice(every // 2, None, every)
+    columns, rows = np.meshgrid(found.x[chosen], found.y[chosen])
+    for gear, sign in enumerate(_GEARS.values()):
+        here = (action[chosen, chosen] // 3 == gear) & free[chosen, chosen]
+        axes.plot(columns[here], rows[here], sign, color=palette.INK, markersize=4, markeredgewidth=0.9)
+    keys = [Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=name) for name, colour in _TURNS.items()]
+    keys += [Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name) for name, sign in _GEARS.items()]
+    axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, title="turn and acceleration")
+
+
+def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, capture_distance: float) -> None:
+    """The opponent with its heading, and how near the robots must come for a capture."""
+    colour = palette.EVADER if role == Role.PURSUER else palette.PURSUER
+    x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
+    axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=palette.PAPER, linewidth=3))
+    axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
+    dx, dy = 0.7 * np.cos(heading), 0.7 * np.sin(heading)
+    axes.arrow(
+        x, y, dx, dy, width=0.05, head_width=0.22, length_includes_head=True, facecolor=colour, edgecolor=palette.PAPER,
+        linewidth=0.6,
+    )  # fmt: skip
+    axes.plot(x, y, "o", color=colour, markersize=6, markeredgecolor=palette.PAPER)

@@ -1,0 +1,137 @@
+"""A grid over the states of one robot, and the value between its nodes."""
+
+from itertools import product
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.errors import InvalidInput, require
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.types import Real, RobotState, Scalar
+
+AXES = ("x", "y", "v", "heading")
+"""In the order in which a grid is written: `101x101x9x47`."""
+
+
+class Grid(eqx.Module):
+    """Nodes from wall to wall, from the lowest speed to the highest, and around the circle of headings.
+
+    A table on the grid has the shape (v, heading, x, y): a held action moves a whole slice over (x, y) at once.
+
+    Attributes:
+        low, high: least and greatest x [m], y [m] and v [m/s]; nodes lie on both.
+        counts: number of nodes along x, y, v and heading.
+    """
+
+    low: tuple[Real, Real, Real]
+    high: tuple[Real, Real, Real]
+    counts: tuple[int, int, int, int] = eqx.field(static=True)
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Shape of a table: (v, heading, x, y)."""
+        x, y, v, heading = self.counts
+        return v, heading, x, y
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        x, y, v, heading = self.counts
+        return x * y * v * heading
+
+    @property
+    def spacing(self) -> tuple[Real, Real, Real, Real]:
+        """Distance between neighbours along x [m], y [m], v [m/s] and heading [rad]."""
+        ends = zip(self.low, self.high, self.counts[:3], strict=True)
+        x, y, v = ((high - low) / (count - 1) for low, high, count in ends)
+        return x, y, v, 2 * jnp.pi / self.counts[3]
+
+    def node(self, v: Int[Array, ""], heading: Int[Array, ""], x: Int[Array, ""], y: Int[Array, ""]) -> RobotState:
+        """The state at the node of these indices; its heading is in [0, 2 pi)."""
+        dx, dy, dv, dheading = self.spacing
+        return RobotState(
+            x=self.low[0] + x.astype(jnp.float32) * dx,
+            y=self.low[1] + y.astype(jnp.float32) * dy,
+            v=self.low[2] + v.astype(jnp.float32) * dv,
+            heading=heading.astype(jnp.float32) * dheading,
+        )
+
+    def interpolate(self, table: Float[Array, "v heading x y"], robot: RobotState) -> Scalar:
+        """The table's value at a state, multilinear between the 16 nodes around it; beyond the ends, the ends'."""
+        dx, dy, dv, dheading = self.spacing
+        beside = (
+            _between((robot.v - self.low[2]) / dv, self.counts[2]),
+            _around(robot.heading / dheading, self.counts[3]),
+            _between((robot.x - self.low[0]) / dx, self.counts[0]),
+            _between((robot.y - self.low[1]) / dy, self.counts[1]),
+        )
+        value = jnp.zeros((), jnp.float32)
+        for corner in product((0, 1), repeat=4):
+            nodes = tuple(node[side] for (node, _), side in zip(beside, corner, strict=True))
+            share = jnp.ones((), jnp.float32)
+            for (_, weight), side in zip(beside, corner, strict=True):
+                share = share * weight[side]
+            value = value + share * table[nodes]
+        return value
+
+    def over_places(self, table: Float[Array, "x y"]) -> Float[Array, "v heading x y"]:
+        """The table that has the same values for every speed and heading."""
+        return jnp.broadcast_to(table[None, None], self.shape)
+
+    def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
+        """The x and the y [m] of the nodes."""
+        nothing = jnp.zeros((), jnp.int32)
+        x = jax.vmap(lambda index: self.node(nothing, nothing, index, nothing).x)(jnp.arange(self.counts[0]))
+        y = jax.vmap(lambda index: self.node(nothing, nothing, nothing, index).y)(jnp.arange(self.counts[1]))
+        return x, y
+
+
+Beside = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
+"""Along one axis, the two nodes beside a state, and their weights."""
+
+
+def _between(position: Scalar, count: int) -> Beside:
+    inside = jnp.clip(position, 0.0, count - 1.0)
+    lower = jnp.clip(jnp.floor(inside), 0.0, count - 2.0)
+    index = lower.astype(jnp.int32)
+    return (index, index + 1), (1 - (inside - lower), inside - lower)
+
+
+def _around(position: Scalar, count: int) -> Beside:
+    lower = jnp.floor(position)
+    index = lower.astype(jnp.int32)
+    return (index % count, (index + 1) % count), (1 - (position - lower), position - lower)
+
+
+def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
+    """The grid of one robot in an arena.
+
+    Args:
+        counts: number of nodes along x, y, v and heading.
+
+    Raises:
+        InvalidInput: unless there are four numbers, and at least 2 nodes along each axis and 3 headings.
+    """
+    written = "x".join(map(str, counts))
+    require(len(counts) == len(AXES), "grid", written, f"four whole numbers for {', '.join(AXES)}, as 101x101x9x47")
+    require(min(counts[:3]) >= 2 and counts[3] >= 3, "grid", written, "2x2x2x3 at least, as values lie between nodes")
+    require(body.v_min < body.v_max, "v_min", body.v_min, f"less than v_max = {body.v_max} m/s, to have speeds between")
+    x, y, v, heading = counts
+    low = (float(arena.x_min), float(arena.y_min), float(body.v_min))
+    high = (float(arena.x_max), float(arena.y_max), float(body.v_max))
+    return Grid(low, high, (x, y, v, heading))
+
+
+def parse_counts(text: str) -> tuple[int, ...]:
+    """The numbers of nodes in a grid's name such as `101x101x9x47`.
+
+    Raises:
+        InvalidInput: for anything else.
+    """
+    parts = text.split("x")
+    if not all(part.isdecimal() for part in parts):
+        raise InvalidInput(f"grid = {text} is not possible: give the nodes along {', '.join(AXES)}, as 101x101x9x47.")
+    return tuple(int(part) for part in parts)

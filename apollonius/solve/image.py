@@ -1,0 +1,132 @@
+"""Where a robot's states go: the image of a grid's nodes under each action, held.
+
+Motion does not depend on the place (Eq. 1), so a held action moves all nodes of one speed and heading by the same
+vector. The values after it are therefore one or a few (x, y) slices of the table, shifted by whole cells and
+interpolated over the rest: no gather.
+"""
+
+from collections.abc import Callable
+from functools import reduce
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
+from apollonius.solve.grid import Grid
+from apollonius.solve.motion import Motion
+
+_ROUNDING = 2e-5
+"""A move within this many cells of a whole number of them is whole: single precision tells no more."""
+
+
+class Image(eqx.Module):
+    """Where held actions take the slices of a grid, which are numbered `v * headings + heading`.
+
+    Attributes:
+        course: the states along each hold that begins at the origin, leaves `[slices 9 steps+1]`.
+        source, weight: the slices between whose speeds and headings it ends, and their shares.
+        cells, rest: how far it goes along x and y, in whole cells and the fraction of one.
+        margin: cells by which a hold can leave the grid.
+    """
+
+    course: RobotState
+    source: Int[Array, "slices 9 terms"]
+    weight: Float[Array, "slices 9 terms"]
+    cells: Int[Array, "slices 9 2"]
+    rest: Float[Array, "slices 9 2"]
+    margin: int = eqx.field(static=True)
+
+    def backup(
+        self,
+        table: Float[Array, "v heading x y"],
+        worth: Callable[[Int[Array, ""], int, Float[Array, "x y"]], Float[Array, "x y"]],
+    ) -> Float[Array, "v heading x y"]:
+        """The best, over actions, of what an action is worth at each node.
+
+        Args:
+            worth: from a slice, an action and the table's values after it, what it is worth.
+        """
+        slices = table.reshape(-1, *table.shape[2:])
+        padded = jnp.pad(slices, ((0, 0), (self.margin, self.margin), (self.margin, self.margin)), mode="edge")
+
+        def best(index: Int[Array, ""]) -> Float[Array, "x y"]:
+            return reduce(
+                jnp.maximum, [worth(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)]
+            )
+
+        return jax.lax.map(best, jnp.arange(slices.shape[0])).reshape(table.shape)
+
+    def _after(self, padded: Float[Array, "slices wide high"], index: Int[Array, ""], action: int) -> Array:
+        """The interpolated values at the places where an action takes the nodes of a slice: `[x y]`."""
+        wide, high = (count - 2 * self.margin + 1 for count in padded.shape[1:])
+        corner = self.cells[index, action] + self.margin
+        mixed = jnp.zeros((wide, high), jnp.float32)
+        for term in range(self.source.shape[2]):
+            start = (self.source[index, action, term], corner[0], corner[1])
+            mixed += self.weight[index, action, term] * jax.lax.dynamic_slice(padded, start, (1, wide, high))[0]
+        along_x, along_y = self.rest[index, action]
+        mixed = (1 - along_x) * mixed[:-1] + along_x * mixed[1:]
+        return (1 - along_y) * mixed[:, :-1] + along_y * mixed[:, 1:]
+
+
+def image_of(motion: Motion, grid: Grid) -> Image:
+    """Where the robot's held actions take the grid's nodes."""
+    speeds, headings = grid.shape[:2]
+    course = _courses(motion, grid)
+    end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
+    dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
+    cells, rest = _whole_and_rest(np.stack([end.x / dx, end.y / dy], axis=-1))
+    slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
+    before, share_heading = _whole_and_rest(end.heading / dheading)
+    terms = [
+        (np.minimum(slower + up, speeds - 1) * headings + (before + on) % headings, part_v * part_heading)
+        for up, part_v in ((0, 1 - share_v), (1, share_v))
+        for on, part_heading in ((0, 1 - share_heading), (1, share_heading))
+    ]
+    needed = [(source, weight) for source, weight in terms if np.any(weight > 0)]
+    return Image(
+        course=course,
+        source=jnp.asarray(np.stack([source for source, _ in needed], axis=-1), jnp.int32),
+        weight=jnp.asarray(np.stack([weight for _, weight in needed], axis=-1), jnp.float32),
+        cells=jnp.asarray(cells, jnp.int32),
+        rest=jnp.asarray(rest, jnp.float32),
+        margin=int(np.max(np.abs(cells))) + 1,
+    )
+
+
+@eqx.filter_jit
+def _courses(motion: Motion, grid: Grid) -> RobotState:
+    """The states along every hold from the origin."""
+    nothing = jnp.zeros((), jnp.int32)
+
+    def course(index: Int[Array, ""], action: Int[Array, ""]) -> RobotState:
+        start = grid.node(index // grid.shape[1], index % grid.shape[1], nothing, nothing)
+        nowhere = jnp.zeros((), jnp.float32)
+        return motion.hold(RobotState(nowhere, nowhere, start.v, start.heading), action)
+
+    actions, slices = jnp.arange(NUM_ACTIONS), jnp.arange(grid.shape[0] * grid.shape[1])
+    return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
+
+
+def _whole_and_rest(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells as whole ones and a fraction in [0, 1)."""
+    nearest = np.round(cells)
+    cells = np.where(np.abs(cells - nearest) < _ROUNDING, nearest, cells)
+    return np.floor(cells).astype(np.int64), cells - np.floor(cells)
+
+
+@eqx.filter_jit
+def rooms(motion: Motion, grid: Grid, image: Image) -> Float[Array, "slices 9 x y"]:
+    """Least clearance [m] while each action is held from each node."""
+    x, y = grid.places()
+
+    def everywhere(course: RobotState) -> Float[Array, "x y"]:
+        def at(x: Scalar, y: Scalar) -> Scalar:
+            return motion.room(jax.vmap(lambda one: RobotState(one.x + x, one.y + y, one.v, one.heading))(course))
+
+        return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
+
+    return jax.lax.map(lambda courses: jax.lax.map(everywhere, courses), image.course)

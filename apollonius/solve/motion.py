@@ -1,0 +1,63 @@
+"""What a robot does between two decisions: it holds an action for some steps of the game."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from apollonius.errors import require
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.types import Real, RobotState, Role, Scalar
+
+
+class Motion(eqx.Module):
+    """One robot alone in its arena, by the rules' own dynamics and contact.
+
+    Attributes:
+        body, arena, dt: the game's.
+        steps: control steps for which an action is held.
+    """
+
+    body: Unicycle
+    arena: Arena
+    dt: Real
+    steps: int = eqx.field(static=True)
+
+    @property
+    def seconds(self) -> Real:
+        """Duration of a hold [s]."""
+        return self.steps * self.dt
+
+    def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+        """The states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
+        controls = self.body.controls(action)
+        course = [robot]
+        for _ in range(self.steps):
+            course.append(self.body.move(course[-1], *controls, self.dt))
+        return jax.tree.map(lambda *leaves: jnp.stack(leaves), *course)
+
+    def room(self, course: RobotState) -> Scalar:
+        """Least clearance [m] of the body along a course, step by step as the rules judge it."""
+        return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
+
+
+def ends(course: RobotState) -> tuple[RobotState, RobotState]:
+    """The states before and after each step of a course: leaves `[steps]`."""
+    return jax.tree.map(lambda leaf: leaf[:-1], course), jax.tree.map(lambda leaf: leaf[1:], course)
+
+
+def last(course: RobotState) -> RobotState:
+    """The state at the end of a course."""
+    return jax.tree.map(lambda leaf: leaf[-1], course)
+
+
+def motion_of(game: Game, role: Role, steps: int) -> Motion:
+    """The motion of one side's robot.
+
+    Raises:
+        InvalidInput: unless an action is held for at least one step.
+    """
+    require(steps >= 1, "hold", steps, "at least 1 step of the game")
+    return Motion(game.pursuer if role == Role.PURSUER else game.evader, game.arena, game.dt, steps)

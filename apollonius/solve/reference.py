@@ -1,0 +1,38 @@
+"""The grid that is taken where nobody asks for another."""
+
+from math import ceil, tau
+
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.solve.grid import Grid, make_grid
+
+SPACING = 0.2
+"""Distance between neighbours along x and y [m]."""
+HOLD = 0.5
+"""How long an action is held [s]: long enough to leave a cell, short enough to steer."""
+_HEADINGS = range(40, 65)
+"""Numbers of headings among which a hold's turn comes closest to whole cells of one."""
+_FASTER = 0.05
+"""Least distance between neighbouring speeds [m/s]."""
+
+
+def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
+    """A grid on which a hold moves the robot by whole cells of speed, and as nearly as can be of heading.
+
+    Returns:
+        The grid, and the control steps for which an action is held.
+    """
+    body = game.pursuer if role == Role.PURSUER else game.evader
+    dt = float(game.dt)
+    hold = max(1, round(HOLD / dt))
+    speeds = max(2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6))
+    turn = float(body.u2_max) * dt * hold
+    headings = min(_HEADINGS, key=lambda count: abs(_cells(turn, count) - round(_cells(turn, count))))
+    arena = game.arena
+    x, y = (ceil(size / SPACING) + 1 for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
+    return make_grid(arena, body, (x, y, speeds, headings)), hold
+
+
+def _cells(angle: float, count: int) -> float:
+    """An angle [rad] in cells of a circle divided into so many."""
+    return angle * count / tau

@@ -1,0 +1,99 @@
+"""The viability kernel of one robot: the states from which it can keep from touching anything for ever.
+
+The value of a state is the room that can be kept,
+
+    V = max over actions of min(room while the action is held, V after it),
+
+the safety Bellman equation (Fisac, Lugovoy, Rubies-Royo, Ghosh, Tomlin, "Bridging Hamilton-Jacobi safety analysis and
+reinforcement learning", ICRA 2019, eq. 5, with max-min of the room in place of the signed distance). The kernel is
+where V >= 0. Begun at the clearance, the iteration only goes down.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.shield import BRAKING, Backup, Shielded, brakes
+from apollonius.game.game import Game
+from apollonius.game.types import RobotState, Role, Scalar
+from apollonius.solve.grid import Grid
+from apollonius.solve.image import Image, image_of, rooms
+from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
+from apollonius.solve.motion import Motion, last, motion_of
+
+BYTES_PER_NODE = 4 * (9 + 5)
+"""The rooms of nine actions; the table before and after a sweep, padded, and what is between."""
+
+
+def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable[[Sweep], None] = silent) -> Solved:
+    """The room [m] that one side's robot can keep, at every node of a grid.
+
+    Args:
+        hold: control steps for which an action is held; a robot that may change its mind sooner is at least as safe.
+        report: told after each sweep.
+
+    Raises:
+        InvalidInput: when it does not fit into memory.
+    """
+    require_memory(grid, BYTES_PER_NODE)
+    motion = motion_of(game, role, hold)
+    image = image_of(motion, grid)
+    room = rooms(motion, grid, image)
+    x, y = grid.places()
+    here = jax.vmap(lambda row: jax.vmap(lambda column: motion.arena.clearance(row, column))(y))(x)
+    return iterate(lambda table: _sweep(image, room, table), grid.over_places(here - motion.body.radius), report)
+
+
+@eqx.filter_jit
+def _sweep(
+    image: Image, room: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
+) -> tuple[Float[Array, "v heading x y"], Scalar]:
+    after = image.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
+    return after, jnp.max(jnp.abs(after - table))
+
+
+class Steering(eqx.Module):
+    """The manoeuvre that brakes and turns as a table of rooms advises, one step ahead.
+
+    Attributes:
+        motion: the robot, one step at a time.
+        grid, table: the room [m] that can be kept.
+    """
+
+    motion: Motion
+    grid: Grid
+    table: Float[Array, "v heading x y"]
+
+    def __call__(self, robot: RobotState) -> Int[Array, ""]:
+        """The braking action after which most room can be kept."""
+
+        def room(action: Int[Array, ""]) -> Scalar:
+            course = self.motion.hold(robot, action)
+            return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
+
+        actions = jnp.array(BRAKING)
+        return actions[jnp.argmax(jax.vmap(room)(actions))]
+
+
+def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]) -> Backup:
+    """The shield's manoeuvres, and one more that steers by the table of `solve_safety`.
+
+    What they show to be safe is safe, whatever the grid: they are played in the continuous game.
+
+    Raises:
+        InvalidInput: when that side's robot cannot brake to rest.
+    """
+    backup = brakes(game, role)
+    steering = Steering(motion_of(game, role, 1), grid, table)
+    return Backup(backup.arena, backup.body, backup.dt, backup.steps, (*backup.manoeuvres, steering))
+
+
+def kernel_shielded(
+    policy: AbstractPolicy, game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]
+) -> Shielded:
+    """A player behind a shield that also steers by the kernel; errors as those of `steered_brakes`."""
+    return Shielded(policy, steered_brakes(game, role, grid, table))

@@ -1,0 +1,95 @@
+"""Which starts are lost before they begin: a robot in them cannot help crashing."""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, PRNGKeyArray
+
+from apollonius.agents.shield import Backup
+from apollonius.errors import InvalidInput
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import GameState, RobotState, Role, Scalar
+from apollonius.solve.grid import Grid
+from apollonius.solve.reference import reference_grid
+from apollonius.solve.safety import solve_safety, steered_brakes
+
+_ROUNDS = 1000
+
+
+class Kept(eqx.Module):
+    """The room [m] that a robot can keep, from a table alone: for robots that cannot stop."""
+
+    grid: Grid
+    table: Array
+
+    def room(self, robot: RobotState) -> Scalar:
+        """Interpolated, so only as exact as the grid."""
+        return self.grid.interpolate(self.table, robot)
+
+
+class Viability(eqx.Module):
+    """Tells the starts from which both robots can stay clear of everything for ever.
+
+    Attributes:
+        pursuer, evader: how each robot's room is found.
+    """
+
+    pursuer: Backup | Kept
+    evader: Backup | Kept
+
+    def __call__(self, state: GameState) -> Bool[Array, ""]:
+        """Whether neither robot is lost."""
+        return (self.pursuer.room(state.pursuer) >= 0) & (self.evader.room(state.evader) >= 0)
+
+
+@functools.lru_cache(maxsize=2)
+def solve_viability(game: Game) -> Viability:
+    """Solve both robots' safety on the reference grid; the answer for the latest games is remembered.
+
+    A robot that can stop is lost where neither braking straight or in a turn, nor braking as the kernel steers,
+    comes to rest without contact in the continuous game. One that cannot is lost where its table says so.
+    """
+    pursuer = _judge(game, Role.PURSUER)
+    return Viability(pursuer, pursuer if game.evader == game.pursuer else _judge(game, Role.EVADER))
+
+
+def _judge(game: Game, role: Role) -> Backup | Kept:
+    body = game.pursuer if role == Role.PURSUER else game.evader
+    grid, hold = reference_grid(game, role)
+    table = solve_safety(game, role, grid, hold).table
+    return steered_brakes(game, role, grid, table) if body.v_min <= 0 < body.u1_max else Kept(grid, table)
+
+
+@eqx.filter_jit
+def _draw(game: Game, viability: Viability, key: PRNGKeyArray, games: int) -> tuple[GameState, Bool[Array, " games"]]:
+    starts = reset_batch(game, key, games)
+    return starts, jax.vmap(viability)(starts)
+
+
+def doomed_start_rate(game: Game, viability: Viability, starts: int = 20_000) -> float:
+    """The share of a game's starts that are lost before they begin, of so many drawn with a fixed seed."""
+    return 1 - float(jnp.mean(_draw(game, viability, jax.random.key(0), starts)[1]))
+
+
+def viable_starts(game: Game, viability: Viability, key: PRNGKeyArray, games: int) -> GameState:
+    """Initial states of several games, none of them lost, leaves `[games]`. The key is consumed.
+
+    Raises:
+        InvalidInput: when hardly any start of the game is viable.
+    """
+    kept: list[GameState] = []
+    missing = games
+    for round_key in jax.random.split(key, _ROUNDS):
+        starts, viable = _draw(game, viability, round_key, games)
+        chosen = np.flatnonzero(viable)
+        kept.append(jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], starts))
+        missing -= len(chosen)
+        if missing <= 0:
+            return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)[:games]), *kept)
+    raise InvalidInput(
+        f"of {_ROUNDS * games:,} starts only {games - missing:,} are viable, too few for {games:,} games: "
+        "make the robots slower or the arena larger."
+    )

@@ -1,0 +1,243 @@
+"""Players that follow a rule: what each rule says, against geometry done otherwise, and what comes of it in games."""
+
+from dataclasses import replace
+from math import atan2, cos, hypot, pi, sin
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.catalogue import CLASSICAL, find_agent, player_names
+from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.fleeing import Circle, Flee, FleeAware
+from apollonius.agents.potential import PotentialField
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_match
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState, RobotState, Role
+
+PAPER = make_game("paper")
+OPEN = Game(
+    pursuer=Unicycle(v_max=1.5, u2_max=1.0), evader=Unicycle(v_max=1.0), arena=Arena(0.0, 20.0, 0.0, 20.0), dt=0.1
+)
+PLAYERS = [(name, role) for name, (_, sides) in CLASSICAL.items() for role in sides]
+
+
+def robot(x, y, v=0.0, heading=0.0):
+    return RobotState(*map(jnp.float32, (x, y, v, heading)))
+
+
+def random_pairs(seed, count=50):
+    """Pairs of robots as plain numbers, at least 1 m apart, well inside the open game."""
+    rng = np.random.default_rng(seed)
+    while count:
+        pair = rng.uniform([4, 4, 0, -pi] * 2, [16, 16, 1.0, pi] * 2)
+        if hypot(pair[4] - pair[0], pair[5] - pair[1]) > 1:
+            count -= 1
+            yield pair[:4], pair[4:]
+
+
+def course_of(player, own, opponent):
+    return (float(number) for number in player.course(robot(*own), robot(*opponent)))
+
+
+def same_direction(first, second, within=1e-4):
+    return abs((first - second + pi) % (2 * pi) - pi) < within
+
+
+def test_gears_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
+    player = PurePursuit.for_side(OPEN, Role.PURSUER)
+    judge = jax.jit(player.judge)
+    body, dt = OPEN.pursuer, OPEN.dt
+    for own, opponent in random_pairs(0, 20):
+        heading, speed = course_of(player, own, opponent)
+        v = [min(max(own[2] + gear * body.u1_max * dt, 0), body.v_max) for gear in (-1, 0, 1)]
+        turned = [own[3] + gear * body.u2_max * dt for gear in (-1, 0, 1)]
+        thrust = int(np.argmin([abs(speed - value) for value in v]))
+        turn = int(np.argmin([abs((heading - value + pi) % (2 * pi) - pi) for value in turned]))
+        assert int(jnp.argmax(judge(robot(*own), robot(*opponent)))) == 3 * thrust + turn
+
+
+def test_a_course_that_is_held_is_held_without_any_gear():
+    player = Flee.for_side(OPEN, Role.EVADER)
+    assert int(jnp.argmax(player.judge(robot(10, 10, 1.0, 0.02), robot(5, 10)))) == 4
+
+
+def test_a_chaser_is_never_too_fast_for_the_circle_through_its_target():
+    """Where the speed is not the top one, the target lies on the circle that full turn makes of it."""
+    player = PurePursuit.for_side(OPEN, Role.PURSUER)
+    slow = 0
+    for own, opponent in random_pairs(1, 200):
+        _, speed = course_of(player, own, opponent)
+        angle = (atan2(opponent[1] - own[1], opponent[0] - own[0]) - own[3] + pi) % (2 * pi) - pi
+        if speed < OPEN.pursuer.v_max and abs(angle) < pi / 2:
+            slow += 1
+            radius = speed / OPEN.pursuer.u2_max
+            side = own[3] + np.sign(angle) * pi / 2
+            centre = own[0] + radius * cos(side), own[1] + radius * sin(side)
+            assert hypot(opponent[0] - centre[0], opponent[1] - centre[1]) == pytest.approx(radius, rel=1e-3)
+    assert slow > 3
+
+
+def test_pure_pursuit_heads_for_the_opponent_and_flee_away_from_it():
+    for own, opponent in random_pairs(2, 10):
+        sight = atan2(opponent[1] - own[1], opponent[0] - own[0])
+        heading, _ = course_of(PurePursuit.for_side(OPEN, Role.PURSUER), own, opponent)
+        assert same_direction(heading, sight)
+        heading, speed = course_of(Flee.for_side(OPEN, Role.EVADER), own, opponent)
+        assert same_direction(heading, sight + pi)
+        assert speed == OPEN.evader.v_max
+
+
+def test_intercept_heads_for_the_circle_of_apollonius():
+    """Where the places with distances in the ratio of the speeds meet the opponent's course, by plain algebra."""
+    player = Intercept.for_side(OPEN, Role.PURSUER)
+    for own, opponent in random_pairs(3):
+        p, e, speed, along = own[:2], opponent[:2], opponent[2], np.array([cos(opponent[3]), sin(opponent[3])])
+        ratio = speed / OPEN.pursuer.v_max
+        centre = (e - ratio**2 * p) / (1 - ratio**2)
+        radius = ratio * np.linalg.norm(e - p) / (1 - ratio**2)
+        b = along @ (e - centre)
+        meeting = e + (-b + np.sqrt(b**2 - (e - centre) @ (e - centre) + radius**2)) * along
+        heading, _ = course_of(player, own, opponent)
+        assert same_direction(heading, atan2(*(meeting - p)[::-1]), within=1e-3)
+
+
+def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
+    fast = replace(OPEN, evader=Unicycle(v_max=5.0))
+    heading, _ = course_of(Intercept.for_side(fast, Role.PURSUER), (5, 5, 0, 0), (10, 5, 5.0, pi / 2))
+    assert same_direction(heading, pi / 2)
+
+
+def test_proportional_navigation_turns_three_times_as_fast_as_the_line_of_sight():
+    player = ProportionalNavigation.for_side(OPEN, Role.PURSUER)
+    ahead = 0
+    for own, opponent in random_pairs(4):
+        moved = [(x + 1e-3 * v * cos(a), y + 1e-3 * v * sin(a)) for x, y, v, a in (own, opponent)]
+        sight = atan2(opponent[1] - own[1], opponent[0] - own[0])
+        later = atan2(moved[1][1] - moved[0][1], moved[1][0] - moved[0][0])
+        rate = ((later - sight + pi) % (2 * pi) - pi) / 1e-3
+        heading, _ = course_of(player, own, opponent)
+        if same_direction(sight, own[3], within=0.8):
+            ahead += 1
+            assert same_direction(heading, own[3] + 3 * rate * OPEN.dt, within=1e-3)
+        else:
+            assert same_direction(heading, sight)
+    assert 5 < ahead < 40
+
+
+@pytest.mark.parametrize("chases", [True, False])
+def test_the_potentials_force_is_khatibs(chases):
+    """A unit pull or push, and `strength (1/c - 1/reach) / c^2` away from each wall and disc within reach."""
+    game = Game(arena=Arena(0.0, 10.0, 0.0, 10.0, discs=(Disc(5.0, 5.0, 1.0),)), pursuer=Unicycle(radius=0.1))
+    role = Role.PURSUER if chases else Role.EVADER
+    body = (game.pursuer, game.evader)[role]
+    player = PotentialField.for_side(game, role)
+    x, y, opponent = 5.0, 7.0, robot(9, 4)
+    push = {(0, -1): 10 - y, (0, 1): y - 5 - 1.0}  # the upper wall and the disc; the others are out of reach
+    force = np.array([9 - x, 4 - y]) / hypot(9 - x, 4 - y) * (1 if chases else -1)
+    for away, clearance in push.items():
+        room = clearance - body.radius
+        force += np.array(away) * max(0.2 * (1 / room - 1 / 2.0) / room**2, 0)
+    slope = jax.grad(player.potential, argnums=(0, 1))(jnp.float32(x), jnp.float32(y), opponent)
+    np.testing.assert_allclose([-slope[0], -slope[1]], force, atol=1e-5)
+    heading, _ = player.course(robot(x, y), opponent)
+    assert same_direction(float(heading), atan2(force[1], force[0]))
+
+
+def play(game, evader, start, steps):
+    """The states of a game against a pursuer that coasts, `[steps, 8]`."""
+    act = find_agent(evader, Role.EVADER, game).policy
+
+    @jax.jit
+    def run(state):
+        def one_step(state, _):
+            action = act(game.observe(state, Role.EVADER, act.observation), jnp.uint32(0))
+            after = game.step(state, jnp.int32(4), action).state
+            return after, jnp.stack(jax.tree.leaves((after.pursuer, after.evader)))
+
+        return jax.lax.scan(one_step, state, None, steps)[1]
+
+    return np.asarray(run(start))
+
+
+@pytest.mark.parametrize("pursuer_y", [0.5, 9.5])
+def test_circle_drives_around_the_nearest_disc_away_from_the_pursuer(pursuer_y):
+    game = make_game("one-large")
+    states = play(game, "circle", GameState(robot(3.4, pursuer_y), robot(3.4, 5.0), jnp.int32(0)), 400)
+    x, y = states[100:, 4] - 5, states[100:, 5] - 5
+    clearance = np.hypot(x, y) - 1.0
+    assert np.all(np.abs(clearance - 0.6) < 0.15)
+    turned = np.unwrap(np.arctan2(y, x))
+    assert abs(turned[-1] - turned[0]) > 2 * pi
+    assert np.sign(states[30, 5] - 5.0) == np.sign(5.0 - pursuer_y)
+
+
+def test_flee_aware_keeps_off_walls_and_discs_where_flee_does_not():
+    game = replace(make_game("one-large"), max_steps=150)
+    chaser = find_agent("pure-pursuit", Role.PURSUER, game).policy
+    lost = {}
+    for kind in (Flee, FleeAware):
+        outcomes = play_match(game, chaser, kind.for_side(game, Role.EVADER), games=60, seed=0).outcomes
+        lost[kind] = outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"]
+    assert lost[FleeAware] == 0
+    assert lost[Flee] > 30
+
+
+def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
+    steps = [FleeAware.for_side(replace(PAPER, dt=dt), Role.EVADER).steps for dt in (0.1, 0.05, 0.3)]
+    assert steps == [40, 80, 14]
+
+
+def test_chasers_catch_whoever_stands_still():
+    """In the open none runs around its target for ever."""
+    game = replace(OPEN, starts=replace(OPEN.starts, clearance=4.0))
+    names = ("pure-pursuit", "proportional-navigation", "intercept", "potential-field")
+    players = [find_agent(name, Role.PURSUER, game).policy for name in names]
+
+    @jax.jit
+    def run(states):
+        def one_step(states, _):
+            moved, caught = [], []
+            for player, state in zip(players, states, strict=True):
+                seen = jax.vmap(game.observe, in_axes=(0, None, None))(state, Role.PURSUER, player.observation)
+                actions = jax.vmap(player, in_axes=(0, None))(seen, jnp.uint32(0))
+                after = jax.vmap(game.step, in_axes=(0, 0, None))(state, actions, jnp.int32(1))
+                moved.append(after.state)
+                caught.append(after.outcome == 1)
+            return moved, jnp.stack(caught)
+
+        return jnp.any(jax.lax.scan(one_step, [states] * len(players), None, 400)[1], axis=0)
+
+    starts = jax.vmap(game.reset)(jax.random.split(jax.random.key(0), 200))
+    share = dict(zip(names, np.asarray(run(starts)).mean(axis=1), strict=True))
+    assert share == dict.fromkeys(names, 1.0)
+
+
+@pytest.mark.parametrize(("name", "role"), PLAYERS)
+def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
+    player = find_agent(name, role, PAPER).policy
+    seen = PAPER.observe(PAPER.reset(jax.random.key(1)), role, player.observation)
+    own = int(player(seen, jnp.uint32(0)))
+    allowed = jnp.arange(9) != own
+    other = int(player.act_among(allowed, seen, jnp.uint32(0)))
+    values = np.array(player.values(seen))
+    assert own == int(np.argmax(values))
+    assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
+    assert name in player_names(role)
+    assert find_agent(f"shielded:{name}", role, PAPER).policy.policy == player
+
+
+def test_a_classical_player_needs_a_game_and_its_own_side():
+    with pytest.raises(InvalidInput, match="'flee' needs a game"):
+        find_agent("flee", Role.EVADER)
+    with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
+        find_agent("flee", Role.PURSUER, PAPER)
+    with pytest.raises(InvalidInput, match=r"arena\.discs = none .* 'circle'"):
+        Circle.for_side(OPEN, Role.EVADER)
+    assert "flee" not in player_names(Role.PURSUER)
+    assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER))

@@ -1,0 +1,119 @@
+"""A tournament: everyone meets everyone on the same starts, and its equilibrium is that of the matrix game."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_match
+from apollonius.evaluate.tournament import equilibrium, play_tournament
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.terminal import tournament_table
+
+GAME = replace(make_game("paper"), max_steps=60)
+
+
+@pytest.fixture(scope="module")
+def players():
+    pursuers = [find_agent(name, Role.PURSUER, GAME) for name in ("random", "pure-pursuit")]
+    return pursuers, [find_agent(name, Role.EVADER, GAME) for name in ("still", "flee")]
+
+
+@pytest.fixture(scope="module")
+def told():
+    """The matches that the tournament told of, in its order."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def tournament(players, told):
+    return play_tournament(GAME, *players, games=40, seed=3, on_match=lambda *match: told.append(match))
+
+
+def test_every_cell_is_the_match_of_its_two_players(players, tournament):
+    for pursuer, row in zip(players[0], tournament.matches, strict=True):
+        for evader, result in zip(players[1], row, strict=True):
+            assert result == play_match(GAME, pursuer.policy, evader.policy, games=40, seed=3)
+    assert tournament.win_rates[1, 0] == tournament.matches[1][0].pursuer_win_rate
+    assert tournament.win_rates[1, 0] > tournament.win_rates[0, 0]
+
+
+def test_matches_are_told_as_they_end(tournament, told):
+    names = [("random", "still"), ("random", "flee"), ("pure-pursuit", "still"), ("pure-pursuit", "flee")]
+    assert [match[:2] for match in told] == names
+    assert [match[2] for match in told] == [result for row in tournament.matches for result in row]
+
+
+def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
+    table = tournament_table(tournament)
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("|")]
+    assert cells[0] == ["pursuer \\ evader", "still", "flee", "mean"]
+    assert [row[0] for row in cells[2:]] == ["random", "pure-pursuit", "mean"]
+    rates = tournament.win_rates
+    assert cells[3][1:] == [f"{rate:.1%}" for rate in (*rates[1], rates[1].mean())]
+    assert cells[4][3] == f"{rates.mean():.1%}"
+    intervals = [match.pursuer_win_interval for row in tournament.matches for match in row]
+    assert f"within {50 * max(high - low for low, high in intervals):.1f} points" in table
+
+
+def test_as_data_it_is_json_with_every_count(tournament):
+    data = json.loads(json.dumps(tournament.to_dict()))
+    assert [(match["pursuer"], match["evader"]) for match in data["matches"]][2] == ("pure-pursuit", "still")
+    assert all(sum(match["outcomes"].values()) == 40 for match in data["matches"])
+    assert sum(data["equilibrium"]["pursuers"].values()) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("payoff", "rows", "columns", "value"),
+    [
+        ([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], [1 / 3] * 3, [1 / 3] * 3, 0),
+        ([[0.9, 0.6], [0.5, 0.4]], [1, 0], [0, 1], 0.6),  # a saddle
+        ([[3, -1], [-2, 1]], [3 / 7, 4 / 7], [2 / 7, 5 / 7], 1 / 7),
+        ([[0.2, 0.7, 0.4]], [1], [1, 0, 0], 0.2),
+    ],
+)
+def test_the_equilibrium_of_small_games_is_the_one_known(payoff, rows, columns, value):
+    found = equilibrium(np.array(payoff, float))
+    np.testing.assert_allclose(found.rows, rows, atol=1e-9)
+    np.testing.assert_allclose(found.columns, columns, atol=1e-9)
+    assert found.value == pytest.approx(value)
+
+
+def test_the_command_prints_the_table_or_one_json_object(capsys):
+    arguments = ["tournament", "--pursuers", "random", "--evaders", "still", "--games", "3", "--seed", "1"]
+    assert main(arguments) == 0
+    table, told = capsys.readouterr()
+    assert table.startswith("| pursuer \\ evader |")
+    assert told.count("\n") == 1
+    assert main([*arguments, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["evaders"] == ["still"]
+    assert (printed["games"], printed["seed"], printed["game"]) == (3, 1, "paper")
+
+
+def test_the_command_refuses_a_player_before_anything_is_played(capsys):
+    assert main(["tournament", "--pursuers", "random", "flee"]) == 2
+    output, errors = capsys.readouterr()
+    assert output == ""
+    assert "plays the evader only" in errors
+    assert errors.count("\n") == 1
+
+
+def test_from_the_equilibrium_neither_side_gains_by_leaving():
+    payoff = np.random.default_rng(0).uniform(size=(7, 5))
+    found = equilibrium(payoff)
+    assert (payoff @ found.columns).max() == pytest.approx(found.value)
+    assert (found.rows @ payoff).min() == pytest.approx(found.value)
+
+
+def test_a_side_without_players_or_with_one_twice_is_refused(players):
+    pursuers, evaders = players
+    with pytest.raises(InvalidInput, match="evaders = none"):
+        play_tournament(GAME, pursuers, [], games=1, seed=0)
+    with pytest.raises(InvalidInput, match=r"pursuers = random, random .* each once"):
+        play_tournament(GAME, pursuers[:1] * 2, evaders, games=1, seed=0)

@@ -1,0 +1,169 @@
+"""Games as files: what is written is what is played, and nothing that a file may hold makes a traceback."""
+
+import copy
+import os
+
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.file import find_game, load_game
+from apollonius.game.game import Game
+from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.record import to_dict
+
+HALL = """
+capture_distance = 0.6
+max_steps = 300
+
+[arena]
+x_max = 12
+y_max = 6.5
+
+[[arena.discs]]
+x = 6
+y = 3
+radius = 0.5
+
+[pursuer]
+v_max = 0.8
+radius = 0.25
+
+[evader]
+v_max = 1
+u2_max = 1.5
+radius = 0.2
+
+[starts]
+clearance = 0.4
+separation = 2
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    """A function that writes a file and loads the game in it."""
+
+    def load(content):
+        path = tmp_path / "game.toml"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return load_game(path)
+
+    return load
+
+
+def test_a_file_says_what_differs_from_the_defaults(written):
+    game = written(HALL)
+    assert game.pursuer == Unicycle(v_max=0.8, radius=0.25)
+    assert game.evader == Unicycle(v_max=1.0, u2_max=1.5, radius=0.2)
+    assert game.arena.discs == (Disc(6.0, 3.0, 0.5),)
+    assert (game.arena.x_max, game.arena.y_max, game.arena.x_min) == (12.0, 6.5, 0.0)
+    assert (game.capture_distance, game.max_steps, game.dt) == (0.6, 300, Game().dt)
+    assert (game.starts.clearance, game.starts.separation, game.starts.speed) == (0.4, 2.0, "rest")
+    assert written("") == Game()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_is_itself_again_from_its_file(name, written):
+    assert written(tomli_w.dumps(to_dict(make_game(name)))) == make_game(name)
+
+
+def test_a_game_is_found_by_name_or_file(tmp_path):
+    assert find_game("one-large") == make_game("one-large")
+    (tmp_path / "hall.toml").write_text(HALL)
+    assert find_game(str(tmp_path / "hall.toml")).max_steps == 300
+    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or give a \.toml file"):
+        find_game("chess")
+
+
+def test_the_commands_play_a_file(tmp_path, capsys):
+    (tmp_path / "hall.toml").write_text(HALL)
+    game = ["--game", str(tmp_path / "hall.toml")]
+    assert main(["evaluate", "random", "still", "--games", "2", *game, "--json"]) == 0
+    assert '"mean_steps"' in capsys.readouterr().out
+    (tmp_path / "hall.toml").write_text(HALL.replace("y_max", "y_mox"))
+    assert main(["evaluate", "random", "still", *game]) == 2
+    assert "'y_mox' is no known key: remove it, or did you mean 'y_max'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("dt = ", "no TOML file"),
+        (b"\xff\xfe", "no TOML file"),
+        ("a = " + "[" * 5000, "no TOML file"),
+        ("dt = 'soon'", "dt"),
+        ("dt = true", "dt = True .* finite number"),
+        ("dt = 1" + "0" * 400, "dt = .* within 1e"),
+        ("dt = 1e-320", "more than 0 s"),
+        ("max_steps = 99999999999999", "max_steps = 99999999999999 .* at most 2147483647"),
+        ("arena = 1", "arena"),
+        ("[arena]\ndiscs = 3", "wrong kind"),
+        ("[arena.discs]\nx = 1", "wrong kind"),
+        ("[[arena.discs]]\nx = 1", "discs.y"),
+        ('"two\\nlines" = 1', "'two lines' is no known key"),
+        ("[pursuer]\nradius = 5", "no place to start"),
+        ("[arena]\nx_max = -1", "x_min = .* less than x_max"),
+        ("[[arena.discs]]\nx = 30\ny = 5\nradius = 1", "discs.0. centre .* inside the walls"),
+    ],
+    ids=range(16),
+)
+def test_each_error_is_one_clear_line(content, said, written):
+    with pytest.raises(InvalidInput, match=said) as refusal:
+        written(content)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_missing_file_is_refused():
+    with pytest.raises(InvalidInput, match=r"game = nowhere\.toml .* check the path"):
+        find_game("nowhere.toml")
+
+
+PAPER = to_dict(make_game("paper"))
+KEYS = sorted({*PAPER, *PAPER["arena"], *PAPER["pursuer"]})
+VALUES = st.recursive(
+    st.one_of(
+        st.integers(), st.floats(), st.booleans(), st.text(max_size=8), st.datetimes(), st.floats(0, 20),
+        st.sampled_from(["rest", "moving", "paper", "zero-sum"]),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=5), inner, max_size=4),
+    ),
+    max_leaves=6,
+)  # fmt: skip
+
+
+@st.composite
+def files(draw):
+    """The paper's game with some of its values, at any depth, replaced by anything; or anything at all."""
+    data = copy.deepcopy(PAPER)
+    for _ in range(draw(st.integers(1, 4))):
+        place = data
+        while True:
+            key = draw(st.sampled_from(sorted(place)) if place and draw(st.integers(0, 9)) else st.text(max_size=5))
+            if isinstance(place.get(key), dict) and draw(st.booleans()):
+                place = place[key]
+            else:
+                place[key] = draw(VALUES)
+                break
+    return tomli_w.dumps(data).encode()
+
+
+@settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "200")))
+@given(st.one_of(files(), st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+def test_no_file_makes_a_traceback(tmp_path_factory, content):
+    """Each is a game or is refused in one line; `FUZZ_EXAMPLES=10000` tries more."""
+    path = tmp_path_factory.getbasetemp() / "fuzzed.toml"
+    path.write_bytes(content)
+    told = "a game"
+    try:
+        load_game(path)
+    except InvalidInput as refusal:
+        told = str(refusal)
+    assert len(told.splitlines()) == 1

@@ -1,0 +1,74 @@
+"""Random arenas: one seed, one arena; every gap is kept, and every robot that fits reaches every place."""
+
+from itertools import combinations
+from math import hypot
+
+import pytest
+
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.file import load_game
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.random_arena import random_arena
+from apollonius.game.survey import survey
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_gap_is_kept(seed):
+    arena = random_arena(8, seed, gap=0.6, width=12.0, height=8.0, radius=(0.2, 0.9))
+    assert len(arena.discs) == 8
+    for disc in arena.discs:
+        assert 0.2 <= disc.radius <= 0.9
+        assert min(disc.x, 12 - disc.x, disc.y, 8 - disc.y) - disc.radius >= 0.6 - 1e-9
+    for one, other in combinations(arena.discs, 2):
+        assert hypot(one.x - other.x, one.y - other.y) - one.radius - other.radius >= 0.6 - 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_just_thinner_than_the_gap_reaches_everything(seed):
+    body = Unicycle(radius=0.28)
+    game = Game(pursuer=body, evader=body, arena=random_arena(9, seed, gap=0.6), capture_distance=0.6)
+    found = survey(game)
+    assert [parts.max() for parts in found.parts] == [1, 1]
+    assert found.wrong == ()
+
+
+def test_one_seed_gives_one_arena_and_another_another():
+    assert random_arena(4, 7) == random_arena(4, 7)
+    assert random_arena(4, 7) != random_arena(4, 8)
+    assert random_arena(0, 0).discs == ()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ({"discs": -1}, "discs = -1"),
+        ({"discs": 200}, "discs = 200 find no room: after .* ask for fewer"),
+        ({"gap": -1.0}, "gap = -1"),
+        ({"radius": (0.5, 0.2)}, "radius = .* smallest first"),
+        ({"width": 3.0}, "width, height = .* more than 3.6 m"),
+        ({"seed": -1}, "seed = -1"),
+    ],
+)
+def test_the_impossible_is_refused(numbers, said):
+    with pytest.raises(InvalidInput, match=said):
+        random_arena(**{"discs": 3, "seed": 0} | numbers)
+
+
+def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write = ["arena", "random", "--discs", "4", "--seed", "2", "--size", "12", "7"]
+    write += ["--game", "robot", "--out", "mine.toml"]
+    assert main(write) == 0
+    game = load_game(tmp_path / "mine.toml")
+    assert game.arena == random_arena(4, 2, width=12.0, height=7.0)
+    assert game.pursuer == make_game("robot").pursuer
+    assert main(["arena", "check", "mine.toml"]) == 0
+    capsys.readouterr()
+    assert main([*write, "--seed", "3"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert load_game(tmp_path / "mine.toml") == game
+    assert main([*write, "--force", "--gap", "0.3"]) == 2
+    assert "does not fit through" in capsys.readouterr().err

@@ -1,0 +1,116 @@
+"""A survey finds what is wrong with an arena, and nothing in those that are sound."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image, ImageColor
+
+from apollonius.cli import main
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.starts import Starts
+from apollonius.game.survey import survey
+from apollonius.show.palette import EVADER, OBSTACLE, OTHER, PAPER
+from apollonius.show.plan import save_plan
+
+WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))
+"""Discs across the whole arena, from wall to wall."""
+GATE = tuple(disc for disc in WALL if disc.y != 5.0)
+"""The same with a gate of 2 (0.5 - 0.4) = 0.2 m in the middle."""
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_presets_are_sound(name):
+    found = survey(make_game(name))
+    assert found.wrong == ()
+    assert found.notes == ()
+    assert not found.haven.any()
+    assert [parts.max() for parts in found.parts] == [1, 1]
+
+
+def test_the_grid_has_the_arenas_shape_and_areas():
+    found = survey(Game(arena=Arena(0.0, 10.0, 0.0, 5.0, discs=(Disc(5.0, 2.5, 1.0),))))
+    assert found.blocked.shape == (250, 500)
+    assert found.blocked.mean() == pytest.approx(np.pi / 50, rel=0.01)
+
+
+def test_a_closed_pocket_is_found():
+    found = survey(Game(arena=Arena(discs=WALL)))
+    assert len(found.wrong) == 2
+    assert "the pursuer's free space falls into 2 parts of" in found.wrong[0]
+    assert "the evader's" in found.wrong[1]
+    left, right = (np.sum(found.parts[0] == part) / 25 for part in (1, 2))
+    assert left == pytest.approx(right, rel=0.01)
+    assert "overlap, by up to 0.3 m" in found.notes[0]
+    assert found.notes[1] == "arena.discs[0]; arena.discs[20] reach beyond a wall, by up to 0.4 m."
+
+
+def test_a_gate_is_open_to_those_who_fit_through_it():
+    """The gate is 0.2 m wide: a body of radius 0.05 m passes, one of 0.15 m does not."""
+    for radius, parts in ((0.05, 1), (0.15, 2)):
+        game = Game(pursuer=Unicycle(radius=radius), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
+        found = survey(game)
+        assert [numbered.max() for numbered in found.parts] == [parts, 1]
+        assert len(found.wrong) == parts - 1
+
+
+def test_a_haven_of_the_evader_is_found():
+    """A ring with a gate for the evader alone: the pursuer never starts within, nor comes close enough."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ring = tuple(Disc(5 + 2 * float(np.cos(a)), 5 + 2 * float(np.sin(a)), 0.2) for a in angles)
+    game = Game(
+        pursuer=Unicycle(radius=0.5), evader=Unicycle(radius=0.02), arena=Arena(discs=ring), capture_distance=0.52,
+        starts=Starts(clearance=1.4),
+    )  # fmt: skip
+    found = survey(game)
+    assert any("the evader is safe on" in line for line in found.wrong)
+    assert found.haven[250, 250]
+    assert not found.haven[20, 20]
+    may_reach = replace(game, capture_distance=3.0, starts=Starts(clearance=1.4, separation=3.0))
+    assert not survey(may_reach).haven.any()
+
+
+def test_too_little_room_to_start_is_found():
+    found = survey(Game(starts=Starts(clearance=4.4)))
+    assert ["can start on 1.44% of the arena only" in line for line in found.wrong] == [True, True]
+
+
+def test_bodies_that_overlap_before_they_are_caught_are_noted():
+    body = Unicycle(radius=0.2)
+    found = survey(Game(pursuer=body, evader=body))
+    assert found.wrong == ()
+    assert "capture_distance = 0.3 m is less than both radii together, 0.4 m" in found.notes[0]
+
+
+def test_the_plan_shows_what_was_found(tmp_path):
+    game = Game(pursuer=Unicycle(radius=0.15), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
+    found = survey(game)
+    save_plan(found, tmp_path / "plan.png")
+    pixels = np.asarray(Image.open(tmp_path / "plan.png"))
+    assert pixels.shape == (500, 500, 3)
+
+    def count(colour):
+        return (pixels == ImageColor.getrgb(colour)).all(axis=-1).sum()
+
+    assert count(OBSTACLE) == found.blocked.sum()
+    assert count(EVADER) == found.haven.sum()
+    assert count(OTHER) > 80_000
+    assert count(PAPER) > 80_000
+
+
+def test_the_command_says_what_is_wrong(tmp_path, capsys):
+    assert main(["arena", "check", "paper"]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+    (tmp_path / "tight.toml").write_text("[starts]\nclearance = 4.4")
+    picture = tmp_path / "drawn" / "tight.png"
+    assert main(["arena", "check", str(tmp_path / "tight.toml"), "--out", str(picture)]) == 1
+    assert capsys.readouterr().out.startswith("wrong: the pursuer can start on 1.44%")
+    assert picture.exists()
+    assert main(["arena", "check", str(tmp_path / "tight.toml"), "--json"]) == 1
+    assert len(json.loads(capsys.readouterr().out)["wrong"]) == 2
+    assert main(["arena", "check", "paper", "--out", "plan.bmp"]) == 2
+    assert "ends in .png" in capsys.readouterr().err

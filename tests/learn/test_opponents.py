@@ -1,0 +1,235 @@
+"""Opponents from the past: who sits where, how they are drawn and judged, and that nobody changes within a game."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import chisquare
+
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import make_network
+from apollonius.agents.policy import Seated, solo, stack
+from apollonius.errors import InvalidInput
+from apollonius.game.record import from_dict
+from apollonius.game.types import Outcome, Role
+from apollonius.learn import opponents
+from apollonius.learn.config import OpponentConfig, SelfPlayConfig
+from apollonius.learn.renewal import renew_opponents
+from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage import play_and_learn
+from apollonius.learn.state import Plan
+from tests.learn.tiny import CHUNK, DQN, GAME, STAGE
+
+SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
+CONFIG = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
+GAMES = DQN.games
+SEAT_GAMES = 8
+"""Half of 64 games, shared by two seats of either side."""
+
+
+def networks(count):
+    return [make_network("paper", width=8, depth=1, key=jax.random.key(seed)) for seed in range(count)]
+
+
+def plan_of(config):
+    stage = SelfPlayConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64, opponents=config)
+    return Plan(DQN, stage)
+
+
+def archive_of(count, config=CONFIG):
+    first, *later = networks(count)
+    archive = opponents.init(first, config)
+    for network in later:
+        archive = opponents.enter(archive, network, jnp.asarray(True))
+    return archive
+
+
+def same(one, other):
+    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
+
+
+def test_everyone_plays_their_own_games():
+    at_large, *others = networks(4)
+    players = Seated(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
+    words = jnp.zeros(30, jnp.uint32)
+    member = players.draw(words)
+    assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11
+    observation = jax.random.normal(jax.random.key(9), (30, 8))
+    expected = stack([Greedy(network) for network in (at_large, *others)]).act(member, observation, words)
+    assert players.act(member, observation, words).tolist() == expected.tolist()
+    alone = solo(Greedy(at_large)).act(member, observation, words)
+    assert (expected != alone).any()
+
+
+def test_versions_enter_when_due_while_there_is_room():
+    archive = archive_of(3)
+    assert int(archive.count) == 3
+    assert int(opponents.enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
+    full = archive_of(4)
+    for index, network in enumerate(networks(4)):
+        assert same(jax.tree.map(lambda leaf, index=index: leaf[index], full.networks), network)
+    assert same(opponents.enter(full, networks(5)[4], jnp.asarray(True)), full)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_seats_follow_the_stated_distribution(scheme):
+    config = replace(CONFIG, scheme=scheme, versions=5)
+    archive = replace(
+        archive_of(4, config),
+        games=jnp.asarray([8.0, 8.0, 8.0, 0.0, 0.0]),
+        lost=jnp.asarray([7.0, 3.0, 0.0, 0.0, 0.0]),
+        quality=jnp.asarray([-1.0, 0.0, 0.5, 0.5, 0.0]),
+    )
+    w = np.array([0.8, 0.4, 0.1, 0.5])
+    quality = np.exp([-1.0, 0.0, 0.5, 0.5])
+    weights = {"uniform": np.ones(4), "latest-80-20": quality, "prioritised-hard": (1 - w) ** 2}
+    weights = weights.get(scheme, w * (1 - w))
+    drawn = jax.jit(jax.vmap(lambda key: opponents.renew(archive, config, key).seats))(
+        jax.random.split(jax.random.key(3), 5000)
+    )
+    seen = np.bincount(np.asarray(drawn).ravel(), minlength=5)
+    assert seen[4] == 0, "a version that is not there yet"
+    assert chisquare(seen[:4], 10_000 * weights / weights.sum()).pvalue > 0.001
+    assert chisquare(seen[:4], 10_000 * weights[::-1] / weights.sum()).pvalue < 1e-6 or scheme == "uniform"
+
+
+def test_those_drawn_sit_down_and_old_games_count_less():
+    archive = replace(archive_of(4), games=jnp.full(4, 8.0), lost=jnp.full(4, 6.0))
+    after = opponents.renew(archive, CONFIG, jax.random.key(0))
+    for seat, version in enumerate(after.seats.tolist()):
+        sitting, kept = (
+            jax.tree.map(lambda leaf, at=at: leaf[at], tree)
+            for tree, at in ((after.seated, seat), (after.networks, version))
+        )
+        assert same(sitting, kept)
+    assert after.games.tolist() == [4.0] * 4
+    assert after.lost.tolist() == [3.0] * 4
+
+
+@pytest.mark.parametrize("role", Role)
+def test_games_are_counted_for_the_version_that_played_them(role):
+    rng = np.random.default_rng(0)
+    outcome = rng.integers(1, len(Outcome), (7, GAMES))
+    over = rng.random((7, GAMES)) < 0.2
+    before = replace(archive_of(4), seats=jnp.asarray([2, 0]))
+    archive = opponents.record(before, CONFIG, role, jnp.asarray(outcome), jnp.asarray(over))
+    pursuer_won = np.isin(outcome, [Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE])
+    lost = over & (~pursuer_won if role == Role.PURSUER else pursuer_won)
+    first = 0 if role == Role.PURSUER else 2 * SEAT_GAMES
+    for seat, version in enumerate([2, 0]):
+        theirs = slice(first + seat * SEAT_GAMES, first + (seat + 1) * SEAT_GAMES)
+        assert archive.games[version] == over[:, theirs].sum()
+        assert archive.lost[version] == lost[:, theirs].sum()
+        # Four versions of equal quality: N p = 1.
+        np.testing.assert_allclose(archive.quality[version], -0.01 * lost[:, theirs].sum(), rtol=1e-5)
+    assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
+
+
+def play(config, chunks, seed=0, renewed=()):
+    """States after each chunk, copied; before those named, opponents change."""
+    plan = plan_of(config)
+    state = start_self_play(plan, GAME, jax.random.key(seed), None)
+    states = [jax.tree.map(jnp.copy, state)]
+    for chunk in range(chunks):
+        if chunk in renewed:
+            state = renew_opponents(plan, GAME, state)
+            states.append(jax.tree.map(jnp.copy, state))
+        state, _ = play_and_learn(plan, GAME, state, None, None)
+        states.append(jax.tree.map(jnp.copy, state))
+    return states
+
+
+@pytest.fixture(scope="module")
+def played():
+    """Four chunks, opponents renewed before the last: start, after 1, 2, 3, renewed, after 4."""
+    return play(CONFIG, 4, renewed=(3,))
+
+
+def test_no_opponent_changes_within_a_game(played):
+    before, after = played[3], played[4]
+    seated = np.arange(GAMES) < 4 * SEAT_GAMES
+    assert before.games.state.steps[seated].max() > 0
+    assert after.games.state.steps[seated].tolist() == [0] * seated.sum()
+    assert after.games.pursuer.episode_return[seated].tolist() == [0] * seated.sum()
+    assert same(*(jax.tree.map(lambda leaf: leaf[~seated], state.games) for state in (before, after))), (
+        "games at large go on"
+    )
+    for one, other in pairwise(played[:4]):
+        assert same(one.pursuer.archive.seated, other.pursuer.archive.seated)
+    members = [state.games.evader.member.tolist() for state in played]
+    assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
+
+
+def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
+    for side in ("pursuer", "evader"):
+        before, after = (getattr(state, side).replay for state in played[3:5])
+        last = int(before.head) - 1
+        terminated = before.rows.terminated[last]
+        assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SEAT_GAMES] == [True] * 4 * SEAT_GAMES
+        assert same(before.rows.terminated, after.rows.terminated)
+        assert not (after.rows.truncated[last] & terminated).any()
+        assert same(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
+
+
+def test_the_version_that_enters_is_the_average_that_learned(played):
+    before, after = played[3].pursuer, played[4].pursuer
+    assert (int(before.archive.count), int(after.archive.count)) == (1, 2)
+    entered = jax.tree.map(lambda leaf: leaf[1], after.archive.networks)
+    assert same(entered, before.learner.average)
+    assert not same(entered, jax.tree.map(lambda leaf: leaf[0], after.archive.networks))
+
+
+def test_seated_games_end_in_the_records(played):
+    for side in ("pursuer", "evader"):
+        archive = getattr(played[3], side).archive
+        assert archive.games[0] > 50
+        assert 0 < archive.lost[0] < archive.games[0]
+
+
+def test_one_seed_is_identical_and_two_are_not(played):
+    again, other = (play(CONFIG, 4, seed, renewed=(3,))[-1] for seed in (0, 1))
+    keyless = lambda state: jax.tree.leaves((state.games, state.pursuer, state.evader))  # noqa: E731
+    assert same(keyless(again), keyless(played[-1]))
+    assert not same(keyless(other), keyless(played[-1]))
+
+
+def test_sides_that_take_turns_learn_one_at_a_time():
+    config = OpponentConfig(scheme="alternating", renewal=3 * CHUNK)
+    states = play(config, 4)  # learning begins in the third chunk; the evader's turn is the fourth
+    moved = [
+        [
+            not same(getattr(one, side).learner.network, getattr(other, side).learner.network)
+            for side in ("pursuer", "evader")
+        ]
+        for one, other in pairwise(states)
+    ]
+    assert moved == [[False, False], [False, False], [True, False], [False, True]]
+    assert states[0].pursuer.archive is None
+
+
+def test_a_stage_without_opponents_of_the_past_has_no_archive():
+    assert not Plan(DQN, STAGE).renews_after(1)
+    assert not plan_of(OpponentConfig()).renews_after(1)
+    assert [plan_of(replace(CONFIG, renewal=2 * CHUNK)).renews_after(chunks) for chunks in range(5)] == [0, 0, 1, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"past_share": 0.0}, "past_share = 0.0"),
+        ({"seats": 0}, "seats = 0"),
+        ({"versions": 0}, "versions = 0"),
+        ({"renewal": 0}, "renewal = 0"),
+    ],
+)
+def test_impossible_schemes_are_refused(change, complaint):
+    with pytest.raises(InvalidInput, match=complaint):
+        replace(OpponentConfig(), **change)
+
+
+def test_an_unknown_scheme_is_refused():
+    with pytest.raises(InvalidInput, match="scheme"):
+        from_dict(SelfPlayConfig, {"opponents": {"scheme": "newest"}}, "'config.toml'")

@@ -1,0 +1,241 @@
+"""The report of a training run: its numbers and games, nothing from outside, and what is missing in words."""
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_games, record_game
+from apollonius.evaluate.pairings import last_agents, pairings
+from apollonius.evaluate.paper import paper_shares
+from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
+from apollonius.game.types import Outcome, Role
+from apollonius.show.report import page as page_module
+from apollonius.show.report.games import GAMES, SEED
+from apollonius.show.report.page import MAX_BYTES, render, save_page
+from apollonius.show.report.training import training_page
+from tests.learn.tiny import RUN
+
+
+class Document(HTMLParser):
+    """What a page refers to, the text of its elements by their first class or id, and its embedded games."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.links, self.tags, self.texts, self.scripts = [], [], [], {}
+        self._script = None
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.tags.append(tag)
+        self.links += [
+            attributes[name] for name in ("src", "href", "xlink:href", "data", "action") if name in attributes
+        ]
+        self._script = attributes.get("id", attributes.get("type")) if tag in ("script", "style") else None
+
+    def handle_endtag(self, tag):
+        self._script = None if tag in ("script", "style") else self._script
+
+    def handle_data(self, data):
+        if self._script:
+            self.scripts[self._script] = self.scripts.get(self._script, "") + data
+        else:
+            self.texts.append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.texts).split())
+
+    @property
+    def games(self):
+        return json.loads(self.scripts["replays"])
+
+
+@pytest.fixture(scope="module")
+def page(finished_run):
+    return training_page(finished_run)
+
+
+@pytest.fixture(scope="module")
+def document(page):
+    return Document(render(page))
+
+
+@pytest.fixture
+def copy(finished_run, tmp_path):
+    """The run, without its large checkpoint, to be changed."""
+    return Path(shutil.copytree(finished_run, tmp_path / "copy", ignore=shutil.ignore_patterns("checkpoint*")))
+
+
+def test_the_page_needs_nothing_from_outside(page, document, tmp_path):
+    html = render(page)
+    assert document.links
+    assert all(link.startswith(("data:", "#")) for link in document.links)
+    assert not re.search(r"https?:|@import|url\((?!#)", html)
+    assert "default-src 'none'" in html
+    save_page(page, tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text() == html
+    assert (tmp_path / "report.html").stat().st_size < MAX_BYTES
+
+
+def test_the_page_shows_the_runs_own_numbers(document, finished_run):
+    match = json.loads((finished_run / "evaluation.json").read_text())["P_curriculum against random"]
+    assert f"{100 * match['pursuer_win_rate']:.1f} % won by the pursuer" in document.text
+    for outcome, count in match["outcomes"].items():
+        assert f"{outcome.replace('_', ' ')} {count} {100 * count / 150:.1f} %" in document.text
+    last = json.loads((finished_run / "metrics.jsonl").read_text().splitlines()[-1])
+    assert f"{last['env_steps']:,}" in document.text
+    assert f"{last['episodes']:,}" in document.text
+    assert (finished_run / "config.toml").read_text().split() == document.text.split("complete", 1)[1].split()[
+        : len((finished_run / "config.toml").read_text().split())
+    ]
+    assert "Not " not in document.text
+
+
+def test_the_papers_numbers_stand_beside_ours(document):
+    shares = paper_shares("P_curriculum", "random")
+    assert sum(shares.values()) == pytest.approx(1)
+    assert "(the paper: 93.0 %)" in document.text
+    assert re.search(r"captured \d+ [\d.]+ % 12.4 %", document.text)
+    assert paper_shares("P_curriculum", "still") == {}
+
+
+def test_every_stage_has_its_curves_with_units(document):
+    assert document.tags.count("svg") == 6
+    for label in ("games [%]", "mean reward of a game", "mean loss of an update", "episodes"):
+        assert document.text.count(label) >= 2
+
+
+def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_run):
+    agents, games = last_agents(finished_run), document.games
+    assert pairings(agents) == [("P_curriculum", "random"), ("P_curriculum", "E_curriculum"), ("P_stage1", "still")]
+    seen = list(dict.fromkeys((game["pursuer"], game["evader"]) for game in games))
+    assert seen == pairings(agents)
+    for names in pairings(agents):
+        own = [game for game in games if (game["pursuer"], game["evader"]) == names]
+        ranks = [rank(Outcome[game["outcome"].upper()]) for game in own]
+        assert ranks == sorted(ranks)
+        pursuer, evader = (
+            find_agent(str(agents.get(name, name)), role)
+            for name, role in zip(names, (Role.PURSUER, Role.EVADER), strict=True)
+        )
+        outcomes = np.asarray(play_games(RUN.game, pursuer.policy, evader.policy, GAMES, SEED).outcome)
+        assert {Outcome[game["outcome"].upper()] for game in own} == {Outcome(outcome) for outcome in outcomes}
+        replay = record_game(RUN.game, pursuer, evader, GAMES, SEED, own[0]["index"])
+        np.testing.assert_allclose(own[0]["states"], replay.states, atol=6e-4)
+        times = np.sum(outcomes == replay.outcome)
+        assert f"{len(replay.actions) * RUN.game.dt:.1f} s · {times} of {GAMES}" in document.text
+
+
+def rank(outcome):
+    return 0 if outcome in PURSUER_FAILS else 2 if outcome in PURSUER_WINS else 1
+
+
+def test_names_are_shown_as_they_are_written(copy):
+    """A name cannot end the script, nor begin an element."""
+    name = "P_<b onclick=x>'&"
+    (copy / "agents" / "P_stage1.safetensors").rename(copy / "agents" / f"{name}.safetensors")
+    for path in copy.glob("agents/*_curriculum.safetensors"):
+        path.unlink()
+    config = copy / "config.toml"
+    config.write_text(config.read_text() + "\n# </pre><script>alert(1)</script>\n")
+    html = render(training_page(copy))
+    document = Document(html)
+    assert "b" not in document.tags
+    assert document.tags.count("script") == 2
+    assert f"{name} against random" in document.text
+    assert document.games[0]["pursuer"] == name
+
+
+def test_an_unfinished_run_says_so(copy):
+    metrics = copy / "metrics.jsonl"
+    metrics.write_text("".join(metrics.read_text().splitlines(keepends=True)[:2]))
+    (copy / "evaluation.json").unlink()
+    shutil.rmtree(copy / "agents")
+    page = training_page(copy)
+    told = Document(render(page)).text
+    assert "Not finished: fixed-target stands at 16,384 of 32,768 env steps. Go on with: apollonius resume" in told
+    assert "Not finished: self-play stands at 0 of 32,768" in told
+    assert "Not judged" in told
+    assert "No games" in told
+    assert not page.games
+
+
+def test_a_run_that_has_not_begun_says_so(copy):
+    for name in ("metrics.jsonl", "evaluation.json"):
+        (copy / name).unlink()
+    shutil.rmtree(copy / "agents")
+    assert "fixed-target stands at 0 of 32,768" in Document(render(training_page(copy))).text
+
+
+def test_the_command_writes_the_report_into_the_run(copy, capsys):
+    assert main(["report", str(copy)]) == 0
+    assert str(copy / "report.html") in capsys.readouterr().out
+    assert Document((copy / "report.html").read_text()).games
+    assert main(["report", str(copy), "--out", str(copy / "new" / "other.html")]) == 0
+    assert (copy / "new" / "other.html").read_bytes() == (copy / "report.html").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("config.toml", "stages = "),
+        ("config.toml", "seed = 3"),
+        ("metrics.jsonl", '{"stage": "fixed-target", "env_'),
+        ("metrics.jsonl", '{"stage": "fixed-target"}'),
+        ("evaluation.json", "[]"),
+        ("evaluation.json", '{"a": {}}'),
+        ("evaluation.json", '{"a against b": {"games": 3}}'),
+        ("results.json", "{}"),
+    ],
+)
+def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, content):
+    (copy / name).write_text(content)
+    assert main(["report", str(copy)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("apollonius report: ")
+    assert told.count("\n") == 1
+    assert not (copy / "report.html").exists()
+
+
+def test_an_unfinished_reproduction_is_refused(copy, capsys):
+    begun = copy / "study" / "seed-0" / "scratch"
+    begun.mkdir(parents=True)
+    shutil.copy(copy / "config.toml", begun)
+    assert main(["report", str(copy / "study")]) == 2
+    assert "finished; go on with apollonius reproduce and --resume" in capsys.readouterr().err
+
+
+def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
+    monkeypatch.setattr(page_module, "MAX_BYTES", 1000)
+    with pytest.raises(InvalidInput, match="at most 1,000"):
+        save_page(page, tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not shutil.which("chromium"), reason="needs chromium")
+def test_the_games_play_in_a_browser_without_a_network(page, tmp_path):
+    save_page(page, tmp_path / "report.html")
+    switches = (
+        "headless no-sandbox disable-gpu disable-quic no-first-run disable-background-networking dump-dom "
+        "disable-component-update disable-sync virtual-time-budget=2000 enable-logging=stderr"
+    )
+    arguments = [f"--{switch}" for switch in switches.split()] + ["--host-resolver-rules=MAP * ~NOTFOUND"]
+    profile, file = f"--user-data-dir={tmp_path / 'profile'}", f"file://{tmp_path / 'report.html'}"
+    done = subprocess.run(
+        ["chromium", *arguments, profile, file], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert "CONSOLE" not in done.stderr
+    shown = page.games[0]
+    seconds = f"{shown.seconds:.1f}"
+    assert f"{seconds} s of {seconds} s" in done.stdout
+    assert re.search(rf"<p data-part=\"outcome\"[^>]*>{shown.pairing}: .* after {seconds} s</p>", done.stdout)

@@ -1,0 +1,73 @@
+"""Slices show the network's own values, place by place, for either side."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe
+from apollonius.errors import InvalidInput
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState, RobotState, Role
+from apollonius.show.slices import save_slice, slice_values
+
+OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
+OWN = (0.6, 0.8)
+
+
+@pytest.fixture(params=["paper", "encoded"])
+def network(request):
+    return make_network(request.param, width=8, depth=2, key=jax.random.key(1))
+
+
+@pytest.mark.parametrize("role", Role)
+def test_every_cell_has_the_networks_values_there(network, role):
+    game = make_game("paper")
+    found = slice_values(network, game, role, OWN, OPPONENT, cells=8)
+    np.testing.assert_allclose(found.x, np.arange(8) * 1.25 + 0.625)
+    assert found.values.shape == (8, 8, 9)
+    for row, column in ((0, 0), (2, 5), (7, 1)):
+        own = RobotState(*map(jnp.float32, (found.x[column], found.y[row], *OWN)))
+        pursuer, evader = (own, OPPONENT) if role == Role.PURSUER else (OPPONENT, own)
+        observation = game.observe(GameState(pursuer, evader, jnp.int32(0)), role, network.observation)
+        np.testing.assert_allclose(found.values[row, column], network(observation), atol=1e-5)
+
+
+def test_there_is_no_value_where_the_body_cannot_be(network):
+    game = make_game("robot")
+    found = slice_values(network, game, Role.PURSUER, OWN, OPPONENT, cells=200)
+    missing = np.isnan(found.values[..., 0])
+    x, y = np.meshgrid(found.x, found.y)
+    for disc in game.arena.discs:
+        away = np.hypot(x - disc.x, y - disc.y)
+        assert missing[away < disc.radius + 0.14].all()
+        assert not missing[(away > disc.radius + 0.2) & (away < disc.radius + 0.5)].any()
+    assert missing[0].all()
+    assert not missing[10, 10]
+
+
+@pytest.mark.parametrize("role", Role)
+def test_a_slice_is_drawn(network, role, tmp_path):
+    agent = describe(network, role, {}, {})
+    save_slice(agent, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
+    assert (tmp_path / "slice.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("own", "opponent", "naming"),
+    [
+        ((1.3, 0.0), (5, 5, 0, 0), "--speed = 1.3 .* 1.2"),
+        ((-0.1, 0.0), (5, 5, 0, 0), "--speed = -0.1 .* 0 to"),
+        ((0.0, 0.0), (5, 5, 2, 0), "--opponent-speed = 2 .* 1.2"),
+        ((0.0, 0.0), (3, 3, 0, 0), r"--opponent = \(3.0, 3.0\) .*discs"),
+        ((0.0, 0.0), (11, 3, 0, 0), "--opponent = .*walls"),
+        ((float("nan"), 0.0), (5, 5, 0, 0), "--speed = nan"),
+        ((0.0, 0.0), (float("nan"), 5, 0, 0), "--opponent = "),
+    ],
+)
+def test_states_that_cannot_be_are_refused(network, own, opponent, naming, tmp_path):
+    agent = describe(network, Role.PURSUER, {}, {})
+    with pytest.raises(InvalidInput, match=naming):
+        save_slice(agent, "x", make_game("paper"), own, RobotState(*map(jnp.float32, opponent)), tmp_path / "x.png")
+    assert not list(tmp_path.iterdir())

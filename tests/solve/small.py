@@ -1,0 +1,27 @@
+"""A small game that a grid covers at once: a slow robot, 3 m by 4 m, one disc."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.starts import Starts
+
+BODY = Unicycle(v_max=0.6, radius=0.05)
+SMALL = Game(
+    pursuer=BODY,
+    evader=BODY,
+    arena=Arena(x_min=-1.0, x_max=2.0, y_max=4.0, discs=(Disc(0.7, 2.2, 0.4),)),
+    starts=Starts(clearance=0.1, separation=0.5),
+)
+MOVING = replace(SMALL, starts=replace(SMALL.starts, speed="moving"))
+TINY = (6, 7, 3, 8)
+"""Nodes along x, y, v and heading: few enough for plain loops."""
+
+
+def as_table(values, counts):
+    """A dictionary by (x, y, v, heading) as an array (v, heading, x, y)."""
+    array = np.array([values[index] for index in np.ndindex(*counts)]).reshape(counts)
+    return array.transpose(2, 3, 0, 1)

@@ -1,0 +1,62 @@
+"""The image of a grid: a shift of slices is the same as going there node by node."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.solve.grid import make_grid
+from apollonius.solve.image import image_of, rooms
+from apollonius.solve.motion import last, motion_of
+from apollonius.solve.reference import reference_grid
+from tests.oracle import numpy_solver as oracle
+from tests.solve.small import BODY, SMALL, TINY
+
+
+@pytest.mark.parametrize("hold", [1, 5], ids=["between speeds", "whole speeds"])
+def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
+    motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (6, 7, 5, 8))
+    table = jnp.asarray(np.random.default_rng(0).normal(size=grid.shape), jnp.float32)
+    image = image_of(motion, grid)
+    assert image.source.shape[-1] == (4 if hold == 1 else 2)
+
+    def straight_there(index, action):
+        v, heading, x, y = jnp.unravel_index(index, grid.shape)
+        return grid.interpolate(table, last(motion.hold(grid.node(v, heading, x, y), action)))
+
+    for action in range(9):
+
+        def only(index, other, after, action=action):
+            return after if other == action else jnp.full_like(after, -jnp.inf)
+
+        expected = jax.vmap(straight_there, in_axes=(0, None))(jnp.arange(grid.size), jnp.int32(action))
+        np.testing.assert_allclose(image.backup(table, only), expected.reshape(grid.shape), atol=1e-4)
+
+
+def test_room_is_the_least_clearance_along_the_hold():
+    motion, grid = motion_of(SMALL, Role.PURSUER, 5), make_grid(SMALL.arena, BODY, TINY)
+    found = np.asarray(rooms(motion, grid, image_of(motion, grid))).reshape(*grid.shape[:2], 9, *grid.shape[2:])
+    axes = oracle.axes(SMALL, TINY)
+    for (x, y, v, heading), state in oracle.nodes(axes).items():
+        for action in range(9):
+            expected = oracle.room(SMALL, oracle.course(SMALL, state, action, 5))
+            assert found[v, heading, action, x, y] == pytest.approx(expected, abs=1e-5)
+
+
+def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():
+    grid, hold = reference_grid(make_game("paper"), Role.PURSUER)
+    assert (grid.counts, hold) == ((51, 51, 9, 47), 5)
+    image = image_of(motion_of(make_game("paper"), Role.PURSUER, hold), grid)
+    assert image.source.shape[-1] == 2
+    assert np.all(np.max(np.asarray(image.weight), axis=-1) > 0.99)
+
+
+def test_a_robot_of_other_limits_has_a_reference_grid_too():
+    odd = Game(pursuer=Unicycle(v_min=0.1, v_max=1.03, u1_max=0.0, u2_max=0.0), dt=0.7)
+    grid, hold = reference_grid(odd, Role.PURSUER)
+    assert hold == 1
+    assert grid.counts[2] >= 2

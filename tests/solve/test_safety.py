@@ -1,0 +1,135 @@
+"""Safety: the kernel against brute force, against the shield's manoeuvres, and in play."""
+
+from dataclasses import replace
+from itertools import product
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.shield import brakes
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_match
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import Role
+from apollonius.solve import iteration
+from apollonius.solve.grid import make_grid
+from apollonius.solve.motion import last, motion_of
+from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
+from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
+from tests.oracle import numpy_solver as oracle
+from tests.solve.small import BODY, MOVING, SMALL, TINY, as_table
+
+GRID = make_grid(SMALL.arena, BODY, (31, 41, 5, 16))
+HOLD = 5
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return solve_safety(SMALL, Role.PURSUER, GRID, HOLD)
+
+
+@pytest.fixture(scope="module")
+def robots():
+    """Moving pursuers anywhere in free space."""
+    return jax.jit(reset_batch, static_argnames="games")(MOVING, jax.random.key(0), games=4000).pursuer
+
+
+@pytest.fixture(scope="module")
+def kept(solved, robots):
+    """The room of the table at those states."""
+    return np.asarray(jax.vmap(lambda robot: GRID.interpolate(solved.table, robot))(robots))
+
+
+def test_the_table_is_that_of_brute_force():
+    grid = make_grid(SMALL.arena, BODY, TINY)
+    solved = solve_safety(SMALL, Role.PURSUER, grid, HOLD)
+    expected = as_table(oracle.safety(SMALL, TINY, HOLD, solved.sweeps), TINY)
+    np.testing.assert_allclose(solved.table, expected, atol=2e-6)
+    assert solved.residual <= iteration.TOLERANCE
+    assert 0.1 < np.mean(expected > 0) < 0.9
+
+
+def test_each_sweep_goes_down_and_the_last_moves_nothing():
+    told = []
+    solved = solve_safety(SMALL, Role.PURSUER, make_grid(SMALL.arena, BODY, TINY), HOLD, told.append)
+    assert [sweep.number for sweep in told] == list(range(1, solved.sweeps + 1))
+    assert told[-1].residual == solved.residual <= iteration.TOLERANCE < told[0].residual
+    assert told[1].seconds_left(told[0].residual) > 0
+    assert told[-1].seconds_left(told[0].residual) == 0
+
+
+def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
+    """Braking in one direction is one way to stay clear, so the room that can be kept is no less."""
+    braking = np.asarray(jax.vmap(brakes(SMALL, Role.PURSUER).room)(robots))
+    near = np.abs(kept) < 0.3
+    assert np.min((kept - braking)[near]) > -GRID.spacing[0]
+    assert np.mean((braking > 0) & (kept < 0)) < 0.003
+
+
+def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, robots, kept):
+    """By trying every way to steer while braking, with a choice every 0.5 s."""
+    motion = motion_of(SMALL, Role.PURSUER, HOLD)
+    ways = jnp.array(list(product(range(3), repeat=4)))
+
+    def best(robot):
+        def along(way):
+            def one_hold(carry, action):
+                course = motion.hold(carry, action)
+                return last(course), motion.room(course)
+
+            return jnp.min(jax.lax.scan(one_hold, robot, way)[1])
+
+        return jnp.max(jax.vmap(along)(ways))
+
+    room = np.asarray(jax.jit(jax.vmap(best))(robots))
+    assert np.mean(room < 0) > 0.02
+    assert np.mean((room > 0) & (kept < 0)) < 0.002
+    assert np.mean((room < 0) & (kept > 0)) < 0.004
+    steered = np.asarray(jax.vmap(steered_brakes(SMALL, Role.PURSUER, GRID, solved.table).room)(robots))
+    assert np.mean(steered < 0) == pytest.approx(np.mean(room < 0), abs=0.001)
+
+
+def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
+    game = replace(MOVING, max_steps=100)
+    players = [kernel_shielded(Uniform(), game, role, GRID, solved.table) for role in Role]
+    result = play_match(game, *players, games=100, seed=1, viable=True)
+    assert result.outcomes["captured"] + result.outcomes["no_result"] == 100
+    assert result.doomed_start_rate == 0
+
+
+def test_doomed_starts_are_those_from_which_every_shield_fails():
+    viability = solve_viability(MOVING)
+    starts = viable_starts(MOVING, viability, jax.random.key(5), 500)
+    assert starts.pursuer.x.shape == (500,)
+    assert bool(jnp.all(jax.vmap(viability)(starts)))
+    rate = doomed_start_rate(MOVING, viability)
+    assert 0.02 < rate < 0.5
+    again = doomed_start_rate(MOVING, viability, starts=4000)
+    assert again == pytest.approx(rate, abs=4 * np.sqrt(rate * (1 - rate) / 4000))
+
+
+def test_a_robot_that_cannot_stop_is_judged_by_the_table():
+    """On a field without obstacles it may circle at 0.1 / 0.8 = 0.125 m for ever."""
+    body = Unicycle(v_min=0.1, v_max=0.4)
+    game = Game(pursuer=body, evader=body, arena=SMALL.arena, starts=MOVING.starts)
+    viability = solve_viability(game)
+    assert 0 < doomed_start_rate(game, viability, starts=2000) < 0.2
+    with pytest.raises(InvalidInput, match="can stop"):
+        steered_brakes(game, Role.PURSUER, GRID, jnp.zeros(GRID.shape))
+
+
+def test_a_game_without_viable_starts_is_refused():
+    rocket = Unicycle(v_min=2.0, v_max=3.0)
+    game = Game(pursuer=rocket, evader=rocket, arena=SMALL.arena, starts=MOVING.starts)
+    with pytest.raises(InvalidInput, match="viable"):
+        viable_starts(game, solve_viability(game), jax.random.key(0), 2)
+
+
+def test_a_grid_too_large_for_the_machine_is_refused():
+    grid = make_grid(SMALL.arena, BODY, (10_001, 10_001, 101, 101))
+    with pytest.raises(InvalidInput, match=r"grid = 10001x10001x101x101 needs .* GiB .* fewer nodes"):
+        solve_safety(SMALL, Role.PURSUER, grid, HOLD)

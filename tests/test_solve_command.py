@@ -1,0 +1,100 @@
+"""`apollonius solve` and `regret`: what they print and keep, and that bad input changes nothing."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from apollonius.solve.iteration import Sweep
+from apollonius.solve.store import load_solution
+from apollonius.terminal import SweepDisplay
+from tests.test_cli import assert_refused, run_main
+
+COARSE = ("--grid", "21x21x9x16")
+"""Too coarse for anything but the command itself."""
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run_json(capsys, *arguments):
+    assert run_main(*arguments, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
+    facts = run_json(capsys, "solve", "safety", *COARSE)
+    assert facts["grid"] == "21x21x9x16"
+    assert facts["hold [s]"] == 0.5
+    assert facts["residual"] <= 1e-4
+    steered = facts["moving starts lost, if it brakes as the table steers"]
+    braking = facts["moving starts lost, if it brakes"]
+    assert 0.01 < steered <= braking < 0.04
+    solution = load_solution(Path(facts["file"]))
+    assert facts["file"] == "safety-paper.npz"
+    assert solution.table.shape == (9, 16, 21, 21)
+    assert (solution.problem.kind, solution.problem.role, solution.sweeps) == ("safety", "pursuer", facts["sweeps"])
+
+
+def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
+    arguments = ("solve", "reach", "--target", "6", "2", *COARSE, "--out", "tables/six.npz")
+    first = run_json(capsys, *arguments)
+    assert first["starts with a capture"] > 0.9
+    assert 3 < first["median time to capture [s]"] < 30
+    monkeypatch.setattr("apollonius.solve.reach.solve_reach", None)
+    assert run_json(capsys, *arguments) == first
+    assert_refused(
+        capsys, "solve", "reach", "--target", "6", "3", *COARSE, "--out", "tables/six.npz",
+        naming=("tables/six.npz", "another problem", "--force"),
+    )  # fmt: skip
+
+
+def test_what_is_there_is_overwritten_only_by_force(capsys):
+    Path("t.npz").write_text("mine")
+    assert_refused(capsys, "solve", "safety", *COARSE, "--out", "t.npz", naming=("t.npz", "no whole"))
+    assert run_json(capsys, "solve", "safety", *COARSE, "--out", "t.npz", "--force")["file"] == "t.npz"
+    with np.load("t.npz") as file:
+        assert set(file) == {"header", "table"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "naming"),
+    [
+        (("solve", "reach"), ("--target = None", "X Y for reach")),
+        (("solve", "safety", "--target", "1", "1"), ("--target", "left out otherwise")),
+        (("solve", "reach", "--target", "3", "3"), ("target = (3.0, 3.0)", "clear of walls and discs")),
+        (("solve", "reach", "--target", "6", "2", "--role", "evader"), ("--role = evader", "left out for reach")),
+        (("solve", "safety", "--grid", "10x10"), ("grid = 10x10", "101x101x9x47")),
+        (("solve", "safety", "--grid", "fine"), ("grid = fine",)),
+        (("solve", "safety", "--hold", "0"), ("--hold = 0", "at least 1")),
+        (("solve", "safety", "--grid", "9001x9001x99x99"), ("GiB", "fewer nodes")),
+        (("regret", "P_stage1", "--starts", "viable"), ("--starts = viable", "rest or moving")),
+        (("regret", "P_stage1", "--games", "7", "--targets", "2", *COARSE), ("games = 7", "multiple of the 2")),
+        (("regret", "E_scratch"), ("E_scratch", "plays the evader")),
+    ],
+)
+def test_what_cannot_be_solved_is_refused(capsys, arguments, naming):
+    assert_refused(capsys, *arguments, naming=naming)
+
+
+def test_regret_is_printed_as_a_table_and_as_json(capsys):
+    options = ("regret", "still", "--games", "4", "--targets", "1", *COARSE)
+    facts = run_json(capsys, *options)
+    assert (facts["pursuer"], facts["games"], facts["captured"], facts["grid"]) == ("still", 4, 0, [21, 21, 9, 16])
+    assert run_main(*options) == 0
+    printed = capsys.readouterr()
+    assert "still against standing targets: 4 games, 1 targets" in printed.out
+    assert "no_result" in printed.out
+    assert "target 1 of 1" in printed.err
+
+
+def test_long_sweeps_tell_how_long_they_will_take(capsys):
+    display = SweepDisplay()
+    for number, (residual, seconds) in enumerate([(1.0, 0.5), (0.1, 2.0), (0.01, 2.5), (0.001, 4.0)], start=1):
+        display(Sweep(number, residual, seconds))
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("  ")[0] for line in lines] == ["sweep 2", "sweep 4"]
+    assert lines[1] == "sweep 4  residual 1.00e-03  about 0:00:01 left"
