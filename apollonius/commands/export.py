@@ -25,7 +25,9 @@ def add_export(subparsers: Any) -> None:
     parser.add_argument("agent", metavar="AGENT", help="a zoo agent, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, one Python file with NumPy, or C99")
     parser.add_argument("--out", type=Path, required=True, help="file to write: .onnx, .py or .c (with its .h)")
-    parser.add_argument("--game", help="name of the game that is built in (default: the one the agent was made for)")
+    parser.add_argument(
+        "--game", help="game that is built in: its name or .toml file (default: the one the agent was made for)"
+    )
     parser.set_defaults(run=run_export)
 
 
@@ -34,17 +36,19 @@ def run_export(options: argparse.Namespace) -> int:
     from importlib import import_module
 
     from apollonius.adapters.export.blueprint import make_blueprint
-    from apollonius.agents.catalogue import BUILT_IN, SHIELDED, find_trained
+    from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_trained
     from apollonius.agents.greedy import Greedy
     from apollonius.agents.store import write_atomically
+    from apollonius.game.file import find_game
     from apollonius.game.game import Game
-    from apollonius.game.presets import make_game
     from apollonius.game.record import from_dict
 
     name: str = options.agent
     if name.startswith(SHIELDED):
         raise InvalidInput(f"'{name}' cannot be exported, a shield runs in the package alone: export its bare player.")
-    require(name not in BUILT_IN, "AGENT", name, "a trained agent: one of the zoo, or a .safetensors file")
+    require(
+        name not in {*BUILT_IN, *CLASSICAL}, "AGENT", name, "a trained agent: one of the zoo, or a .safetensors file"
+    )
     try:
         format_ = import_module(f"apollonius.adapters.export.{options.to}")
     except ModuleNotFoundError as error:
@@ -57,7 +61,7 @@ def run_export(options: argparse.Namespace) -> int:
     require(
         options.game or agent.header.game, "--game", None, f"given, since '{name}' does not say what it was made for"
     )
-    game = make_game(options.game) if options.game else from_dict(Game, agent.header.game, f"'{name}'")
+    game = find_game(options.game) if options.game else from_dict(Game, agent.header.game, f"'{name}'")
     blueprint = make_blueprint(path.stem, agent, game)
     with tempfile.TemporaryDirectory() as folder:
         files = format_.make_files(blueprint, Path(folder) / out.name)

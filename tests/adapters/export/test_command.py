@@ -60,6 +60,12 @@ def test_another_game_is_built_in_where_asked_for(capsys):
     assert "OWN = Body(v_min=0.0, v_max=1.2, u1_max=0.3, u2_max=0.8, radius=0.0)" in Path("evader.py").read_text()
 
 
+def test_a_game_of_ones_own_is_built_in(capsys):
+    Path("hall.toml").write_text("[arena]\nx_max = 12.0\ndiscs = [" + 3 * "{x = 6.0, y = 5.0, radius = 0.8}, " + "]")
+    assert export("small.safetensors", "--to", "numpy", "--out", "evader.py", "--game", "hall.toml") == 0
+    assert "X_MIN, X_MAX, Y_MIN, Y_MAX = 0.0, 12.0, 0.0, 10.0" in Path("evader.py").read_text()
+
+
 def test_an_agent_of_the_zoo_becomes_c(capsys, tmp_path):
     assert export("P_pool", "--to", "c", "--out", "P_pool.c") == 0
     if which("gcc"):
@@ -84,6 +90,8 @@ def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
         (["shielded:P_pool", "--to", "c", "--out", "a.c"], ["shielded:P_pool", "bare player"]),
         (["random", "--to", "c", "--out", "a.c"], ["random", "trained agent"]),
         (["nobody", "--to", "c", "--out", "a.c"], ["nobody", "P_pool"]),
+        (["pure-pursuit", "--to", "c", "--out", "a.c"], ["pure-pursuit", "trained agent"]),
+        (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "no.toml"], ["no.toml", "check the path"]),
         (["silent.safetensors", "--to", "c", "--out", "a.c"], ["--game", "silent"]),
         (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "chess"], ["chess", "paper"]),
         (["small.safetensors", "--to", "c", "--out", "a.py"], ["--out = a.py", ".c"]),
