@@ -32,8 +32,8 @@ def indices(grid):
     return list(product(*(range(len(axis)) for axis in grid)))
 
 
-def value_at(grid, table, robot):
-    """Multilinear, one corner after the other; places beyond the ends take the value of the end."""
+def corners(grid, robot):
+    """The nodes around a state and their multilinear weights; places beyond the ends are taken for the end."""
     beside = []
     for axis, coordinate in zip(grid[:3], robot[:3], strict=True):
         position = min(max((coordinate - axis[0]) / (axis[1] - axis[0]), 0), len(axis) - 1)
@@ -43,10 +43,13 @@ def value_at(grid, table, robot):
     position = (robot[3] % (2 * math.pi)) / (2 * math.pi) * count
     lower = math.floor(position)
     beside.append(((lower % count, 1 - (position - lower)), ((lower + 1) % count, position - lower)))
-    return sum(
-        math.prod(weight for _, weight in corner) * table[tuple(index for index, _ in corner)]
-        for corner in product(*beside)
-    )
+    return [
+        (tuple(index for index, _ in corner), math.prod(weight for _, weight in corner)) for corner in product(*beside)
+    ]
+
+
+def value_of(table, corners):
+    return sum(weight * table[index] for index, weight in corners)
 
 
 def course(game, robot, action, steps):
@@ -71,16 +74,10 @@ def safety(game, counts, steps, sweeps):
     grid = axes(game, counts)
     states = nodes(grid)
     courses = {index: [course(game, states[index], action, steps) for action in range(9)] for index in states}
-    rooms = {index: [room(game, one) for one in many] for index, many in courses.items()}
+    holds = {index: [(room(game, one), corners(grid, one[-1])) for one in many] for index, many in courses.items()}
     table = {index: clearance(game, state) for index, state in states.items()}
     for _ in range(sweeps):
-        table = {
-            index: max(
-                min(least, value_at(grid, table, one[-1]))
-                for least, one in zip(rooms[index], courses[index], strict=True)
-            )
-            for index in states
-        }
+        table = {index: max(min(least, value_of(table, end)) for least, end in holds[index]) for index in states}
     return table
 
 
@@ -88,7 +85,6 @@ def reach(game, counts, steps, sweeps, target, horizon):
     """The capture's discounted value; capture counts before contact in the same step."""
     grid = axes(game, counts)
     states = nodes(grid)
-    courses = {index: [course(game, states[index], action, steps) for action in range(9)] for index in states}
 
     def event(states):
         for number, (before, after) in enumerate(pairwise(states), start=1):
@@ -96,17 +92,15 @@ def reach(game, counts, steps, sweeps, target, horizon):
                 return math.exp(-number * game.dt / horizon)
             if min(gaps(game.arena, game.pursuer.radius, before, after)) < 0:
                 return 0.0
-        return None
+        return None if room(game, states) >= 0 else 0.0
 
-    events = {index: [event(one) for one in many] for index, many in courses.items()}
+    courses = {index: [course(game, states[index], action, steps) for action in range(9)] for index in states}
+    holds = {index: [(event(one), corners(grid, one[-1])) for one in many] for index, many in courses.items()}
     discount = math.exp(-steps * game.dt / horizon)
     table = dict.fromkeys(states, 0.0)
     for _ in range(sweeps):
         table = {
-            index: max(
-                worth if worth is not None else discount * value_at(grid, table, one[-1]) * (room(game, one) >= 0)
-                for worth, one in zip(events[index], courses[index], strict=True)
-            )
+            index: max(discount * value_of(table, end) if worth is None else worth for worth, end in holds[index])
             for index in states
         }
     return table
