@@ -121,6 +121,8 @@ def test_doomed_starts_are_counted_unless_they_are_left_out():
     expected = doomed_start_rate(MOVING, solve_viability(MOVING))
     assert count(MOVING, results).doomed_start_rate == expected > 0.02
     assert count(MOVING, results, viable=True).doomed_start_rate == 0
+    in_arrays = jax.tree.map(jnp.asarray, MOVING)
+    assert abs(doomed_start_rate(in_arrays, solve_viability(in_arrays)) - expected) < 1e-3
 
 
 def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
