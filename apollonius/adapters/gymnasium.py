@@ -42,7 +42,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         render_mode: str | None = None,
     ) -> None:
         game = find_game(game) if isinstance(game, str) else game
-        self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
+        self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space()

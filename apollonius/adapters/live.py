@@ -28,7 +28,6 @@ class LiveGame:
         game: the rules.
         observation: profile of what both sides see (`apollonius.game.observation`).
         inside: the player of each side that is not played from outside.
-
     """
 
     def __init__(self, game: Game, observation: str, inside: dict[Role, AbstractPolicy] | None = None) -> None:

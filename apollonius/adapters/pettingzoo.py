@@ -45,7 +45,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         self, game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None
     ) -> None:
         game = find_game(game) if isinstance(game, str) else game
-        self.metadata = type(self).metadata | {"render_fps": round(1 / float(game.dt))}
+        self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []

@@ -103,20 +103,19 @@ def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
     "Re-evaluating evaluation", 2018). It is the linear programme of von Neumann; where several mixtures are optimal, it
     is one of them.
     """
-    columns, _ = _guarantee(payoff.T, -1.0)
-    rows, value = _guarantee(payoff, 1.0)
-    return Equilibrium(rows, columns, value)
+    rows, columns = _best_mixture(payoff), _best_mixture(-payoff.T)
+    return Equilibrium(rows, columns, float(rows @ payoff @ columns))
 
 
-def _guarantee(payoff: Float[np.ndarray, "own others"], sign: float) -> tuple[Float[np.ndarray, " own"], float]:
-    """The mixture of rows with the best worst payoff, and that payoff; `sign` -1 takes low ones for good."""
+def _best_mixture(payoff: Float[np.ndarray, "own others"]) -> Float[np.ndarray, " own"]:
+    """The mixture of rows whose payoff is highest in the column that is worst for it."""
     own, others = payoff.shape
     answer = linprog(
         c=[0.0] * own + [-1.0],
-        A_ub=np.column_stack([-sign * payoff.T, np.ones(others)]),
+        A_ub=np.column_stack([-payoff.T, np.ones(others)]),
         b_ub=np.zeros(others),
         A_eq=[[1.0] * own + [0.0]],
         b_eq=[1.0],
         bounds=[(0, None)] * own + [(None, None)],
     )
-    return answer.x[:-1], sign * float(answer.x[-1])
+    return answer.x[:-1]

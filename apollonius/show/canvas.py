@@ -48,10 +48,10 @@ class Canvas:
         self._here = robots
 
     def picture(self) -> Image.Image:
-        """The game as it stands."""
+        """The game as it stands; an empty arena where none has begun."""
         picture = self._trails.copy()
         draw = ImageDraw.Draw(picture)
-        for index, (colour, body) in enumerate(self._robots):
+        for index, (colour, body) in enumerate(self._robots if self._here else ()):
             x, y, _, heading = self._here[4 * index : 4 * index + 4]
             size = max(body, 0.012 * self._length)
             self._disc(draw, x, y, size, colour)

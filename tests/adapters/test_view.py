@@ -35,6 +35,7 @@ def pixels_of(picture, colour):
 def test_the_picture_shows_the_robots_where_they_are_and_the_trails_behind_them():
     live = Standing(0.0, 2.0, 0.0, 0.0, 5.0, 4.5, 0.0, 0.0)
     view = View(live, "rgb_array")
+    assert len(pixels_of(view.render(), PURSUER)) == 0
     view.begin()
     before = view.render()
     assert before.shape == (240, 480, 3)
