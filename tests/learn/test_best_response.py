@@ -20,12 +20,12 @@ PLAN = Plan(
         DQN,
         learning_starts=2_000,
         final_epsilon=0.1,
-        env_steps_per_update=16,
+        env_steps_per_update=32,
         target_period=2_048,
         averaging=0.02,
         gamma=0.95,
     ),
-    replace(STAGE, env_steps=6 * CHUNK),
+    replace(STAGE, env_steps=4 * CHUNK),
 )
 
 
