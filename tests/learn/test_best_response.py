@@ -1,4 +1,4 @@
-"""A best response beats a player that can be beaten, and only the side that responds learns."""
+"""A best response learns to do better against a player that stays as it is; one seed gives one response."""
 
 from dataclasses import replace
 
