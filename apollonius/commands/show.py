@@ -24,9 +24,6 @@ def add_show(subparsers: Any) -> None:
 
 def run_show(options: argparse.Namespace) -> int:
     """One game, drawn or written as a replay."""
-    from apollonius.agents.catalogue import find_agent
-    from apollonius.evaluate.match import record_game
-    from apollonius.game.types import Role
     from apollonius.replay import load_replay, save_replay
     from apollonius.show.animation import FORMATS, save_animation
 
@@ -38,6 +35,10 @@ def run_show(options: argparse.Namespace) -> int:
         if first is not None:
             print(f"played again, this game differs from step {first} on", file=sys.stderr)
     else:
+        from apollonius.agents.catalogue import find_agent
+        from apollonius.evaluate.match import record_game
+        from apollonius.game.types import Role
+
         game = requested_game(options)
         pursuer = find_agent(options.pursuer, Role.PURSUER, game)
         evader = find_agent(options.evader, Role.EVADER, game)
