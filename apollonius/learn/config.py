@@ -220,6 +220,9 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
+        past, games = self.self_play.opponents, self.dqn.games
+        seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
+        require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
         require(
             self.pursuer is None or self.stages != "both", "pursuer", self.pursuer,
             "left out unless stages is one stage: the curriculum trains the pursuer from scratch",

@@ -90,7 +90,7 @@ def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " ve
     filled = _filled(archive)
     w = (archive.lost + 1) / (archive.games + 2)
     if config.scheme == "latest-80-20":
-        return jax.nn.softmax(jnp.where(filled, archive.quality, -jnp.inf))
+        return _by_quality(archive)
     weights = {"prioritised-hard": (1 - w) ** 2, "prioritised-even": w * (1 - w)}.get(config.scheme, jnp.ones_like(w))
     weights = jnp.where(filled, weights, 0.0)
     return weights / jnp.sum(weights)
@@ -131,7 +131,7 @@ def record(
         return jnp.sum(which.astype(jnp.float32).reshape(-1, config.seats, games), axis=(0, 2))
 
     lost_games = by_seat(over[:, theirs] & lost)
-    chance = jax.nn.softmax(jnp.where(_filled(archive), archive.quality, -jnp.inf))[archive.seats]
+    chance = _by_quality(archive)[archive.seats]
     return eqx.tree_at(
         lambda this: (this.games, this.lost, this.quality),
         archive,
@@ -167,6 +167,10 @@ def seat_games(config: OpponentConfig, games: int) -> int:
 def first_game(config: OpponentConfig, role: Role, games: int) -> int:
     """Earlier pursuers have the first games of a batch, earlier evaders the next."""
     return 0 if role == Role.PURSUER else config.seats * seat_games(config, games)
+
+
+def _by_quality(archive: Archive) -> Float[Array, " versions"]:
+    return jax.nn.softmax(jnp.where(_filled(archive), archive.quality, -jnp.inf))
 
 
 def _filled(archive: Archive) -> Bool[Array, " versions"]:

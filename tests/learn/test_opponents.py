@@ -21,7 +21,7 @@ from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
-from tests.learn.tiny import CHUNK, DQN, GAME, STAGE
+from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 
 SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
 CONFIG = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
@@ -233,3 +233,9 @@ def test_impossible_schemes_are_refused(change, complaint):
 def test_an_unknown_scheme_is_refused():
     with pytest.raises(InvalidInput, match="scheme"):
         from_dict(SelfPlayConfig, {"opponents": {"scheme": "newest"}}, "'config.toml'")
+
+
+def test_a_scheme_without_games_for_its_seats_is_refused():
+    past = replace(RUN.self_play, opponents=OpponentConfig(scheme="uniform", seats=17))
+    with pytest.raises(InvalidInput, match=r"games = 64 .* seats"):
+        replace(RUN, self_play=past)
