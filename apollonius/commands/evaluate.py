@@ -26,15 +26,15 @@ def add_evaluate(subparsers: Any) -> None:
 
 def run_evaluate(options: argparse.Namespace) -> int:
     """Play a match and print its result."""
-    from apollonius.agents.catalogue import find_agent
     from apollonius.evaluate.match import count, play_games, record_game, worst_first
     from apollonius.game.types import Role
     from apollonius.replay import save_replay
+    from apollonius.solve.catalogue import find_player
     from apollonius.terminal import match_table
 
     game = requested_game(options)
-    pursuer = find_agent(options.pursuer, Role.PURSUER, game)
-    evader = find_agent(options.evader, Role.EVADER, game)
+    pursuer = find_player(options.pursuer, Role.PURSUER, game)
+    evader = find_player(options.evader, Role.EVADER, game)
     require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
     viable = options.starts == "viable"
     results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable)

@@ -1,7 +1,7 @@
 """What several commands ask for: a game, players, what draws."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 AGENT = (
     "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
-    "evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+    "evaders: flee, flee-aware, circle), a zoo agent, a .safetensors file, or a .npz file of solve game; shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""
 INTERRUPTED = 130
@@ -47,13 +47,18 @@ def add_grid_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hold", type=int, help="steps for which an action is held (default: about 0.5 s of them)")
 
 
-def requested_grid(options: argparse.Namespace, game: "Game", role: "Role") -> tuple["Grid", int]:
-    """The wanted grid and hold, or those of reference."""
+def requested_grid(
+    options: argparse.Namespace,
+    game: "Game",
+    role: "Role",
+    reference: "Callable[[Game, Role], tuple[Grid, int]] | None" = None,
+) -> tuple["Grid", int]:
+    """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
     from apollonius.game.types import Role
     from apollonius.solve.grid import make_grid, parse_counts
     from apollonius.solve.reference import reference_grid
 
-    grid, hold = reference_grid(game, role)
+    grid, hold = (reference or reference_grid)(game, role)
     if options.grid is not None:
         body = game.pursuer if role == Role.PURSUER else game.evader
         grid = make_grid(game.arena, body, parse_counts(options.grid))

@@ -35,13 +35,13 @@ def run_show(options: argparse.Namespace) -> int:
         if first is not None:
             print(f"played again, this game differs from step {first} on", file=sys.stderr)
     else:
-        from apollonius.agents.catalogue import find_agent
         from apollonius.evaluate.match import record_game
         from apollonius.game.types import Role
+        from apollonius.solve.catalogue import find_player
 
         game = requested_game(options)
-        pursuer = find_agent(options.pursuer, Role.PURSUER, game)
-        evader = find_agent(options.evader, Role.EVADER, game)
+        pursuer = find_player(options.pursuer, Role.PURSUER, game)
+        evader = find_player(options.evader, Role.EVADER, game)
         replay = record_game(game, pursuer, evader, 1, options.seed, 0, options.starts == "viable")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.out.suffix == ".json":

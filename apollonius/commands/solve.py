@@ -11,7 +11,6 @@ from apollonius.errors import InvalidInput, require
 if TYPE_CHECKING:
     from apollonius.game.game import Game
     from apollonius.game.types import Role
-    from apollonius.solve.grid import Grid
     from apollonius.solve.store import Problem, Solution
 
 STARTS = 20_000
@@ -22,12 +21,19 @@ def add_solve(subparsers: Any) -> None:
     """The parser of `solve`."""
     parser = subparsers.add_parser("solve", help="solve for optimal play on a grid, and keep the table")
     parser.add_argument(
-        "what", choices=("safety", "reach"),
-        help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target",
+        "what", choices=("safety", "reach", "game"),
+        help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
+        "game: what a side is sure of against any opponent",
     )  # fmt: skip
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
-    parser.add_argument("--role", choices=("pursuer", "evader"), help="whose safety (default: pursuer)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
+    parser.add_argument(
+        "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
+    )
     parser.add_argument("--target", type=float, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
+    parser.add_argument(
+        "--payoff", choices=("win", "time"),
+        help="of game: a win is worth 1 and a loss -1, discounted (win, default), or only the time to a win (time)",
+    )  # fmt: skip
     add_grid_options(parser)
     parser.add_argument(
         "--out", type=Path, help="file of the table; what it holds is not solved again (default: WHAT-GAME.npz)"
@@ -39,34 +45,38 @@ def add_solve(subparsers: Any) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     """Solve, or load what is solved already; say how good it is and what it means."""
-    from apollonius.game.presets import make_game
-    from apollonius.game.record import to_dict
+    from apollonius.game.file import find_game
     from apollonius.game.types import Role
-    from apollonius.solve.store import Problem, load_solution, save_solution
+    from apollonius.solve.store import load_solution, save_solution
 
-    game, reaching = make_game(options.game), options.what == "reach"
-    given = options.target is not None
-    require(given == reaching, "--target", options.target, "X Y for reach, and left out otherwise")
-    require(not (reaching and options.role), "--role", options.role, "left out for reach, where the pursuer moves")
+    game, what = find_game(options.game), options.what
+    require(
+        (options.target is not None) == (what == "reach"),
+        "--target",
+        options.target,
+        "X Y for reach, and left out otherwise",
+    )
+    require(
+        not (what == "reach" and options.role), "--role", options.role, "left out for reach, where the pursuer moves"
+    )
     role = Role[(options.role or "pursuer").upper()]
-    grid, hold = requested_grid(options, game, role)
-    problem = Problem(options.what, role.name.lower(), to_dict(game), list(grid.counts), hold, options.target)
-    path: Path = options.out or Path(f"{options.what}-{options.game}.npz")
+    problem = _game_problem(options, game, role) if what == "game" else _robot_problem(options, game, role)
+    path: Path = options.out or Path(f"{what}-{Path(options.game).stem}.npz")
     if path.exists() and not options.force:
         solution = load_solution(path)
         if solution.problem != problem:
             raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
     else:
-        solution = _solve(problem, game, role, grid)
+        solution = _solve(problem, game, role)
         path.parent.mkdir(parents=True, exist_ok=True)
         save_solution(solution, path)
     facts = {
-        "grid": "x".join(map(str, grid.counts)),
-        "hold [s]": round(hold * float(game.dt), 6),
+        "grid": "x".join(map(str, problem.counts)),
+        "hold [s]": round(problem.hold * float(game.dt), 6),
         "sweeps": solution.sweeps,
         "residual": solution.residual,
     }
-    facts |= _about_reach(solution, game, grid) if reaching else _about_safety(solution, game, role, grid)
+    facts |= {"safety": _about_safety, "reach": _about_reach, "game": _about_game}[what](solution, game, role)
     facts["file"] = str(path)
     if options.json:
         print(json.dumps(facts))
@@ -76,13 +86,43 @@ def run_solve(options: argparse.Namespace) -> int:
     return 0
 
 
-def _solve(problem: "Problem", game: "Game", role: "Role", grid: "Grid") -> "Solution":
+def _robot_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "Problem":
+    """The problem of one robot."""
+    from apollonius.game.record import to_dict
+    from apollonius.solve.store import Problem
+
+    require(options.payoff is None, "--payoff", options.payoff, "left out but for game, where there is an opponent")
+    grid, hold = requested_grid(options, game, role)
+    return Problem(options.what, role.name.lower(), to_dict(game), list(grid.counts), hold, options.target)
+
+
+def _game_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "Problem":
+    """The problem of both robots."""
+    from apollonius.game.record import to_dict
+    from apollonius.solve.reference import joint_grid
+    from apollonius.solve.store import Problem
+
+    grid, hold = requested_grid(options, game, role, joint_grid)
+    payoff = options.payoff or "win"
+    return Problem("game", role.name.lower(), to_dict(game), list(grid.counts), hold, payoff=payoff)
+
+
+def _solve(problem: "Problem", game: "Game", role: "Role") -> "Solution":
+    import jax.numpy as jnp
+
+    from apollonius.solve.catalogue import contest_of
+    from apollonius.solve.grid import make_grid
+    from apollonius.solve.guarantee import make_duel, solve_duel
     from apollonius.solve.reach import make_chase, solve_reach
     from apollonius.solve.safety import solve_safety
     from apollonius.solve.store import Solution
     from apollonius.terminal import SweepDisplay
 
     report = SweepDisplay()
+    if problem.kind == "game":
+        solved = solve_duel(make_duel(contest_of(problem, game)), report)
+        return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
+    grid = make_grid(game.arena, (game.pursuer, game.evader)[role], tuple(problem.counts))
     if problem.target is None:
         solved = solve_safety(game, role, grid, problem.hold, report)
     else:
@@ -91,7 +131,7 @@ def _solve(problem: "Problem", game: "Game", role: "Role", grid: "Grid") -> "Sol
     return Solution(problem, solved.sweeps, solved.residual, solved.table)
 
 
-def _about_safety(solution: "Solution", game: "Game", role: "Role", grid: "Grid") -> dict[str, Any]:
+def _about_safety(solution: "Solution", game: "Game", role: "Role") -> dict[str, Any]:
     """Which of the game's moving starts are lost: by the table, and by the manoeuvres that it steers."""
     from dataclasses import replace
 
@@ -100,8 +140,10 @@ def _about_safety(solution: "Solution", game: "Game", role: "Role", grid: "Grid"
 
     from apollonius.agents.shield import brakes
     from apollonius.game.game import reset_batch
+    from apollonius.solve.grid import make_grid
     from apollonius.solve.safety import steered_brakes
 
+    grid = make_grid(game.arena, (game.pursuer, game.evader)[role], tuple(solution.problem.counts))
     moving = replace(game, starts=replace(game.starts, speed="moving"))
     starts = jax.jit(reset_batch, static_argnames="games")(moving, jax.random.key(0), games=STARTS)
     robots = (starts.pursuer, starts.evader)[role]
@@ -116,20 +158,21 @@ def _about_safety(solution: "Solution", game: "Game", role: "Role", grid: "Grid"
     return facts
 
 
-def _about_reach(solution: "Solution", game: "Game", grid: "Grid") -> dict[str, Any]:
+def _about_reach(solution: "Solution", game: "Game", role: "Role") -> dict[str, Any]:
     """How fast the target is caught from the game's starts."""
     import jax
     import jax.numpy as jnp
     import numpy as np
 
     from apollonius.game.game import reset_batch
-    from apollonius.game.types import Role
+    from apollonius.solve.grid import make_grid
     from apollonius.solve.motion import motion_of
     from apollonius.solve.reach import Reach
 
     assert solution.problem.target is not None
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
-    reach = Reach(game, motion_of(game, Role.PURSUER, solution.problem.hold), grid, x, y, solution.table)
+    grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))
+    reach = Reach(game, motion_of(game, role, solution.problem.hold), grid, x, y, solution.table)
     robots = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=STARTS).pursuer
     seconds = np.asarray(jax.jit(jax.vmap(reach.seconds))(robots))
     caught = np.isfinite(seconds)
@@ -137,4 +180,24 @@ def _about_reach(solution: "Solution", game: "Game", grid: "Grid") -> dict[str, 
         "starts with a capture": float(np.mean(caught)),
         "median time to capture [s]": float(np.median(seconds)),
         "longest [s]": float(np.max(seconds[caught], initial=0.0)),
+    }
+
+
+def _about_game(solution: "Solution", game: "Game", role: "Role") -> dict[str, Any]:
+    """What the side is sure of at the game's starts."""
+    import jax
+    import numpy as np
+
+    from apollonius.game.game import reset_batch
+    from apollonius.solve.catalogue import contest_of
+    from apollonius.solve.players import SaddlePolicy
+
+    player = SaddlePolicy(contest_of(solution.problem, game), solution.table)
+    starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=STARTS)
+    sure = np.asarray(player.best_worth(starts))
+    return {
+        "payoff": solution.problem.payoff,
+        f"the {role.name.lower()} is sure of, on average over starts": float(np.mean(sure)),
+        "at the best start": float(np.max(sure)),
+        "at the worst": float(np.min(sure)),
     }

@@ -22,15 +22,16 @@ def add_tournament(subparsers: Any) -> None:
 
 def run_tournament(options: argparse.Namespace) -> int:
     """Play all matches and print the table."""
-    from apollonius.agents.catalogue import find_agent, player_names
+    from apollonius.agents.catalogue import player_names
     from apollonius.evaluate.match import MatchResult
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
+    from apollonius.solve.catalogue import find_player
     from apollonius.terminal import tournament_table
 
     game = requested_game(options)
     pursuers, evaders = (
-        [find_agent(name, role, game) for name in names or player_names(role)]
+        [find_player(name, role, game) for name in names or player_names(role)]
         for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
     )
 

@@ -1,7 +1,5 @@
 """A grid over the states of one robot, and the value between its nodes."""
 
-from itertools import product
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -43,6 +41,11 @@ class Grid(eqx.Module):
         return x * y * v * heading
 
     @property
+    def name(self) -> str:
+        """How it is written: `101x101x9x47`."""
+        return "x".join(map(str, self.counts))
+
+    @property
     def spacing(self) -> tuple[Real, Real, Real, Real]:
         """Distance between neighbours along x [m], y [m], v [m/s] and heading [rad]."""
         ends = zip(self.low, self.high, self.counts[:3], strict=True)
@@ -59,8 +62,8 @@ class Grid(eqx.Module):
             heading=heading.astype(jnp.float32) * dheading,
         )
 
-    def interpolate(self, table: Float[Array, "v heading x y"], robot: RobotState) -> Scalar:
-        """The table's value at a state, multilinear between the 16 nodes around it; beyond the ends, the ends'."""
+    def corners(self, robot: RobotState) -> tuple[Int[Array, "16"], Float[Array, "16"]]:
+        """The nodes around a state, numbered as they lie in a table, and their shares; beyond the ends, the ends'."""
         dx, dy, dv, dheading = self.spacing
         beside = (
             _between((robot.v - self.low[2]) / dv, self.counts[2]),
@@ -68,14 +71,16 @@ class Grid(eqx.Module):
             _between((robot.x - self.low[0]) / dx, self.counts[0]),
             _between((robot.y - self.low[1]) / dy, self.counts[1]),
         )
-        value = jnp.zeros((), jnp.float32)
-        for corner in product((0, 1), repeat=4):
-            nodes = tuple(node[side] for (node, _), side in zip(beside, corner, strict=True))
-            share = jnp.ones((), jnp.float32)
-            for (_, weight), side in zip(beside, corner, strict=True):
-                share = share * weight[side]
-            value = value + share * table[nodes]
-        return value
+        node, share = jnp.zeros(1, jnp.int32), jnp.ones(1, jnp.float32)
+        for (nodes, shares), count in zip(beside, self.shape, strict=True):
+            node = (node[:, None] * count + jnp.stack(nodes)[None]).reshape(-1)
+            share = (share[:, None] * jnp.stack(shares)[None]).reshape(-1)
+        return node, share
+
+    def interpolate(self, table: Float[Array, "v heading x y"], robot: RobotState) -> Scalar:
+        """The table's value at a state, multilinear between the 16 nodes around it."""
+        nodes, shares = self.corners(robot)
+        return jnp.sum(shares * table.reshape(-1)[nodes])
 
     def over_places(self, table: Float[Array, "x y"]) -> Float[Array, "v heading x y"]:
         """The table that has the same values for every speed and heading."""

@@ -7,6 +7,7 @@ interpolated over the rest: no gather.
 
 from collections.abc import Callable
 from functools import reduce
+from itertools import product
 
 import equinox as eqx
 import jax
@@ -20,6 +21,20 @@ from apollonius.solve.motion import Motion
 
 _ROUNDING = 2e-5
 """A move within this many cells of a whole number of them is whole: single precision tells no more."""
+
+
+Choice = Callable[[list[Array]], Array]
+"""From what nine actions are worth, arrays of one shape, what it is worth to have the choice."""
+
+
+def greatest(worths: list[Array]) -> Array:
+    """The choice of a robot that wants much."""
+    return reduce(jnp.maximum, worths)
+
+
+def least(worths: list[Array]) -> Array:
+    """The choice of a robot that wants little."""
+    return reduce(jnp.minimum, worths)
 
 
 class Image(eqx.Module):
@@ -41,46 +56,55 @@ class Image(eqx.Module):
 
     def backup(
         self,
-        table: Float[Array, "v heading x y"],
-        worth: Callable[[Int[Array, ""], int, Float[Array, "x y"]], Float[Array, "x y"]],
-    ) -> Float[Array, "v heading x y"]:
-        """The best, over actions, of what an action is worth at each node.
+        table: Float[Array, "v heading x y *others"],
+        worth: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
+        choose: Choice = greatest,
+    ) -> Float[Array, "v heading x y *others"]:
+        """What each node is worth by what its nine actions are worth.
 
         Args:
+            table: values at the robot's nodes; one after the other in memory, those for each state of `others`.
             worth: from a slice, an action and the table's values after it, what it is worth.
+            choose: from what the nine actions are worth, what the node is worth.
         """
         slices = table.reshape(-1, *table.shape[2:])
-        padded = jnp.pad(slices, ((0, 0), (self.margin, self.margin), (self.margin, self.margin)), mode="edge")
+        around = ((0, 0), (self.margin, self.margin), (self.margin, self.margin), *((0, 0),) * (table.ndim - 4))
+        padded = jnp.pad(slices, around, mode="edge")
 
-        def best(index: Int[Array, ""]) -> Float[Array, "x y"]:
-            return reduce(
-                jnp.maximum, [worth(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)]
-            )
+        def at(index: Int[Array, ""]) -> Float[Array, "x y *others"]:
+            return choose([worth(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)])
 
-        return jax.lax.map(best, jnp.arange(slices.shape[0])).reshape(table.shape)
+        return jax.lax.map(at, jnp.arange(slices.shape[0])).reshape(table.shape)
 
-    def _after(self, padded: Float[Array, "slices wide high"], index: Int[Array, ""], action: int) -> Array:
-        """The interpolated values at the places where an action takes the nodes of a slice: `[x y]`."""
-        wide, high = (count - 2 * self.margin + 1 for count in padded.shape[1:])
-        corner = self.cells[index, action] + self.margin
-        mixed = jnp.zeros((wide, high), jnp.float32)
+    def _after(self, padded: Float[Array, "slices wide high *others"], index: Int[Array, ""], action: int) -> Array:
+        """The interpolated values at the places where an action takes the nodes of a slice: `[x y *others]`."""
+        across, along = (count - 2 * self.margin for count in padded.shape[1:3])
+        share_x, share_y = self.rest[index, action]
+        values = jnp.zeros((), jnp.float32)
         for term in range(self.source.shape[2]):
-            start = (self.source[index, action, term], corner[0], corner[1])
-            mixed += self.weight[index, action, term] * jax.lax.dynamic_slice(padded, start, (1, wide, high))[0]
-        along_x, along_y = self.rest[index, action]
-        mixed = (1 - along_x) * mixed[:-1] + along_x * mixed[1:]
-        return (1 - along_y) * mixed[:, :-1] + along_y * mixed[:, 1:]
+            for on_x, on_y in product((0, 1), repeat=2):
+                share = (share_x if on_x else 1 - share_x) * (share_y if on_y else 1 - share_y)
+                corner = self.cells[index, action] + jnp.array([on_x, on_y]) + self.margin
+                start = (self.source[index, action, term], *corner, *(0,) * (padded.ndim - 3))
+                shifted = jax.lax.dynamic_slice(padded, start, (1, across, along, *padded.shape[3:]))[0]
+                values = values + self.weight[index, action, term] * share * shifted
+        return values
 
 
-def image_of(motion: Motion, grid: Grid) -> Image:
-    """Where the robot's held actions take the grid's nodes."""
+def image_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Image:
+    """Where the robot's held actions take the grid's nodes.
+
+    Args:
+        slack: turns within this many cells of a whole number of them are taken as whole: where turns are a hundredth
+            of a cell off, interpolation would blur headings more than that.
+    """
     speeds, headings = grid.shape[:2]
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
     dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
     cells, rest = _whole_and_rest(np.stack([end.x / dx, end.y / dy], axis=-1))
     slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
-    before, share_heading = _whole_and_rest(end.heading / dheading)
+    before, share_heading = _whole_and_rest(end.heading / dheading, slack)
     terms = [
         (np.minimum(slower + up, speeds - 1) * headings + (before + on) % headings, part_v * part_heading)
         for up, part_v in ((0, 1 - share_v), (1, share_v))
@@ -111,10 +135,10 @@ def _courses(motion: Motion, grid: Grid) -> RobotState:
     return jax.vmap(lambda index: jax.vmap(lambda action: course(index, action))(actions))(slices)
 
 
-def _whole_and_rest(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Cells as whole ones and a fraction in [0, 1)."""
     nearest = np.round(cells)
-    cells = np.where(np.abs(cells - nearest) < _ROUNDING, nearest, cells)
+    cells = np.where(np.abs(cells - nearest) < max(slack, _ROUNDING), nearest, cells)
     return np.floor(cells).astype(np.int64), cells - np.floor(cells)
 
 

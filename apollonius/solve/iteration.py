@@ -10,11 +10,11 @@ from jaxtyping import Array, Float
 
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Scalar
-from apollonius.solve.grid import Grid
 
-Table = Float[Array, "v heading x y"]
+Table = Float[Array, "..."]
+"""Values at the nodes of a grid."""
 TOLERANCE = 1e-4
-"""A sweep that changes no value by more than this is the last one."""
+"""A sweep that changes no value by more than this is the last one, where nothing else is asked."""
 _MOST_SWEEPS = 10_000
 
 
@@ -27,11 +27,13 @@ class Sweep:
     """Largest change of a value."""
     seconds: float
     """Since the first sweep began."""
+    tolerance: float = TOLERANCE
+    """The residual that is asked for."""
 
     def seconds_left(self, first_residual: float) -> float:
         """Seconds to go if the residual goes on falling as it did on average so far; a rough guess."""
-        fallen = log(first_residual / max(self.residual, TOLERANCE))
-        to_fall = log(max(self.residual, TOLERANCE) / TOLERANCE)
+        fallen = log(first_residual / max(self.residual, self.tolerance))
+        to_fall = log(max(self.residual, self.tolerance) / self.tolerance)
         return self.seconds * to_fall / fallen if fallen > 0 else float("inf")
 
 
@@ -49,9 +51,12 @@ class Solved:
 
 
 def iterate(
-    sweep: Callable[[Table], tuple[Table, Scalar]], table: Table, report: Callable[[Sweep], None] = silent
+    sweep: Callable[[Table], tuple[Table, Scalar]],
+    table: Table,
+    report: Callable[[Sweep], None] = silent,
+    tolerance: float = TOLERANCE,
 ) -> Solved:
-    """Sweep until the residual is at most `TOLERANCE`.
+    """Sweep until the residual is at most the tolerance.
 
     Args:
         sweep: from a table, the next one and the largest change.
@@ -62,23 +67,25 @@ def iterate(
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)
-        report(Sweep(number, residual, time.perf_counter() - begun))
-        if residual <= TOLERANCE:
+        report(Sweep(number, residual, time.perf_counter() - begun, tolerance))
+        if residual <= tolerance:
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")
 
 
-def require_memory(grid: Grid, bytes_per_node: int) -> None:
+def require_memory(grid: str, needed: int) -> None:
     """Refuse a grid that this machine has no room for.
+
+    Args:
+        grid: its name.
+        needed: memory that solving takes [bytes].
 
     Raises:
         InvalidInput: with the memory needed and the memory there is.
     """
-    needed = grid.size * bytes_per_node / 2**30
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
-        written = "x".join(map(str, grid.counts))
         raise InvalidInput(
-            f"grid = {written} needs {needed:,.1f} GiB of memory and this machine has {available:,.1f} GiB: "
-            "take fewer nodes."
+            f"grid = {grid} needs {needed / 2**30:,.1f} GiB of memory and this machine has "
+            f"{available / 2**30:,.1f} GiB: take fewer nodes."
         )

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from apollonius.errors import require
 from apollonius.game.arena import Arena
@@ -11,6 +11,8 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
 
+HORIZON = 20.0
+"""Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""
 _UNROLL = 5
 """Steps compiled in a row: quicker than a loop, and no longer to compile for a long hold."""
 
@@ -33,6 +35,15 @@ class Motion(eqx.Module):
         """Duration of a hold [s]."""
         return self.steps * self.dt
 
+    @property
+    def discount(self) -> Scalar:
+        """What is worth 1 after a hold is worth so much before it."""
+        return worth_after(self.seconds)
+
+    def step(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+        """The state after one step of the game."""
+        return self.body.move(robot, *self.body.controls(action), self.dt)
+
     def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
         """The states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
         controls = self.body.controls(action)
@@ -47,6 +58,11 @@ class Motion(eqx.Module):
     def room(self, course: RobotState) -> Scalar:
         """Least clearance [m] of the body along a course, step by step as the rules judge it."""
         return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
+
+
+def worth_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """What an outcome worth 1 is worth when it is so many seconds away."""
+    return jnp.exp(-jnp.asarray(seconds, jnp.float32) / HORIZON)
 
 
 def ends(course: RobotState) -> tuple[RobotState, RobotState]:

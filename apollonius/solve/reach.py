@@ -24,12 +24,10 @@ from apollonius.errors import require
 from apollonius.game.game import Game, judge
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role, Scalar
 from apollonius.solve.grid import Grid
-from apollonius.solve.image import Image, image_of, rooms
 from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
-from apollonius.solve.motion import Motion, ends, last, motion_of
+from apollonius.solve.motion import HORIZON, Motion, ends, last, worth_after
+from apollonius.solve.side import Side, make_side
 
-HORIZON = 20.0
-"""Time scale of the transform [s]: much longer times are told apart less well."""
 BYTES_PER_NODE = 4 * (9 + 6) + 9
 """The rooms of nine actions and whether they suffice, the table before and after a sweep, padded, and captures."""
 
@@ -39,17 +37,12 @@ class Chase(eqx.Module):
 
     Attributes:
         game: the rules.
-        motion, grid: the pursuer's.
-        image: where its held actions lead.
-        free: whether they touch nothing.
+        side: the pursuer on its grid.
         reach: how far from a target a hold can capture it, in nodes along x and y.
     """
 
     game: Game
-    motion: Motion
-    grid: Grid
-    image: Image
-    free: Bool[Array, "slices 9 x y"]
+    side: Side
     reach: tuple[int, int] = eqx.field(static=True)
 
 
@@ -76,7 +69,7 @@ class Reach(eqx.Module):
         def worth(action: Int[Array, ""]) -> Scalar:
             course = self.motion.hold(robot, action)
             over, value = _event(self.game, course, self.target_x, self.target_y)
-            later = jnp.exp(-self.motion.seconds / HORIZON) * self.grid.interpolate(self.table, last(course))
+            later = self.motion.discount * self.grid.interpolate(self.table, last(course))
             return jnp.where(over, value, later)
 
         return jax.vmap(worth)(jnp.arange(NUM_ACTIONS))
@@ -95,12 +88,11 @@ def make_chase(game: Game, grid: Grid, hold: int) -> Chase:
     Raises:
         InvalidInput: when it does not fit into memory.
     """
-    require_memory(grid, BYTES_PER_NODE)
-    motion = motion_of(game, Role.PURSUER, hold)
-    image = image_of(motion, grid)
-    farthest = game.capture_distance + max(abs(game.pursuer.v_min), game.pursuer.v_max) * motion.seconds
+    require_memory(grid.name, grid.size * BYTES_PER_NODE)
+    side = make_side(game, Role.PURSUER, grid, hold)
+    farthest = game.capture_distance + side.farthest
     reach = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1
-    return Chase(game, motion, grid, image, rooms(motion, grid, image) >= 0, reach)
+    return Chase(game, side, reach)
 
 
 def solve_reach(
@@ -120,21 +112,19 @@ def solve_reach(
     room = float(game.arena.clearance(x, y))
     require(room >= game.evader.radius, "target", target, f"{game.evader.radius} m clear of walls and discs at least")
     caught = _caught(chase, x, y)
-    nothing = jnp.zeros(chase.grid.shape, jnp.float32)
+    nothing = jnp.zeros(chase.side.grid.shape, jnp.float32)
     solved = iterate(lambda table: _sweep(chase, caught, table), nothing, report)
-    return Reach(game, chase.motion, chase.grid, x, y, solved.table), solved
+    return Reach(game, chase.side.motion, chase.side.grid, x, y, solved.table), solved
 
 
 @eqx.filter_jit
 def _sweep(
     chase: Chase, caught: Float[Array, "v heading x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
-    discount = jnp.exp(jnp.asarray(-chase.motion.seconds / HORIZON, jnp.float32))
-
     def worth(index: Int[Array, ""], action: int, later: Float[Array, "x y"]) -> Float[Array, "x y"]:
-        return jnp.where(chase.free[index, action], discount * later, 0.0)
+        return jnp.where(chase.side.free[index, action], chase.side.motion.discount * later, 0.0)
 
-    after = jnp.maximum(caught, chase.image.backup(table, worth))
+    after = jnp.maximum(caught, chase.side.image.backup(table, worth))
     return after, jnp.max(jnp.abs(after - table))
 
 
@@ -150,13 +140,13 @@ def _event(game: Game, course: RobotState, x: Scalar, y: Scalar) -> tuple[Bool[A
     over = outcomes != Outcome.ONGOING
     first = jnp.argmax(over)
     seconds = (first + 1).astype(jnp.float32) * game.dt
-    return over[first], jnp.where(outcomes[first] == Outcome.CAPTURED, jnp.exp(-seconds / HORIZON), 0.0)
+    return over[first], jnp.where(outcomes[first] == Outcome.CAPTURED, worth_after(seconds), 0.0)
 
 
 @eqx.filter_jit
 def _caught(chase: Chase, x: Scalar, y: Scalar) -> Float[Array, "v heading x y"]:
     """What the best capture within one hold is worth at each node; only those near the target are looked at."""
-    grid = chase.grid
+    grid = chase.side.grid
     beside = []
     for axis, target in enumerate((x, y)):
         low, distance, count, reach = grid.low[axis], grid.spacing[axis], grid.counts[axis], chase.reach[axis]
@@ -167,7 +157,7 @@ def _caught(chase: Chase, x: Scalar, y: Scalar) -> Float[Array, "v heading x y"]
     def best(index: Int[Array, ""]) -> Float[Array, "x y"]:
         def at(row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
             node = grid.node(index // grid.shape[1], index % grid.shape[1], row, column)
-            events = jax.vmap(lambda action: _event(chase.game, chase.motion.hold(node, action), x, y)[1])
+            events = jax.vmap(lambda action: _event(chase.game, chase.side.motion.hold(node, action), x, y)[1])
             return jnp.max(events(jnp.arange(NUM_ACTIONS)))
 
         return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(beside[1]))(beside[0])

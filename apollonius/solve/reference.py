@@ -16,6 +16,12 @@ _HEADINGS = range(40, 65)
 """Numbers of headings among which a hold's turn comes closest to whole cells of one."""
 _FASTER = 0.05
 """Least distance between neighbouring speeds [m/s]."""
+_PAIRS = 1.2e8
+"""About as many pairs of nodes has the grid of two robots."""
+_SPEEDS = 5
+"""Its speeds."""
+_LONGEST = 2.0
+"""Its longest hold [s]."""
 
 
 def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
@@ -33,6 +39,22 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     arena = game.arena
     x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
     return make_grid(arena, body, (x, y, speeds, headings)), hold
+
+
+def joint_grid(game: Game, role: Role) -> tuple[Grid, int]:
+    """The grid of one robot of two: coarser, since pairs of nodes count.
+
+    Returns:
+        The grid, and the control steps for which actions are held: both robots', by the pursuer's limits.
+    """
+    lead, dt, arena = game.pursuer, float(game.dt), game.arena
+    faster = (float(lead.v_max) - float(lead.v_min)) / (_SPEEDS - 1)
+    hold = max(1, min(round(faster / max(float(lead.u1_max), _FASTER) / dt), round(_LONGEST / dt)))
+    headings = min(max(8, round(tau / max(float(lead.u2_max) * dt * hold, 1e-6))), 16)
+    places = _PAIRS**0.5 / (_SPEEDS * headings)
+    shape = (float(arena.x_max) - float(arena.x_min)) / (float(arena.y_max) - float(arena.y_min))
+    x, y = (max(2, round((places * ratio) ** 0.5)) for ratio in (shape, 1 / shape))
+    return make_grid(arena, game.pursuer if role == Role.PURSUER else game.evader, (x, y, _SPEEDS, headings)), hold
 
 
 def _cells(angle: float, count: int) -> float:

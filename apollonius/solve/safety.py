@@ -39,7 +39,7 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
     Raises:
         InvalidInput: when it does not fit into memory.
     """
-    require_memory(grid, BYTES_PER_NODE)
+    require_memory(grid.name, grid.size * BYTES_PER_NODE)
     motion = motion_of(game, role, hold)
     image = image_of(motion, grid)
     room = rooms(motion, grid, image)

@@ -9,10 +9,10 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Shaped
 
 from apollonius.agents.store import write_atomically
 from apollonius.errors import InvalidInput
-from apollonius.solve.iteration import Table
 
 FORMAT = "apollonius-solution"
 FORMAT_VERSION = 1
@@ -23,9 +23,9 @@ class Problem:
     """What is solved: two solutions of one problem are the same."""
 
     kind: str
-    """`safety` or `reach`."""
+    """`safety`, `reach` or `game`."""
     role: str
-    """The side whose robot it is: `pursuer` or `evader`."""
+    """The side whose robot it is, or that moves first: `pursuer` or `evader`."""
     game: dict[str, Any]
     """The game, number by number."""
     counts: list[int]
@@ -34,6 +34,8 @@ class Problem:
     """Control steps for which an action is held."""
     target: list[float] | None = None
     """Where the target stands [m]; of `reach` only."""
+    payoff: str | None = None
+    """What outcomes are worth (`contest.PAYOFFS`); of `game` only."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class Solution:
     sweeps: int
     residual: float
     """Largest change of a value in the last sweep."""
-    table: Table
-    """Values at the nodes, by (v, heading, x, y)."""
+    table: Shaped[Array, "..."]
+    """Values at the nodes, by (v, heading, x, y); of `game` what `solve_duel` returns, in half precision."""
 
 
 def save_solution(solution: Solution, path: Path) -> None:
@@ -80,11 +82,18 @@ def load_solution(path: Path) -> Solution:
                 f"'{path}' has format version {header['version']}, this program reads {FORMAT_VERSION}: update it."
             )
         problem = Problem(**header["problem"])
-        x, y, v, heading = problem.counts
-        if table.shape != (v, heading, x, y) or table.dtype != np.float32:
+        if not _fits(problem, table):
             raise InvalidInput(foreign)
         return Solution(problem, header["sweeps"], header["residual"], jnp.asarray(table))
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(foreign) from error
+
+
+def _fits(problem: Problem, table: np.ndarray) -> bool:
+    """Whether the table is of the kind and shape that the problem asks for."""
+    x, y, v, heading = problem.counts
+    if problem.kind == "game":
+        return table.dtype == np.float16 and table.ndim == 3 and table.size == (x * y * v * heading) ** 2
+    return table.dtype == np.float32 and table.shape == (v, heading, x, y)

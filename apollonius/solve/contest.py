@@ -1,0 +1,84 @@
+"""The two-robot game as one side sees it: what outcomes are worth to it, and what happens while actions are held."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from apollonius.errors import require
+from apollonius.game.game import Game, judge
+from apollonius.game.outcome import evader_wins, pursuer_wins
+from apollonius.game.types import GameState, Outcome, Real, RobotState, Role
+from apollonius.solve.grid import Grid
+from apollonius.solve.motion import Motion, ends, motion_of, worth_after
+
+PAYOFFS = {"win": (1.0, -1.0), "time": (1.0, 0.0)}
+"""What winning and losing is worth to the pursuer, times `worth_after` the seconds until then; all else is worth 0."""
+
+
+class Contest(eqx.Module):
+    """The two-robot game, from one side. What one gains the other loses.
+
+    Attributes:
+        game: the rules.
+        motions, grids: of this side's robot, then the other's.
+        win, lose: what it is worth to this side to win, and to lose, at once.
+        role: the side.
+    """
+
+    game: Game
+    motions: tuple[Motion, Motion]
+    grids: tuple[Grid, Grid]
+    win: Real
+    lose: Real
+    role: Role = eqx.field(static=True)
+
+    @property
+    def capture(self) -> Real:
+        """What it is worth to this side if the evader is captured at once."""
+        return self.win if self.role == Role.PURSUER else self.lose
+
+    def pair(self, own: RobotState, other: RobotState) -> tuple[RobotState, RobotState]:
+        """The pursuer's state and the evader's."""
+        return (own, other) if self.role == Role.PURSUER else (other, own)
+
+    def event(self, own: RobotState, other: RobotState) -> tuple[Bool[Array, ""], Float[Array, ""]]:
+        """Whether the rules end the game along two courses (leaves `[steps + 1]`), and what that is worth."""
+        start = jnp.zeros((), jnp.int32)
+
+        def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Array:
+            return judge(self.game, GameState(*before, start), GameState(*after, start))
+
+        before, after = zip(*(ends(course) for course in self.pair(own, other)), strict=True)
+        outcomes = jax.vmap(one_step)(before, after)
+        over = outcomes != Outcome.ONGOING
+        first = jnp.argmax(over)
+        seconds = (first + 1).astype(jnp.float32) * self.game.dt
+        return over[first], self.payoff_of(outcomes[first], seconds)
+
+    def payoff_of(self, outcome: Array, seconds: Float[Array, ""]) -> Float[Array, ""]:
+        """What an outcome after so many seconds is worth to this side."""
+        won, lost = pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False)
+        if self.role == Role.EVADER:
+            won, lost = lost, won
+        return worth_after(seconds) * jnp.where(won, self.win, jnp.where(lost, self.lose, 0.0))
+
+
+def make_contest(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, payoff: str) -> Contest:
+    """The two-robot game from one side.
+
+    Args:
+        grids: the pursuer's and the evader's.
+        hold: control steps for which actions are held.
+        payoff: `win` pays the pursuer 1 for a win and -1 for a loss; `time` pays it 1 for a win alone, so that only the
+            time to it counts.
+
+    Raises:
+        InvalidInput: for an unknown payoff, or unless an action is held for at least one step.
+    """
+    require(payoff in PAYOFFS, "payoff", payoff, f"one of {', '.join(PAYOFFS)}")
+    won, lost = PAYOFFS[payoff]
+    pursuer, evader = motion_of(game, Role.PURSUER, hold), motion_of(game, Role.EVADER, hold)
+    if role == Role.PURSUER:
+        return Contest(game, (pursuer, evader), grids, won, lost, role)
+    return Contest(game, (evader, pursuer), (grids[1], grids[0]), -lost, -won, role)

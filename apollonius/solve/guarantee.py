@@ -1,0 +1,131 @@
+"""What each side of the two-robot game can be sure of: its lower and its upper value.
+
+One side moves first: it holds the action that is best against an opponent who sees it. With f and g where the two
+robots are after a hold, and E the mean over the nodes that interpolation draws on, that side is sure of
+
+    G(s, o) = max over a of  discount * E[ A(f(s, a), o) ],    A(s', o) = min over b of  E[ G(s', g(o, b)) ].
+
+The maximum depends on the first robot's node alone and the minimum on the second's, so that a sweep is two one-sided
+backups of nine actions each instead of one of 81 pairs. What the pursuer is sure of is the lower value of the game;
+what the evader is sure of, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
+Capuzzo-Dolcetta, 1997, chapter VIII). On every grid the upper is nowhere less than the lower.
+
+A hold that the first robot does not survive is lost at once; one that the second does not survive is won at its end.
+Where an action decides the game by a capture (`capture.decisive`), it is worth that.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.errors import require
+from apollonius.game.types import NUM_ACTIONS, Role, Scalar
+from apollonius.solve.capture import Decided, decisive
+from apollonius.solve.contest import Contest
+from apollonius.solve.image import greatest, least
+from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
+from apollonius.solve.joint import JointTable, before_move, lanes_of
+from apollonius.solve.motion import worth_after
+from apollonius.solve.side import Side, make_side
+
+SLACK = 0.05
+"""Turns within this many cells of a whole number of them are taken for it."""
+TOLERANCE = 1e-3
+"""A sweep that changes no value by more than this is the last one."""
+BYTES_PER_PAIR = 3 * 4 + 2
+"""Three tables at a time, and what decides."""
+
+
+class Duel(eqx.Module):
+    """The two-robot game on a grid, as the side sees it that moves first.
+
+    Attributes:
+        contest: the game, from that side.
+        first, second: the robots in the order in which they move.
+        decided: the first one's actions that decide the game by a capture.
+    """
+
+    contest: Contest
+    first: Side
+    second: Side
+    decided: Decided
+
+
+def make_duel(contest: Contest) -> Duel:
+    """What all sweeps have in common.
+
+    Raises:
+        InvalidInput: when it does not fit into memory, or the robots' grids do not have the same places.
+    """
+    first, second = make_sides(contest, BYTES_PER_PAIR)
+    return Duel(contest, first, second, decisive(contest, first, second))
+
+
+def make_sides(contest: Contest, bytes_per_pair: int) -> tuple[Side, Side]:
+    """Both robots on their grids, this side's first.
+
+    Raises:
+        InvalidInput: when so many bytes for each pair of nodes do not fit into memory, or the places differ.
+    """
+    own, other = contest.grids
+    require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
+    require_memory(own.name, own.size * other.size * bytes_per_pair)
+    roles = (contest.role, Role(1 - contest.role))
+    first, second = (
+        make_side(contest.game, role, grid, motion.steps, SLACK)
+        for role, grid, motion in zip(roles, contest.grids, contest.motions, strict=True)
+    )
+    return first, second
+
+
+def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
+    """What the first side is sure of once it has moved: A(s', o), in tiles in which the second robot moves.
+
+    Args:
+        report: told after each sweep.
+        tolerance: largest change of a value in the last sweep; the values are within 1 / (1 - discount) times that of
+            the fixed point.
+    """
+    lanes = lanes_of(duel.first.grid)
+    table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
+    return iterate(lambda table: _sweep(duel, table), table, report, tolerance)
+
+
+@eqx.filter_jit
+def guarantee(duel: Duel, moved: JointTable) -> JointTable:
+    """What the first side is sure of before it moves, G(s, o), in tiles in which it moves; from `solve_duel`'s."""
+    first, contest, lanes = duel.first, duel.contest, duel.decided.shape[2]
+
+    def worth(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        decided = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)[index]
+        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
+        value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, contest.lose)
+        return jnp.where((decided >> action) & 1 > 0, contest.capture * worth_after(seconds), value)
+
+    return jax.lax.map(before_move(first, moved, lanes, worth, greatest), jnp.arange(duel.decided.shape[0]))
+
+
+@partial(eqx.filter_jit, donate="all-except-first")
+def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
+    second = duel.second
+
+    def worth(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        return jnp.where(second.free[index, action][..., None], later, duel.contest.win)
+
+    answered = before_move(second, guarantee(duel, table), table.shape[2], worth, least)
+
+    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
+        number, old = tile
+        new = answered(number)
+        return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
+
+    residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
+    return after, residual

@@ -1,0 +1,83 @@
+"""Tables over the states of both robots: how they lie in memory, and the value between their nodes.
+
+Robots do not touch until the game ends, so a table over both is a matrix: the nodes of one by those of the other. It is
+kept in tiles, each with all nodes of the robot that moves and a few of the one that waits, the lanes. A backup then
+runs along contiguous memory, and what it reads again soon is still in a core's own cache.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from math import log
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, Shaped
+
+from apollonius.game.types import RobotState
+from apollonius.solve.grid import Grid
+from apollonius.solve.image import Choice
+from apollonius.solve.side import Side
+
+JointTable = Float[Array, "tiles moving lanes"]
+"""By the node of the robot that moves and that of the one that waits, which is `tile * lanes + lane`."""
+Worth = Callable[[Int[Array, ""], Int[Array, ""], int, Array], Array]
+"""From a tile, a slice, an action and the values after it `[x y lanes]`, what the action is worth."""
+_LANES = 64
+"""Enough lanes to fill a processor's registers, few enough for its cache."""
+
+
+def lanes_of(grid: Grid) -> int:
+    """How many nodes of a robot that waits share a tile: the divisor of their number that comes closest to `_LANES`."""
+    divisors = [count for count in range(1, grid.size + 1) if grid.size % count == 0]
+    return min(divisors, key=lambda count: abs(log(count / _LANES)))
+
+
+def tile_of(
+    table: Shaped[Array, "tiles moving before"], tile: Int[Array, ""], lanes: int
+) -> Shaped[Array, "waiting lanes"]:
+    """One tile of the same table after the robots have changed parts."""
+    tiles, _, before = table.shape
+    block = jax.lax.dynamic_slice(table, (0, tile * lanes, 0), (tiles, lanes, before))
+    return jnp.swapaxes(block, 1, 2).reshape(tiles * before, lanes)
+
+
+def before_move(
+    side: Side, after: JointTable, lanes: int, worth: Worth, choose: Choice
+) -> Callable[[Int[Array, ""]], Float[Array, "moving lanes"]]:
+    """The values before one robot's move, a tile at a time.
+
+    Args:
+        side: the robot that moves.
+        after: the values after its move, in tiles in which it waits.
+        lanes: of the tiles in which it moves.
+        choose: from what the nine actions are worth, what the node is worth.
+    """
+
+    def tile_before(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
+        values = tile_of(after, tile, lanes).reshape(*side.grid.shape, lanes)
+        return side.image.backup(values, partial(worth, tile), choose).reshape(-1, lanes)
+
+    return tile_before
+
+
+def as_matrix(table: Shaped[Array, "tiles moving lanes"]) -> Shaped[Array, "moving waiting"]:
+    """The table by the nodes of the robot that moves, and of the one that waits."""
+    return jnp.swapaxes(table, 0, 1).reshape(table.shape[1], -1)
+
+
+def interpolate(
+    table: Shaped[Array, "tiles moving lanes"],
+    moving: tuple[Grid, RobotState],
+    waiting: tuple[Grid, RobotState],
+) -> Float[Array, " n"]:
+    """Values between nodes, multilinear in both states.
+
+    Args:
+        moving: of the robot that moves, its grid and its state.
+        waiting: of the one that waits, its grid and several states, leaves `[n]`.
+    """
+    lanes = table.shape[2]
+    nodes, shares = moving[0].corners(moving[1])
+    others, weights = jax.vmap(waiting[0].corners)(waiting[1])
+    around = table[(others // lanes)[:, :, None], nodes[None, None], (others % lanes)[:, :, None]]
+    return jnp.einsum("nwm,nw,m->n", around.astype(jnp.float32), weights, shares)

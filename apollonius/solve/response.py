@@ -1,0 +1,132 @@
+"""The best response on a grid: what is the most that a side can get from an opponent whose every action it knows.
+
+With b the opponent's action where the robots are, g where it goes and f where the responder goes,
+
+    V(s, o) = E[ max over a of  discount * E[ V(f(s, a), o') ] ],    o' = g(o, b(s, o)).
+
+The responder knows where the opponent goes, so it may choose for each o' by itself: again two one-sided backups. A hold
+that the responder does not survive is lost, one that the opponent does not survive is won. Where the responder can
+decide the game by a capture that it wants, or cannot help one that it does not want, it is worth that.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt8
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.game.types import NUM_ACTIONS, Role, Scalar
+from apollonius.solve.capture import Decided, decisive
+from apollonius.solve.contest import Contest
+from apollonius.solve.grid import Grid
+from apollonius.solve.guarantee import TOLERANCE, make_sides
+from apollonius.solve.image import greatest
+from apollonius.solve.iteration import Solved, Sweep, iterate, silent
+from apollonius.solve.joint import JointTable, before_move, lanes_of, tile_of
+from apollonius.solve.motion import worth_after
+from apollonius.solve.players import answer_of
+from apollonius.solve.side import Side
+
+BYTES_PER_PAIR = 3 * 4 + 2 + 1
+"""Three tables at a time, what decides, and the opponent's actions."""
+_EVERY = (1 << NUM_ACTIONS) - 1
+
+
+class Response(eqx.Module):
+    """A side against a known opponent, on a grid.
+
+    Attributes:
+        contest: the game, from the responder's side.
+        own, other: the robots.
+        answers: the opponent's action at each pair of nodes.
+        decided: the responder's actions that decide the game by a capture.
+    """
+
+    contest: Contest
+    own: Side
+    other: Side
+    answers: UInt8[Array, "own other"]
+    decided: Decided
+
+
+def make_response(contest: Contest, opponent: AbstractPolicy) -> Response:
+    """What all sweeps have in common; the opponent is asked once at every pair of nodes.
+
+    Raises:
+        InvalidInput: as `make_duel`.
+    """
+    own, other = make_sides(contest, BYTES_PER_PAIR)
+    answers = _answers(contest, opponent)
+    return Response(contest, own, other, answers, decisive(contest, own, other, answers))
+
+
+@eqx.filter_jit
+def _answers(contest: Contest, opponent: AbstractPolicy) -> UInt8[Array, "own other"]:
+    own, other = contest.grids
+
+    def at(first: Int[Array, ""], second: Int[Array, ""]) -> UInt8[Array, ""]:
+        states = _node(own, first), _node(other, second)
+        return answer_of(contest, opponent, *states).astype(jnp.uint8)
+
+    others = jnp.arange(other.size)
+    return jax.lax.map(lambda node: jax.vmap(lambda second: at(node, second))(others), jnp.arange(own.size))
+
+
+def solve_response(
+    response: Response, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE
+) -> Solved:
+    """What the responder gets, in tiles in which the opponent moves.
+
+    Args:
+        report: told after each sweep.
+        tolerance: largest change of a value in the last sweep.
+    """
+    lanes = lanes_of(response.own.grid)
+    table = jnp.zeros((response.own.grid.size // lanes, response.other.grid.size, lanes), jnp.float32)
+    return iterate(lambda table: _sweep(response, table), table, report, tolerance)
+
+
+@partial(eqx.filter_jit, donate="all-except-first")
+def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
+    contest, own, other = response.contest, response.own, response.other
+    lanes, other_lanes = table.shape[2], lanes_of(other.grid)
+
+    def best(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        return jnp.where(own.free[index, action][..., None], own.motion.discount * later, contest.lose)
+
+    moved = jax.lax.map(
+        before_move(own, table, other_lanes, best, greatest), jnp.arange(other.grid.size // other_lanes)
+    )
+
+    def known(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        rows = jax.lax.dynamic_slice_in_dim(response.answers, tile * lanes, lanes)
+        taken = rows.T.reshape(-1, *other.grid.shape[2:], lanes)[index] == action
+        return jnp.where(taken, jnp.where(other.free[index, action][..., None], later, contest.win), -jnp.inf)
+
+    answered = before_move(other, moved, lanes, known, greatest)
+
+    actions = jnp.arange(NUM_ACTIONS, dtype=jnp.uint16)[:, None, None]
+    survived = jnp.sum(own.free.astype(jnp.uint16) << actions, axis=1, dtype=jnp.uint16).reshape(-1)
+
+    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
+        number, old = tile
+        decided = tile_of(response.decided, number, lanes)
+        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
+        some, all_there_are = decided & _EVERY, jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)
+        certain = some > 0 if contest.role == Role.PURSUER else some == all_there_are
+        new = jnp.where(certain, contest.capture * worth_after(seconds), answered(number))
+        return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
+
+    residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
+    return after, residual
+
+
+def _node(grid: Grid, index: Int[Array, ""]):
+    return grid.node(*jnp.unravel_index(index, grid.shape))

@@ -1,0 +1,132 @@
+"""The two-robot game on a grid: against brute force, in its bounds, and in play."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.types import RobotState, Role
+from apollonius.solve import iteration
+from apollonius.solve.contest import make_contest
+from apollonius.solve.grid import make_grid
+from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
+from apollonius.solve.joint import as_matrix, interpolate
+from apollonius.solve.motion import HORIZON
+from tests.oracle import numpy_duel as oracle
+from tests.solve.small import BODY, SMALL
+
+HOLD = 5
+CRAMPED = Game(pursuer=BODY, evader=BODY, arena=Arena(x_max=1.6, y_max=1.2), capture_distance=0.25, starts=SMALL.starts)
+"""So small that a grid of few nodes has captures, escapes and crashes."""
+FEW = (4, 3, 2, 5)
+MORE = (5, 7, 3, 6)
+
+
+def contest(game, role, counts, payoff="win", hold=HOLD):
+    grids = (make_grid(game.arena, game.pursuer, counts), make_grid(game.arena, game.evader, counts))
+    return make_contest(game, grids, hold, role, payoff)
+
+
+def solved(game, role, counts, tolerance=1e-4, **options):
+    """What a side is sure of before it moves, by its node and the other's, and the duel and table it is from."""
+    duel = make_duel(contest(game, role, counts, **options))
+    moved = solve_duel(duel, tolerance=tolerance).table
+    return np.asarray(as_matrix(guarantee(duel, moved))), duel, moved
+
+
+@pytest.fixture(scope="module")
+def bounds():
+    """The lower and the upper value in the small game, by the pursuer's node and the evader's."""
+    lower, _, _ = solved(SMALL, Role.PURSUER, MORE)
+    upper, _, _ = solved(SMALL, Role.EVADER, MORE)
+    return lower, -upper.T
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return oracle.Robot(CRAMPED, FEW, HOLD)
+
+
+@pytest.fixture(scope="module")
+def captures(robot):
+    steps = oracle.captures(CRAMPED, robot, robot, CRAMPED.capture_distance + 2 * BODY.v_max * HOLD * CRAMPED.dt)
+    assert 0.01 < np.mean(np.isfinite(steps)) < 0.5
+    return steps
+
+
+@pytest.mark.parametrize("payoff", ["win", "time"])
+@pytest.mark.parametrize("role", list(Role))
+def test_the_table_is_that_of_brute_force(robot, captures, role, payoff):
+    told = []
+    duel = make_duel(contest(CRAMPED, role, FEW, payoff))
+    found = solve_duel(duel, told.append, tolerance=1e-5)
+    assert found.residual <= 1e-5 < told[-2].residual
+    steps = captures if role == Role.PURSUER else captures.transpose(1, 0, 3, 2)
+    pursuing, stakes = role == Role.PURSUER, (duel.contest.win, duel.contest.lose)
+    expected = oracle.guarantee(CRAMPED, robot, robot, pursuing, steps, found.sweeps, HORIZON, *stakes, HOLD)
+    np.testing.assert_allclose(as_matrix(found.table).T, expected[1], atol=1e-6)
+    np.testing.assert_allclose(
+        as_matrix(guarantee(duel, found.table)),
+        oracle.guarantee(CRAMPED, robot, robot, pursuing, steps, found.sweeps + 1, HORIZON, *stakes, HOLD)[0],
+        atol=1e-6,
+    )
+    assert np.ptp(expected[0]) > 0.9
+    assert len(np.unique(np.round(expected[0], 3))) > 20
+
+
+def test_the_upper_value_is_nowhere_less_than_the_lower(bounds):
+    lower, upper = bounds
+    assert np.min(upper - lower) >= -5e-3
+    assert np.mean(upper - lower) > 0.01
+    assert np.any(lower > 0.5)
+    assert np.any(upper < -0.5)
+
+
+def test_the_time_to_a_win_is_not_longer_where_a_loss_does_not_count(bounds):
+    in_time, _, _ = solved(SMALL, Role.PURSUER, MORE, payoff="time")
+    assert np.all(in_time >= bounds[0] - 5e-3)
+    assert np.min(in_time) >= 0
+
+
+def test_at_nodes_interpolation_gives_the_table(bounds):
+    duel = make_duel(contest(SMALL, Role.PURSUER, (4, 5, 3, 5)))
+    table = solve_duel(duel).table
+    first, second = duel.first.grid, duel.second.grid
+    one = second.node(*(jnp.int32(index) for index in (1, 3, 2, 3)))
+    others = jax.vmap(first.node)(*(jnp.array(indices, jnp.int32) for indices in ([0, 2], [4, 1], [3, 0], [2, 3])))
+    matrix = np.asarray(as_matrix(table))
+    nodes = [int(np.ravel_multi_index(index, first.shape)) for index in ((0, 4, 3, 2), (2, 1, 0, 3))]
+    there = int(np.ravel_multi_index((1, 3, 2, 3), second.shape))
+    found = interpolate(table, (second, one), (first, others))
+    np.testing.assert_allclose(found, matrix[there, nodes], atol=1e-5)
+    between = RobotState(one.x, one.y + second.spacing[1] / 4, one.v, one.heading)
+    beside = 0.75 * matrix[there, nodes] + 0.25 * matrix[there + 1, nodes]
+    np.testing.assert_allclose(interpolate(table, (second, between), (first, others)), beside, atol=1e-5)
+
+
+def test_a_grid_that_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
+    monkeypatch.setattr(iteration.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 1000}[name])
+    with pytest.raises(InvalidInput, match=r"grid = 5x7x3x6 needs .* GiB of memory and this machine has 0.0 GiB"):
+        make_duel(contest(SMALL, Role.PURSUER, MORE))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"payoff": "fun"}, "payoff = fun.*win, time"),
+        ({"hold": 0}, "hold = 0.*at least 1"),
+    ],
+)
+def test_what_is_no_contest_is_refused(options, words):
+    with pytest.raises(InvalidInput, match=words):
+        contest(SMALL, Role.PURSUER, FEW, **options)
+
+
+def test_robots_must_share_their_places():
+    grids = make_grid(SMALL.arena, BODY, (4, 3, 2, 5)), make_grid(SMALL.arena, Unicycle(), (3, 4, 2, 5))
+    with pytest.raises(InvalidInput, match=r"as many nodes along x and y as 3x4x2x5"):
+        make_duel(make_contest(SMALL, grids, HOLD, Role.PURSUER, "win"))
