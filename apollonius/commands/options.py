@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 AGENT = (
     "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
-    "evaders: flee, flee-aware, circle), a zoo agent, a .safetensors file, or a .npz file of solve game; shielded:NAME never crashes"
+    "evaders: flee, flee-aware, circle), a zoo agent, a .safetensors file, or a .npz file of solve game; "
+    "shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""
 INTERRUPTED = 130
