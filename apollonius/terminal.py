@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from apollonius.evaluate.card import Card
 from apollonius.evaluate.match import MatchResult
 from apollonius.evaluate.regret import Regret
 from apollonius.evaluate.tournament import Tournament, equilibrium
@@ -172,6 +173,29 @@ def regret_table(pursuer: str, regret: Regret) -> str:
     for game in regret.worst:
         start, target = ("  ".join(f"{number:6.2f}" for number in game[name]) for name in ("start", "target"))
         lines.append(f"    {start}; {target}  {game['outcome']} {game['seconds']} s, table {game['seconds_table']} s")
+    return "\n".join(lines)
+
+
+def card_table(agent: str, card: Card) -> str:
+    """A regret card as lines of text."""
+    scores = [(f"{agent} against the table", card.agent), ("the table against the table", card.table)]
+    if card.response:
+        scores.append((f"{agent} against a response", card.response))
+    width = max(len(who) for who, _ in scores)
+    lines = [f"{agent} ({card.role}) in the solved game: {card.games:,} games"]
+    lines.append(f"  {'':<{width}}  {'won':>7}  {'lost':>7}  payoff (95 % interval)")
+    for who, score in scores:
+        low, high = score.payoff_interval
+        numbers = f"{score.won:>7.2%}  {score.lost:>7.2%}  {score.payoff:+.3f} ({low:+.3f} to {high:+.3f})"
+        lines.append(f"  {who:<{width}}  {numbers}, {score.games:,} games")
+    lines.append(f"  the tables say: sure of {card.sure:+.3f}, conceded at most {card.at_most:+.3f}")
+    lines.append(f"  gap to the table {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})")
+    lines.append("  gap by where it starts, the arena from above:")
+    for row in card.regions:
+        lines.append("    " + "  ".join("     -" if gap is None else f"{gap:+.3f}" for gap in row))
+    lines.append("  most is lost in these games (--record K writes them):")
+    for game in card.worst:
+        lines.append(f"    {game['game']:>6}  {game['outcome']} after {game['seconds']} s, gap {game['gap']:+.3f}")
     return "\n".join(lines)
 
 

@@ -1,20 +1,43 @@
-"""`apollonius regret`: how far a pursuer is from optimal play."""
+"""`apollonius regret`: how far an agent is from optimal play."""
 
 import argparse
 import json
 import sys
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import AGENT, add_game_options, add_grid_options, requested_game, requested_grid
 from apollonius.errors import require
 
+if TYPE_CHECKING:
+    from apollonius.game.game import Game
+
 
 def add_regret(subparsers: Any) -> None:
     """The parser of `regret`."""
-    parser = subparsers.add_parser("regret", help="how far a pursuer is from the fastest capture of a standing target")
-    parser.add_argument("pursuer", metavar="PURSUER", help=AGENT)
+    parser = subparsers.add_parser(
+        "regret", help="how far an agent is from the fastest capture of a standing target, or from a solved game"
+    )
+    parser.add_argument("agent", metavar="AGENT", help=AGENT)
     parser.add_argument("--games", type=int, default=10_000, help="number of games (default: %(default)s)")
-    parser.add_argument("--targets", type=int, default=20, help="places of the target (default: %(default)s)")
+    parser.add_argument("--targets", type=int, help="places of the target, without --tables (default: 20)")
+    parser.add_argument(
+        "--tables", type=Path, nargs=2, metavar="FILE",
+        help="the solved game from both sides (solve game): the card of a pursuer or an evader in it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--role", choices=("pursuer", "evader"), help="with --tables: the agent's side (default: pursuer)"
+    )
+    parser.add_argument(
+        "--response-games", type=int, default=0, metavar="N",
+        help="with --tables: also N games against an opponent that knows the agent (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--record", type=int, default=0, metavar="K", help="with --tables: write the K games that cost most as replays"
+    )
+    parser.add_argument(
+        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
+    )
     add_game_options(parser)
     add_grid_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -23,25 +46,76 @@ def add_regret(subparsers: Any) -> None:
 
 def run_regret(options: argparse.Namespace) -> int:
     """Measure and print."""
+    require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
+    game = requested_game(options)
+    if options.tables:
+        return _run_card(options, game)
+    for name in ("role", "response_games", "record"):
+        given = getattr(options, name)
+        require(not given, f"--{name.replace('_', '-')}", given, "left out without --tables")
+    return _run_regret(options, game)
+
+
+def _run_regret(options: argparse.Namespace, game: "Game") -> int:
+    """A pursuer against standing targets."""
     from apollonius.agents.catalogue import find_agent
     from apollonius.evaluate.regret import measure_regret
     from apollonius.game.types import Role
     from apollonius.solve.reach import make_chase
     from apollonius.terminal import regret_table
 
-    require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
-    game = requested_game(options)
-    pursuer = find_agent(options.pursuer, Role.PURSUER, game)
+    pursuer = find_agent(options.agent, Role.PURSUER, game)
     grid, hold = requested_grid(options, game, Role.PURSUER)
+    targets = 20 if options.targets is None else options.targets
 
     def report(done: int) -> None:
-        print(f"target {done} of {options.targets} solved and played", file=sys.stderr, flush=True)
+        print(f"target {done} of {targets} solved and played", file=sys.stderr, flush=True)
 
     chase = make_chase(game, grid, hold)
-    regret = measure_regret(chase, pursuer.policy, options.games, options.targets, options.seed, report)
+    regret = measure_regret(chase, pursuer.policy, options.games, targets, options.seed, report)
     if options.json:
         about = {"pursuer": pursuer.name, "game": options.game, "starts": options.starts, "seed": options.seed}
         print(json.dumps(about | {"grid": list(grid.counts), "hold": hold} | regret.to_dict()))
     else:
         print(regret_table(pursuer.name, regret))
+    return 0
+
+
+def _run_card(options: argparse.Namespace, game: "Game") -> int:
+    """An agent in the solved game."""
+    from apollonius.agents.catalogue import Named
+    from apollonius.evaluate.card import WORST, measure_card
+    from apollonius.evaluate.match import record_game
+    from apollonius.game.types import Role
+    from apollonius.replay import save_replay
+    from apollonius.solve.catalogue import find_player, table_player
+    from apollonius.solve.players import ResponsePolicy
+    from apollonius.terminal import card_table
+
+    for name in ("targets", "grid", "hold"):
+        given = getattr(options, name)
+        require(given is None, f"--{name}", given, "left out with --tables, which know it")
+    require(options.response_games >= 0, "--response-games", options.response_games, "0 or more")
+    role = Role[(options.role or "pursuer").upper()]
+    players = [table_player(path, game) for path in options.tables]
+    sides = {player.contest.role: player for player in players}
+    require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
+    agent = find_player(options.agent, role, game)
+    own, other = sides[role], sides[Role(1 - role)]
+    response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
+    require(0 <= options.record <= WORST, "--record", options.record, f"from 0 to {WORST}")
+    card = measure_card(game, agent.policy, (own, other), options.games, options.seed, response, options.response_games)
+    table_of_other = next(path for path, player in zip(options.tables, players, strict=True) if player is other)
+    opponent = Named(table_of_other.stem, other)
+    pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
+    if options.record:
+        options.replays.mkdir(parents=True, exist_ok=True)
+    for lost in card.worst[: options.record]:
+        replay = record_game(game, pursuer, evader, options.games, options.seed, lost["game"])
+        save_replay(replay, options.replays / f"game-{lost['game']}-{lost['outcome']}.json")
+    if options.json:
+        about = {"agent": agent.name, "game": options.game, "starts": options.starts, "seed": options.seed}
+        print(json.dumps(about | {"tables": [path.name for path in options.tables]} | card.to_dict()))
+    else:
+        print(card_table(agent.name, card))
     return 0

@@ -81,7 +81,7 @@ def play_games(
     viable: bool = False,
 ) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    starts, key = _begin(game, games, seed, viable)
+    starts, key = begin(game, games, seed, viable)
     return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots)
 
 
@@ -100,7 +100,7 @@ def replay_game(
         index: which of the games, from 0.
     """
     require(0 <= index < games, "index", index, f"at least 0 and less than games = {games}")
-    return trace(game, solo(pursuer), solo(evader), *_begin(game, games, seed, viable), index)
+    return trace(game, solo(pursuer), solo(evader), *begin(game, games, seed, viable), index)
 
 
 def worst_first(results: Results) -> list[int]:
@@ -121,7 +121,7 @@ def record_game(
     )  # fmt: skip
 
 
-def _begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, PRNGKeyArray]:
+def begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, PRNGKeyArray]:
     """The starts of a match, and the key of everything random in its games."""
     require(games >= 1, "games", games, "at least 1")
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")

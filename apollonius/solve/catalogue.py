@@ -30,18 +30,26 @@ def find_player(name: str, role: Role, game: Game) -> Named:
     bare = name.removeprefix(SHIELDED)
     if not bare.endswith(SUFFIX):
         return find_agent(name, role, game)
-    path, side = Path(bare), role.name.lower()
-    solution = load_solution(path)
-    problem = solution.problem
-    require(problem.kind == "game", side, f"'{bare}'", f"a solved game; this is one of {problem.kind}")
-    require(problem.role == side, side, f"'{bare}'", f"a file solved with --role {side}; this is the {problem.role}'s")
-    asked = to_dict(game)
-    if any(problem.game[part] != asked[part] for part in _PHYSICS):
-        raise InvalidInput(f"'{bare}' was solved for another game: solve this one with apollonius solve game.")
-    policy = SaddlePolicy(contest_of(problem, game), jnp.asarray(solution.table))
+    policy, side = table_player(Path(bare), game), role.name.lower()
+    solved_for = policy.contest.role.name.lower()
+    require(solved_for == side, side, f"'{bare}'", f"a file solved with --role {side}; this is the {solved_for}'s")
     if bare != name:
-        return Named(SHIELDED + path.stem, shielded(policy, game, role))
-    return Named(path.stem, policy)
+        return Named(SHIELDED + Path(bare).stem, shielded(policy, game, role))
+    return Named(Path(bare).stem, policy)
+
+
+def table_player(path: Path, game: Game) -> SaddlePolicy:
+    """The player that acts by the file of a solved game.
+
+    Raises:
+        InvalidInput: when the file is missing, bad, or of another problem or game.
+    """
+    solution = load_solution(path)
+    problem, asked = solution.problem, to_dict(game)
+    require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
+    if any(problem.game[part] != asked[part] for part in _PHYSICS):
+        raise InvalidInput(f"'{path}' was solved for another game: solve this one with apollonius solve game.")
+    return SaddlePolicy(contest_of(problem, game), jnp.asarray(solution.table))
 
 
 def contest_of(problem: Problem, game: Game) -> Contest:

@@ -1,0 +1,181 @@
+"""The regret card of an agent: how far its play is from what the solved two-robot game says can be had."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.errors import require
+from apollonius.evaluate.match import begin, play_games
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.game import Game
+from apollonius.game.outcome import evader_wins, pursuer_wins
+from apollonius.game.types import GameState, Outcome, Role
+from apollonius.rollout import Results
+from apollonius.solve.players import AbstractLookahead, SaddlePolicy
+
+_REGIONS = 5
+"""Parts of the arena along x and along y, by which losses are told."""
+WORST = 10
+"""Games that a card lists."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one player got from one opponent. Rates are in [0, 1], with Wilson 95 % intervals."""
+
+    games: int
+    won: float
+    won_interval: tuple[float, float]
+    lost: float
+    lost_interval: tuple[float, float]
+    payoff: float
+    """Mean of what the games were worth."""
+    payoff_interval: tuple[float, float]
+    """Normal 95 % interval of that mean."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """An agent beside the solved game, on the same starts. Payoffs are its side's, discounted by the time they take."""
+
+    role: str
+    games: int
+    sure: float
+    """Mean of what the table says the agent's side can be sure of."""
+    at_most: float
+    """Mean of what the other side's table says that it concedes at most."""
+    table: Score
+    """The table's player of the agent's side, against that of the other side."""
+    agent: Score
+    """The agent, against the table's player of the other side."""
+    gap: float
+    """Mean over the starts of the table's payoff less the agent's."""
+    gap_interval: tuple[float, float]
+    response: Score | None
+    """The agent against an opponent that looks ahead knowing what the agent does; None if it was not asked for."""
+    regions: list[list[float | None]]
+    """The mean gap by where the agent starts: rows from the highest y, columns from the lowest x; None: no starts."""
+    worst: list[dict[str, Any]]
+    """The games against the table's player that cost most: number, outcome, seconds, gap, start (x, y, v, heading)."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The card as JSON-like data."""
+        return asdict(self)
+
+
+def measure_card(
+    game: Game,
+    agent: AbstractPolicy,
+    tables: tuple[SaddlePolicy, SaddlePolicy],
+    games: int,
+    seed: int,
+    response: AbstractLookahead | None = None,
+    response_games: int = 1000,
+) -> Card:
+    """Play the agent, and its side's table, against the other side's table from the same starts.
+
+    Args:
+        tables: the players of the agent's side and of the other one.
+        games, seed: as of a match; the starts are those of `play_match`.
+        response: an opponent that knows the agent; it plays the first `response_games` starts of another match.
+
+    Raises:
+        InvalidInput: as `play_match`, and unless the tables are of two sides and one payoff.
+    """
+    own, other = tables
+    role = own.contest.role
+    require(other.contest.role != role, "tables", "of one side", "one of the pursuer and one of the evader")
+    same = (own.contest.win, own.contest.lose) == (-other.contest.lose, -other.contest.win)
+    require(same, "tables", "of two payoffs", "two that were solved with the same --payoff")
+    starts, _ = begin(game, games, seed, viable=False)
+    payoffs = {}
+    results: dict[str, Results] = {}
+    for name, player in (("agent", agent), ("table", own)):
+        results[name] = _play(game, role, player, other, games, seed)
+        payoffs[name] = _payoffs(own, results[name])
+    gaps = payoffs["table"] - payoffs["agent"]
+    answered = None
+    if response is not None:
+        lost_to = _play(game, role, agent, response, response_games, seed)
+        answered = _score(role, lost_to, _payoffs(own, lost_to))
+    own_starts = (starts.pursuer, starts.evader)[role]
+    return Card(
+        role=role.name.lower(),
+        games=games,
+        sure=float(jnp.mean(own.best_worth(starts))),
+        at_most=-float(jnp.mean(other.best_worth(starts))),
+        table=_score(role, results["table"], payoffs["table"]),
+        agent=_score(role, results["agent"], payoffs["agent"]),
+        gap=float(np.mean(gaps)),
+        gap_interval=_mean_interval(gaps),
+        response=answered,
+        regions=_by_region(game, np.asarray(own_starts.x), np.asarray(own_starts.y), gaps),
+        worst=_worst(game, starts, results["agent"], gaps),
+    )
+
+
+def _play(game: Game, role: Role, player: AbstractPolicy, opponent: AbstractPolicy, games: int, seed: int) -> Results:
+    pair = (player, opponent) if role == Role.PURSUER else (opponent, player)
+    return play_games(game, *pair, games, seed)
+
+
+def _payoffs(own: SaddlePolicy, results: Results) -> np.ndarray:
+    seconds = results.steps.astype(jnp.float32) * own.contest.game.dt
+    return np.asarray(jax.vmap(own.contest.payoff_of)(results.outcome, seconds))
+
+
+def _score(role: Role, results: Results, payoffs: np.ndarray) -> Score:
+    won, lost = (
+        int(np.sum(which))
+        for which in (pursuer_wins(results.outcome), evader_wins(results.outcome, time_limit_wins=False))
+    )
+    if role == Role.EVADER:
+        won, lost = lost, won
+    games = len(payoffs)
+    return Score(
+        games,
+        won / games, wilson_interval(won, games), lost / games, wilson_interval(lost, games),
+        float(np.mean(payoffs)), _mean_interval(payoffs),
+    )  # fmt: skip
+
+
+def _mean_interval(values: np.ndarray) -> tuple[float, float]:
+    """Normal 95 % interval of a mean."""
+    mean, error = float(np.mean(values)), float(np.std(values)) / max(1, len(values) - 1) ** 0.5
+    return mean - 1.96 * error, mean + 1.96 * error
+
+
+def _by_region(game: Game, x: np.ndarray, y: np.ndarray, gaps: np.ndarray) -> list[list[float | None]]:
+    arena = game.arena
+    column, row = (
+        np.clip(((place - float(low)) / float(high - low) * _REGIONS).astype(int), 0, _REGIONS - 1)
+        for place, low, high in ((x, arena.x_min, arena.x_max), (y, arena.y_min, arena.y_max))
+    )
+    return [
+        [
+            round(float(np.mean(gaps[there])), 4) if (there := (row == r) & (column == c)).any() else None
+            for c in range(_REGIONS)
+        ]
+        for r in reversed(range(_REGIONS))
+    ]
+
+
+def _worst(game: Game, starts: GameState, results: Results, gaps: np.ndarray) -> list[dict[str, Any]]:
+    robots = {"pursuer": starts.pursuer, "evader": starts.evader}
+    return [
+        {
+            "game": int(index),
+            "outcome": Outcome(int(results.outcome[index])).name.lower(),
+            "seconds": round(float(results.steps[index] * game.dt), 2),
+            "gap": round(float(gaps[index]), 4),
+        }
+        | {
+            side: [round(float(leaf[index]), 3) for leaf in (robot.x, robot.y, robot.v, robot.heading)]
+            for side, robot in robots.items()
+        }
+        for index in np.argsort(-gaps, kind="stable")[:WORST]
+    ]
