@@ -170,7 +170,7 @@ def _worst(game: Game, starts: GameState, results: Results, gaps: np.ndarray) ->
         {
             "game": int(index),
             "outcome": Outcome(int(results.outcome[index])).name.lower(),
-            "seconds": round(float(results.steps[index] * game.dt), 2),
+            "seconds": round(int(results.steps[index]) * float(game.dt), 2),
             "gap": round(float(gaps[index]), 4),
         }
         | {

@@ -1,0 +1,79 @@
+"""The regret card: its numbers add up, and they tell a good player from a bad one."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from apollonius.agents.classical import Still
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.card import measure_card
+from apollonius.evaluate.match import play_match
+from apollonius.game.types import Role
+from apollonius.solve.contest import make_contest
+from apollonius.solve.grid import make_grid
+from apollonius.solve.guarantee import make_duel, solve_duel
+from apollonius.solve.players import ResponsePolicy, SaddlePolicy
+from tests.solve.small import BODY, SMALL
+
+QUICK = replace(SMALL, max_steps=150)
+GAMES = 60
+
+
+def player(role, payoff="win"):
+    grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
+    contest = make_contest(QUICK, (grid, grid), 5, role, payoff)
+    return SaddlePolicy(contest, solve_duel(make_duel(contest)).table)
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return player(Role.PURSUER), player(Role.EVADER)
+
+
+@pytest.fixture(scope="module")
+def card(tables):
+    return measure_card(QUICK, Uniform(), tables[::-1], GAMES, seed=3)
+
+
+def test_its_scores_are_those_of_matches(card, tables):
+    match = play_match(QUICK, tables[0], Uniform(), GAMES, seed=3)
+    assert card.role == "evader"
+    assert (card.agent.lost, card.agent.won) == (match.pursuer_win_rate, match.evader_win_rate)
+    assert card.agent.lost_interval == match.pursuer_win_interval
+    between = play_match(QUICK, *tables, GAMES, seed=3)
+    assert (card.table.lost, card.table.won) == (between.pursuer_win_rate, between.evader_win_rate)
+    assert card.response is None
+
+
+def test_the_gap_is_what_the_table_gets_more(card):
+    assert card.gap == pytest.approx(card.table.payoff - card.agent.payoff, abs=1e-6)
+    assert card.gap_interval[0] < card.gap < card.gap_interval[1]
+    assert card.gap_interval[0] > 0.2, "a random evader is far from what the table can be sure of"
+    gaps = np.array([[np.nan if gap is None else gap for gap in row] for row in card.regions])
+    assert gaps.shape == (5, 5)
+    assert np.nanmin(gaps) < card.gap < np.nanmax(gaps)
+    worst = [game["gap"] for game in card.worst]
+    assert worst == sorted(worst, reverse=True)
+    assert worst[0] >= np.nanmax(gaps)
+    json.dumps(card.to_dict())
+
+
+def test_the_table_itself_has_no_gap_and_a_response_to_a_still_evader_captures(tables):
+    pursuer, evader = tables
+    same = measure_card(QUICK, pursuer, tables, GAMES, seed=0)
+    assert same.gap == 0
+    response = ResponsePolicy(pursuer.contest, pursuer.table, Still())
+    still = measure_card(QUICK, Still(), (evader, pursuer), GAMES, 0, response, response_games=40)
+    assert still.response is not None
+    assert still.response.games == 40
+    assert still.response.lost > 0.9
+
+
+def test_tables_that_do_not_go_together_are_refused(tables):
+    with pytest.raises(InvalidInput, match="tables = of one side"):
+        measure_card(QUICK, Uniform(), (tables[0], tables[0]), GAMES, 0)
+    with pytest.raises(InvalidInput, match="tables = of two payoffs"):
+        measure_card(QUICK, Uniform(), (tables[0], player(Role.EVADER, "time")), GAMES, 0)
