@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from apollonius.game.file import find_game as find_game
     from apollonius.game.game import Game as Game
     from apollonius.game.game import reset_batch as reset_batch
+    from apollonius.game.polygon import Polygon as Polygon
     from apollonius.game.presets import make_game as make_game
     from apollonius.game.reward import Reward as Reward
     from apollonius.game.starts import Starts as Starts
@@ -55,6 +56,7 @@ _HOMES = {
     "evaluate.match": ("play_match", "record_game"),
     "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
+    "game.polygon": ("Polygon",),
     "game.dynamics": ("Unicycle",),
     "game.file": ("find_game",),
     "game.game": ("Game", "reset_batch"),

@@ -91,7 +91,7 @@ class Circle(AbstractSteering):
         Raises:
             InvalidInput: when there is nothing to circle.
         """
-        require(game.arena.discs, "arena.discs", "none", "one at least for 'circle', which drives around it")
+        require(game.arena.has_obstacles, "obstacles", "none", "one at least for 'circle', which drives around it")
         return super().for_side(game, role, **rule)
 
     def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:

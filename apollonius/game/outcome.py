@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from apollonius.game.arena import closest_approach_squared
+from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real
 
 PURSUER_WINS = (Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)

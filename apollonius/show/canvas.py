@@ -1,4 +1,4 @@
-"""A game under way, seen from above: walls, discs, both trails, robots and headings. Needs Pillow only."""
+"""A game under way, seen from above: walls, obstacles, both trails, robots and headings. Needs Pillow only."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -27,6 +27,8 @@ class Canvas:
         draw = ImageDraw.Draw(self._empty)
         for obstacle in arena.discs:
             self._disc(draw, float(obstacle.x), float(obstacle.y), float(obstacle.radius), OBSTACLE)
+        for polygon in arena.polygons:
+            draw.polygon([self._pixel(float(x), float(y)) for x, y in polygon.vertices], fill=OBSTACLE)
         draw.rectangle((0, 0, self._empty.width - 1, self._empty.height - 1), outline=INK, width=2 * _FINER)
         self.wipe()
 

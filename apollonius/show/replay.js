@@ -90,6 +90,11 @@ function drawArena(context, arena, at, colours) {
     circle(context, at.x(disc.x), at.y(disc.y), disc.radius * at.scale);
     context.fill();
   }
+  for (const { vertices } of arena.polygons ?? []) {
+    context.beginPath();
+    for (const [x, y] of vertices) context.lineTo(at.x(x), at.y(y));
+    context.fill();
+  }
   context.strokeStyle = colours.ink;
   context.lineWidth = 2;
   context.strokeRect(left, top, right - left, bottom - top);

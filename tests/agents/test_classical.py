@@ -237,7 +237,7 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
         find_agent("flee", Role.EVADER)
     with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
         find_agent("flee", Role.PURSUER, PAPER)
-    with pytest.raises(InvalidInput, match=r"arena\.discs = none .* 'circle'"):
+    with pytest.raises(InvalidInput, match=r"obstacles = none .* 'circle'"):
         Circle.for_side(OPEN, Role.EVADER)
     assert "flee" not in player_names(Role.PURSUER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER))
