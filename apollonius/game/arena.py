@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon, clearance_along, clearance_from
 from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
@@ -25,6 +26,7 @@ class Arena(eqx.Module):
     Attributes:
         x_min, x_max, y_min, y_max: the walls [m].
         discs, polygons: the obstacles.
+        map: cells that are obstacles, or None.
     """
 
     x_min: Real = 0.0
@@ -33,6 +35,7 @@ class Arena(eqx.Module):
     y_max: Real = 10.0
     discs: tuple[Disc, ...] = ()
     polygons: tuple[Polygon, ...] = ()
+    map: OccupancyMap | None = None
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or in an obstacle."""
@@ -41,12 +44,12 @@ class Arena(eqx.Module):
     def clearances(self, x: Scalar, y: Scalar) -> list[Scalar]:
         """Distance [m] from a point to each of the four walls, then to each obstacle; negative on the wrong side."""
         to_polygons = [clearance_from([polygon], x, y) for polygon in self.polygons]
-        return [*self._to_each_wall(x, y), *self._to_discs(x, y), *to_polygons]
+        return [*self._to_each_wall(x, y), *self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
 
     @property
     def has_obstacles(self) -> bool:
         """Whether there is anything but walls."""
-        return bool(self.discs or self.polygons)
+        return bool(self.discs or self.polygons or self.map)
 
     def to_obstacles(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest obstacle; negative inside it. There must be one."""
@@ -59,8 +62,12 @@ class Arena(eqx.Module):
         return [jnp.hypot(x - disc.x, y - disc.y) - disc.radius for disc in self.discs]
 
     def _to_obstacles(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        """Of each disc, and of all polygons together, which costs less than of each."""
-        return self._to_discs(x, y) + ([clearance_from(self.polygons, x, y)] if self.polygons else [])
+        """Of each disc, of all polygons together, which costs less than of each, and of the map."""
+        to_polygons = [clearance_from(self.polygons, x, y)] if self.polygons else []
+        return [*self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
+
+    def _to_map(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        return [self.map.clearance(x, y)] if self.map else []
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Least clearance [m] on the segment between two states."""
@@ -69,7 +76,12 @@ class Arena(eqx.Module):
         for disc in self.discs:
             approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
             least = jnp.minimum(least, jnp.sqrt(approach) - disc.radius)
-        return jnp.minimum(least, clearance_along(self.polygons, before, after)) if self.polygons else least
+        return functools.reduce(jnp.minimum, self._to_others_along(before, after), least)
+
+    def _to_others_along(self, before: RobotState, after: RobotState) -> list[Scalar]:
+        """Least clearance [m] on the segment between two states from what is no disc."""
+        to_polygons = [clearance_along(self.polygons, before, after)] if self.polygons else []
+        return [*to_polygons, *([self.map.clearance_along(before, after)] if self.map else [])]
 
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
         return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
@@ -81,7 +93,9 @@ class Arena(eqx.Module):
         for disc in self.discs:
             approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
             hit = hit | (approach < (disc.radius + radius) ** 2)
-        return hit | (clearance_along(self.polygons, before, after) < radius) if self.polygons else hit
+        for clearance in self._to_others_along(before, after):
+            hit = hit | (clearance < radius)
+        return hit
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Whether a body of this radius [m] reaches beyond a wall (Eq. 2).

@@ -6,7 +6,7 @@ from pathlib import Path
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, make_game
-from apollonius.game.record import from_dict
+from apollonius.game.record import find_map, from_dict
 
 
 def find_game(name: str) -> Game:
@@ -25,7 +25,7 @@ def find_game(name: str) -> Game:
 def load_game(path: Path) -> Game:
     """The game of a TOML file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and the game's own numbers.
 
-    What is left out has its default; see `docs/own_arena.md`.
+    What is left out has its default, and the walls of an arena with a map are the map's ends; see `docs/rules.md`.
 
     Raises:
         InvalidInput: when the file is missing or no TOML, for an unknown key, and for a game that cannot be played.
@@ -36,4 +36,8 @@ def load_game(path: Path) -> Game:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         reason = str(error) or "it is nested too deeply"
         raise InvalidInput(f"'{path}' is no TOML file: {reason}; correct it.") from error
+    arena = data.get("arena")
+    if isinstance(arena, dict) and "map" in arena:
+        arena["map"] = found = find_map(arena["map"], path.parent)
+        data["arena"] = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max} | arena
     return from_dict(Game, data, f"'{path}'")

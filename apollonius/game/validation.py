@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.errors import InvalidInput, require
-from apollonius.game.polygon import clearance_from
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena
@@ -29,7 +28,7 @@ MOST_CORNERS = 1_000
 """Most corners of a polygon: every step looks at all of them."""
 _APART = 1e-6
 """What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
-_to_polygons = jax.jit(jax.vmap(clearance_from, in_axes=(None, 0, 0)))
+_to_obstacles = jax.jit(jax.vmap(lambda arena, x, y: arena.to_obstacles(x, y), in_axes=(None, 0, 0)))
 
 
 def check_game(game: "Game") -> None:
@@ -37,8 +36,7 @@ def check_game(game: "Game") -> None:
 
     Games whose numbers are being traced or swept (arrays) are left unchecked: their values are not known here.
     """
-    leaves = jax.tree.leaves(game, is_leaf=lambda leaf: leaf is None)
-    if any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in leaves):
+    if any(isinstance(leaf, (jax.Array, np.ndarray)) for _, leaf in _numbers(game)):
         return
     _check_finite(game)
     require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
@@ -62,9 +60,15 @@ def check_game(game: "Game") -> None:
     _check_room(game)
 
 
+def _numbers(game: "Game") -> list[tuple[str, Any]]:
+    """All its numbers by name, but for a map's field of distances."""
+    leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
+    named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
+    return [(name, leaf) for name, leaf in named if name not in ("arena.map", "arena.map.field")]
+
+
 def _check_finite(game: "Game") -> None:
-    for path, leaf in jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]:
-        name = jax.tree_util.keystr(path, simple=True, separator=".")
+    for name, leaf in _numbers(game):
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
         require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
         require(abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0")
@@ -94,6 +98,13 @@ def _check_arena(game: "Game") -> None:
         require(inside, f"{name} centre", (disc.x, disc.y), f"inside the walls {walls}; move or remove the disc")
     for index in range(len(arena.polygons)):
         _check_polygon(arena, index)
+    if arena.map:
+        found = arena.map
+        covered = found.x <= arena.x_min and arena.x_max <= found.x_max
+        covered &= found.y <= arena.y_min and arena.y_max <= found.y_max
+        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+        ends = f"[{found.x}, {found.x_max}] x [{found.y}, {found.y_max}] m"
+        require(covered, "arena walls", walls, f"within the map's ends {ends}; leave them out to have just these")
 
 
 def _check_polygon(arena: "Arena", index: int) -> None:
@@ -163,7 +174,7 @@ def _room(
     room = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
     for disc in arena.discs:
         room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
-    if arena.polygons:
+    if arena.polygons or arena.map:
         places = x.ravel().astype(np.float32), y.ravel().astype(np.float32)
-        room = np.minimum(room, np.asarray(_to_polygons(arena.polygons, *places)).reshape(x.shape))
+        room = np.minimum(room, np.asarray(_to_obstacles(arena, *places)).reshape(x.shape))
     return room

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from apollonius.game.arena import Arena
@@ -27,6 +28,10 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
         axes.add_patch(
             Circle((float(disc.x), float(disc.y)), float(disc.radius), facecolor=palette.OBSTACLE, edgecolor="none")
         )
+    if arena.map:
+        ends = (float(arena.map.x), float(arena.map.x_max), float(arena.map.y), float(arena.map.y_max))
+        cells, colours = arena.map.occupied(), ListedColormap(["none", palette.OBSTACLE])
+        axes.imshow(cells, cmap=colours, vmin=0, vmax=1, extent=ends, origin="lower", interpolation="nearest")
     for polygon in arena.polygons:
         corners = [(float(corner_x), float(corner_y)) for corner_x, corner_y in polygon.vertices]
         axes.add_patch(Polygon(corners, facecolor=palette.OBSTACLE, edgecolor="none"))

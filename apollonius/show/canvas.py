@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from math import cos, sin
 
+import numpy as np
 from PIL import Image, ImageDraw
 
 from apollonius.game.game import Game
+from apollonius.game.occupancy import OccupancyMap
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 
 SIZE = 480
@@ -25,6 +27,8 @@ class Canvas:
         size = (float(arena.x_max - arena.x_min) * self._scale, float(arena.y_max - arena.y_min) * self._scale)
         self._empty = Image.new("RGB", (round(size[0]), round(size[1])), PAPER)
         draw = ImageDraw.Draw(self._empty)
+        if arena.map:
+            self._cells(arena.map)
         for obstacle in arena.discs:
             self._disc(draw, float(obstacle.x), float(obstacle.y), float(obstacle.radius), OBSTACLE)
         for polygon in arena.polygons:
@@ -60,6 +64,14 @@ class Canvas:
             nose = self._pixel(x + 2 * size * cos(heading), y + 2 * size * sin(heading))
             draw.line([self._pixel(x, y), nose], fill=colour, width=3 * _FINER)
         return picture.reduce(_FINER)
+
+    def _cells(self, occupancy: OccupancyMap) -> None:
+        """Occupied cells; the picture's own pixels may be coarser."""
+        left, top = self._pixel(float(occupancy.x), float(occupancy.y_max))
+        right, bottom = self._pixel(float(occupancy.x_max), float(occupancy.y))
+        cells = Image.fromarray(np.ascontiguousarray(occupancy.occupied()[::-1]))
+        size = (max(1, round(right - left)), max(1, round(bottom - top)))
+        self._empty.paste(OBSTACLE, (round(left), round(top)), cells.convert("L").resize(size, Image.Resampling.BOX))
 
     def _pixel(self, x: float, y: float) -> tuple[float, float]:
         return (x - float(self._arena.x_min)) * self._scale, (float(self._arena.y_max) - y) * self._scale

@@ -95,6 +95,11 @@ function drawArena(context, arena, at, colours) {
     for (const [x, y] of vertices) context.lineTo(at.x(x), at.y(y));
     context.fill();
   }
+  if (arena.map) {
+    context.textAlign = "left";
+    context.fillStyle = colours.quiet;
+    context.fillText("the occupancy map of this arena is not shown here", left + 6, top + 12);
+  }
   context.strokeStyle = colours.ink;
   context.lineWidth = 2;
   context.strokeRect(left, top, right - left, bottom - top);

@@ -53,6 +53,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
     rules = find_game(game)
+    require(not rules.arena.map, "--game", game, "one without an occupancy map, which the page does not have")
     games = {} if game in PRESETS else {Path(game).stem: rules}
     side = Role.EVADER if person == Role.PURSUER else Role.PURSUER
     name = against or BEST[side]

@@ -42,7 +42,7 @@ def test_a_network_that_went_astray_is_refused(broken):
 
 def test_clearances_from_polygons_are_refused_and_not_left_out():
     game = Game(arena=Arena(polygons=(Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.0))),)))
-    with pytest.raises(InvalidInput, match=r"polygons = 1 .* walls and discs only"):
+    with pytest.raises(InvalidInput, match=r"obstacles = polygons or a map .* walls and discs"):
         make_blueprint("E", describe(small_network("encoded"), Role.EVADER, {}, {}), game)
     assert make_blueprint("E", AGENT, game).discs == []
 
