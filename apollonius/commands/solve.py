@@ -25,7 +25,7 @@ def add_solve(subparsers: Any) -> None:
         "what", choices=("safety", "reach"),
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target",
     )  # fmt: skip
-    parser.add_argument("--game", default="paper", help="name of the game (default: %(default)s)")
+    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
     parser.add_argument("--role", choices=("pursuer", "evader"), help="whose safety (default: pursuer)")
     parser.add_argument("--target", type=float, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
     add_grid_options(parser)
@@ -39,19 +39,19 @@ def add_solve(subparsers: Any) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     """Solve, or load what is solved already; say how good it is and what it means."""
-    from apollonius.game.presets import make_game
+    from apollonius.game.file import find_game
     from apollonius.game.record import to_dict
     from apollonius.game.types import Role
     from apollonius.solve.store import Problem, load_solution, save_solution
 
-    game, reaching = make_game(options.game), options.what == "reach"
+    game, reaching = find_game(options.game), options.what == "reach"
     given = options.target is not None
     require(given == reaching, "--target", options.target, "X Y for reach, and left out otherwise")
     require(not (reaching and options.role), "--role", options.role, "left out for reach, where the pursuer moves")
     role = Role[(options.role or "pursuer").upper()]
     grid, hold = requested_grid(options, game, role)
     problem = Problem(options.what, role.name.lower(), to_dict(game), list(grid.counts), hold, options.target)
-    path: Path = options.out or Path(f"{options.what}-{options.game}.npz")
+    path: Path = options.out or Path(f"{options.what}-{Path(options.game).stem}.npz")
     if path.exists() and not options.force:
         solution = load_solution(path)
         if solution.problem != problem:

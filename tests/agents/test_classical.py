@@ -17,6 +17,7 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 
@@ -241,3 +242,20 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
         Circle.for_side(OPEN, Role.EVADER)
     assert "flee" not in player_names(Role.PURSUER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER))
+
+
+def test_players_that_know_obstacles_mind_polygons():
+    """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
+    corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))
+    game = Game(arena=Arena(polygons=(corner, Polygon(((5.0, 6.0), (8.0, 5.0), (6.5, 8.0))))), max_steps=80)
+    pursuer = find_agent("shielded:potential-field", Role.PURSUER, game)
+    evader = find_agent("flee-aware", Role.EVADER, game)
+    outcomes = play_match(game, pursuer.policy, evader.policy, 48, seed=0).outcomes
+    assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
+    assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5
+    bare = find_agent("potential-field", Role.PURSUER, game).policy
+    beside, away = (bare.potential(*map(jnp.float32, (3.5, y)), robot(3.5, 8.0)) for y in (2.6, 3.4))
+    assert float(beside - away) > 0.8 + 1  # the polygon pushes; the opponent alone makes 0.8 m of it
+    circle = find_agent("circle", Role.EVADER, game).policy
+    heading, _ = circle.course(robot(3.5, 1.4, heading=pi), robot(9.0, 9.0))
+    assert float(heading) == pytest.approx(pi, abs=0.05) or float(heading) == pytest.approx(-pi, abs=0.05)
