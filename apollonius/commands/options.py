@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from apollonius.solve.grid import Grid
 
 AGENT = (
-    "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
-    "evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
+    "a built-in player (random, still, potential-field, territory; pursuers: pure-pursuit, proportional-navigation, "
+    "intercept; evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""
 INTERRUPTED = 130

@@ -27,6 +27,7 @@ class Arena(eqx.Module):
         x_min, x_max, y_min, y_max: the walls [m].
         discs, polygons: the obstacles.
         map: cells that are obstacles, or None.
+        territory: where the evader wins and does not start, or None.
     """
 
     x_min: Real = 0.0
@@ -36,6 +37,7 @@ class Arena(eqx.Module):
     discs: tuple[Disc, ...] = ()
     polygons: tuple[Polygon, ...] = ()
     map: OccupancyMap | None = None
+    territory: Disc | None = None
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or in an obstacle."""
@@ -96,6 +98,15 @@ class Arena(eqx.Module):
         for clearance in self._to_others_along(before, after):
             hit = hit | (clearance < radius)
         return hit
+
+    def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
+        """Whether a robot's centre comes into the territory anywhere along the segment between two states."""
+        goal = self.territory
+        assert goal is not None, "who asks knows that there is one"
+        approach = closest_approach_squared(
+            before.x - goal.x, before.y - goal.y, after.x - before.x, after.y - before.y
+        )
+        return approach < goal.radius**2
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Whether a body of this radius [m] reaches beyond a wall (Eq. 2).

@@ -104,4 +104,5 @@ def judge(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
         evader_hit=game.arena.hits_obstacle(before.evader, after.evader, game.evader.radius),
         evader_out=game.arena.is_out_of_range(after.evader, game.evader.radius),
         out_of_time=after.steps >= game.max_steps,
+        territory_reached=game.arena.reaches_territory(before.evader, after.evader) if game.arena.territory else None,
     )

@@ -77,6 +77,14 @@ def survey(game: Game) -> Survey:
             f"the evader is safe on {cell**2 * haven.sum():.3g} m^2, where no pursuer comes within capture_distance = "
             f"{float(game.capture_distance):g} m as it does not fit: make the pursuer smaller or the passages wider."
         )
+    if arena.territory:
+        goal = arena.territory
+        there = np.hypot(x - goal.x, y - goal.y) < goal.radius
+        entered = np.isin(parts[1], np.unique(parts[1][may_start[1]])) & (parts[1] > 0)
+        if not (there & entered).any():
+            wrong.append(
+                "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
+            )
     return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game, clearances < 0, cell)))
 
 

@@ -61,10 +61,11 @@ def check_game(game: "Game") -> None:
 
 
 def _numbers(game: "Game") -> list[tuple[str, Any]]:
-    """All its numbers by name, but for a map's field of distances."""
+    """All its numbers by name, but for a map's field of distances and what an arena need not have."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
-    return [(name, leaf) for name, leaf in named if name not in ("arena.map", "arena.map.field")]
+    left_out = {("arena.map", True), ("arena.territory", True), ("arena.map.field", False)}
+    return [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
 
 
 def _check_finite(game: "Game") -> None:
@@ -98,6 +99,11 @@ def _check_arena(game: "Game") -> None:
         require(inside, f"{name} centre", (disc.x, disc.y), f"inside the walls {walls}; move or remove the disc")
     for index in range(len(arena.polygons)):
         _check_polygon(arena, index)
+    if arena.territory:
+        goal, name = arena.territory, "arena.territory"
+        require(goal.radius > 0, f"{name}.radius", goal.radius, "more than 0 m; remove it to have no territory")
+        inside = arena.x_min <= goal.x <= arena.x_max and arena.y_min <= goal.y <= arena.y_max
+        require(inside, f"{name} centre", (goal.x, goal.y), "inside the walls; move or remove it")
     if arena.map:
         found = arena.map
         covered = found.x <= arena.x_min and arena.x_max <= found.x_max
@@ -149,6 +155,9 @@ def _check_room(game: "Game") -> None:
     for first in range(0, _DRAWS, _TOGETHER):
         x, y = (places[:, first : first + _TOGETHER] for places in (xs, ys))
         enough = _room(arena, x, y) >= np.array([[margin] for margin in margins.values()])
+        if arena.territory:
+            goal = arena.territory
+            enough[1] &= np.hypot(x[1] - goal.x, y[1] - goal.y) >= goal.radius + starts.separation
         fits |= enough.any(axis=1)
         apart = np.hypot(x[0] - x[1], y[0] - y[1])[enough.all(axis=0)]
         reach = max(reach, float(apart.max(initial=0.0)))

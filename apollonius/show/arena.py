@@ -35,6 +35,10 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
     for polygon in arena.polygons:
         corners = [(float(corner_x), float(corner_y)) for corner_x, corner_y in polygon.vertices]
         axes.add_patch(Polygon(corners, facecolor=palette.OBSTACLE, edgecolor="none"))
+    if arena.territory:
+        goal = arena.territory
+        ring = Circle((float(goal.x), float(goal.y)), float(goal.radius), fill=False, edgecolor=palette.EVADER)
+        axes.add_patch(ring)
     margin = 0.03 * max(width, height)
     axes.set_xlim(x - margin, x + width + margin)
     axes.set_ylim(y - margin, y + height + margin)

@@ -6,6 +6,7 @@ from math import cos, sin
 import numpy as np
 from PIL import Image, ImageDraw
 
+from apollonius.game.arena import Disc
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
@@ -33,6 +34,8 @@ class Canvas:
             self._disc(draw, float(obstacle.x), float(obstacle.y), float(obstacle.radius), OBSTACLE)
         for polygon in arena.polygons:
             draw.polygon([self._pixel(float(x), float(y)) for x, y in polygon.vertices], fill=OBSTACLE)
+        if arena.territory:
+            self._ring(draw, arena.territory)
         draw.rectangle((0, 0, self._empty.width - 1, self._empty.height - 1), outline=INK, width=2 * _FINER)
         self.wipe()
 
@@ -64,6 +67,12 @@ class Canvas:
             nose = self._pixel(x + 2 * size * cos(heading), y + 2 * size * sin(heading))
             draw.line([self._pixel(x, y), nose], fill=colour, width=3 * _FINER)
         return picture.reduce(_FINER)
+
+    def _ring(self, draw: ImageDraw.ImageDraw, goal: Disc) -> None:
+        """The edge of the territory, in the colour of who would reach it."""
+        column, row = self._pixel(float(goal.x), float(goal.y))
+        reach = float(goal.radius) * self._scale
+        draw.ellipse((column - reach, row - reach, column + reach, row + reach), outline=EVADER, width=2 * _FINER)
 
     def _cells(self, occupancy: OccupancyMap) -> None:
         """Occupied cells; the picture's own pixels may be coarser."""

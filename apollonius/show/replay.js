@@ -95,6 +95,12 @@ function drawArena(context, arena, at, colours) {
     for (const [x, y] of vertices) context.lineTo(at.x(x), at.y(y));
     context.fill();
   }
+  if (arena.territory) {
+    context.strokeStyle = colours.evader;
+    context.lineWidth = 2;
+    circle(context, at.x(arena.territory.x), at.y(arena.territory.y), arena.territory.radius * at.scale);
+    context.stroke();
+  }
   if (arena.map) {
     context.textAlign = "left";
     context.fillStyle = colours.quiet;

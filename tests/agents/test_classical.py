@@ -221,16 +221,17 @@ def test_chasers_catch_whoever_stands_still():
 
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
-    player = find_agent(name, role, PAPER).policy
-    seen = PAPER.observe(PAPER.reset(jax.random.key(1)), role, player.observation)
+    game = make_game("territory") if name == "territory" else PAPER
+    player = find_agent(name, role, game).policy
+    seen = game.observe(game.reset(jax.random.key(1)), role, player.observation)
     own = int(player(seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
     other = int(player.act_among(allowed, seen, jnp.uint32(0)))
     values = np.array(player.values(seen))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
-    assert name in player_names(role)
-    assert find_agent(f"shielded:{name}", role, PAPER).policy.policy == player
+    assert name in player_names(role, game)
+    assert find_agent(f"shielded:{name}", role, game).policy.policy == player
 
 
 def test_a_classical_player_needs_a_game_and_its_own_side():
@@ -240,8 +241,12 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
         find_agent("flee", Role.PURSUER, PAPER)
     with pytest.raises(InvalidInput, match=r"obstacles = none .* 'circle'"):
         Circle.for_side(OPEN, Role.EVADER)
-    assert "flee" not in player_names(Role.PURSUER)
-    assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER))
+    with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):
+        find_agent("territory", Role.PURSUER, PAPER)
+    assert "territory" not in player_names(Role.EVADER, PAPER)
+    assert "circle" not in player_names(Role.EVADER, OPEN)
+    assert "flee" not in player_names(Role.PURSUER, PAPER)
+    assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
 
 
 def test_players_that_know_obstacles_mind_polygons():

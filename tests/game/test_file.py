@@ -115,9 +115,13 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("[[arena.polygons]]\nvertices = 3", "wrong kind|polygons"),
         ("[[arena.polygons]]\nvertices = []", "0 corners"),
         ("[[arena.polygons]]\nvertices = [[1, 2], [3, '4'], [6, 7]]", "polygons"),
+        ("[arena]\nterritory = 3", "wrong kind|territory"),
+        ("[arena.territory]\nx = 5\ny = 5\nradius = 0", "territory.radius = 0.0 .* more than 0 m"),
+        ("[arena.territory]\nx = 15\ny = 5\nradius = 1", "territory centre = .15.0, 5.0. .* inside the walls"),
+        ("[arena.territory]\nx = 5\ny = 5\nradius = 9", "leaves the evader no place to start"),
         ("[[arena.discs]]\nx = 30\ny = 5\nradius = 1", "discs.0. centre .* inside the walls"),
     ],
-    ids=range(21),
+    ids=range(25),
 )
 def test_each_error_is_one_clear_line(content, said, written):
     with pytest.raises(InvalidInput, match=said) as refusal:

@@ -73,6 +73,14 @@ def test_pockets_gates_and_overlaps_of_polygons_are_found():
     )
 
 
+def test_a_territory_that_cannot_be_reached_is_found():
+    ring = tuple(Disc(5 + 2 * float(np.cos(a)), 5 + 2 * float(np.sin(a)), 0.3) for a in np.linspace(0, 2 * np.pi, 25))
+    for goal, lines in ((Disc(5.0, 5.0, 0.5), 1), (Disc(1.0, 1.0, 0.5), 0)):
+        game = Game(arena=Arena(discs=ring, territory=goal), starts=Starts(clearance=1.75, separation=1.8))
+        found = survey(game)
+        assert sum("cannot come into arena.territory" in line for line in found.wrong) == lines
+
+
 def test_a_haven_of_the_evader_is_found():
     """A ring with a gate for the evader alone: the pursuer never starts within, nor comes close enough."""
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)

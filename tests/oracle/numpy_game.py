@@ -34,7 +34,11 @@ def step(game, state, pursuer_action, evader_action):
     gap = closest_pass(pursuer_before, pursuer, evader_before, evader) - game.capture_distance
     pursuer_gaps = gaps(game.arena, game.pursuer.radius, pursuer_before, pursuer)
     evader_gaps = gaps(game.arena, game.evader.radius, evader_before, evader)
-    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), steps >= game.max_steps)
+    goal = game.arena.territory
+    to_goal = math.inf
+    if goal:
+        to_goal = closest_pass(evader_before, evader, (goal.x, goal.y), (goal.x, goal.y)) - goal.radius
+    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), to_goal < 0, steps >= game.max_steps)
 
     closed = distance(pursuer_before, evader_before) - distance(pursuer, evader)
     zero_sum = game.reward.profile == "zero-sum"
@@ -50,7 +54,7 @@ def step(game, state, pursuer_action, evader_action):
         evader_reward=evader_reward,
         terminated=outcome != "ONGOING" and not truncated,
         truncated=truncated,
-        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps)),
+        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps, to_goal)),
     )
 
 
@@ -165,7 +169,7 @@ def fate(to_disc, to_wall):
     return None
 
 
-def judge(captured, pursuer_fate, evader_fate, out_of_time):
+def judge(captured, pursuer_fate, evader_fate, reached, out_of_time):
     if captured:
         return "CAPTURED"
     if pursuer_fate and evader_fate:
@@ -174,6 +178,8 @@ def judge(captured, pursuer_fate, evader_fate, out_of_time):
         return "PURSUER_" + pursuer_fate
     if evader_fate:
         return "EVADER_" + evader_fate
+    if reached:
+        return "TERRITORY_REACHED"
     if out_of_time:
         return "NO_RESULT"
     return "ONGOING"
@@ -183,6 +189,8 @@ def paper_rewards(reward, outcome, closed):
     """Eq. 8, 9: the cases in the paper's order."""
     if outcome == "CAPTURED":
         return reward.capture, -reward.capture
+    if outcome == "TERRITORY_REACHED":
+        return -reward.capture, reward.capture
     pursuer, evader = reward.progress * closed, -reward.progress * closed
     if outcome.startswith("PURSUER") or outcome == "BOTH_FAILED":
         pursuer = -reward.failure
@@ -194,6 +202,6 @@ def paper_rewards(reward, outcome, closed):
 def zero_sum_rewards(reward, outcome, closed):
     if outcome == "CAPTURED" or outcome.startswith("EVADER"):
         return 1.0, -1.0
-    if outcome.startswith("PURSUER") or outcome == "NO_RESULT":
+    if outcome.startswith("PURSUER") or outcome in ("NO_RESULT", "TERRITORY_REACHED"):
         return -1.0, 1.0
     return 0.0, 0.0

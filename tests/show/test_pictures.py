@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.patches import Polygon as Patch
@@ -30,6 +31,13 @@ def test_discs_are_drawn_where_they_are(axes):
     assert axes.get_aspect() == 1.0
     left, right = axes.get_xlim()
     assert left < arena.x_min < arena.x_max < right
+
+
+def test_a_territory_is_a_ring_in_the_evaders_colour(axes):
+    draw_arena(axes, make_game("territory").arena)
+    (ring,) = (patch for patch in axes.patches if isinstance(patch, Circle) and not patch.get_fill())
+    assert (*ring.center, ring.radius) == (5, 5, 1)
+    assert to_hex(ring.get_edgecolor()) == palette.EVADER
 
 
 def test_polygons_are_drawn_where_they_are(axes):

@@ -48,6 +48,11 @@ export function draw(canvas, game, states, now, colours, steered = []) {
     for (const [x, y] of vertices) context.lineTo(x, y);
     context.fill();
   }
+  if (arena.territory) {
+    context.strokeStyle = colours.evader;
+    context.lineWidth = 0.05;
+    circle(context, arena.territory.x, arena.territory.y, arena.territory.radius).stroke();
+  }
   context.strokeStyle = colours.ink;
   context.lineWidth = 0.05;
   context.strokeRect(arena.x_min, arena.y_min, width, height);

@@ -16,6 +16,7 @@ export const OUTCOMES = [
   "evader_out_of_range",
   "both_failed",
   "no_result",
+  "territory_reached",
 ];
 
 export function other(role) {
@@ -135,6 +136,12 @@ function hitsObstacle(arena, before, after, radius) {
   return obstaclesAlong(arena, before, after).some((clearance) => clearance < radius);
 }
 
+/** Whether a robot's centre comes into the territory on the segment between two states. */
+function reachesTerritory({ territory }, before, after) {
+  const [x, y] = [before.x - territory.x, before.y - territory.y];
+  return closestApproach(x, y, after.x - before.x, after.y - before.y) < territory.radius;
+}
+
 function isOutOfRange(arena, after, radius) {
   return toWalls(arena, after.x, after.y) < radius;
 }
@@ -158,7 +165,10 @@ export function judge(game, before, after) {
     return isOutOfRange(game.arena, after[role], radius) ? `${role}_out_of_range` : null;
   });
   if (failures[0] && failures[1]) return "both_failed";
-  return failures[0] ?? failures[1] ?? (after.steps >= game.max_steps ? "no_result" : "ongoing");
+  const fails = failures[0] ?? failures[1];
+  if (fails) return fails;
+  if (game.arena.territory && reachesTerritory(game.arena, before.evader, after.evader)) return "territory_reached";
+  return after.steps >= game.max_steps ? "no_result" : "ongoing";
 }
 
 /** One transition: both robots hold their actions (0..8) for `dt`; returns {state, outcome}. */
@@ -174,7 +184,7 @@ export function step(game, state, actions) {
 /** Who won: "pursuer", "evader" or null (outlived the time limit, or both failed). */
 export function winner(game, outcome) {
   if (["captured", "evader_hit_obstacle", "evader_out_of_range"].includes(outcome)) return PURSUER;
-  if (["pursuer_hit_obstacle", "pursuer_out_of_range"].includes(outcome)) return EVADER;
+  if (["pursuer_hit_obstacle", "pursuer_out_of_range", "territory_reached"].includes(outcome)) return EVADER;
   return outcome === "no_result" && game.reward.profile === "zero-sum" ? EVADER : null;
 }
 
@@ -250,6 +260,8 @@ export function drawStart(game, random) {
     const pursuer = place(game.pursuer);
     const evader = place(game.evader);
     const apart = Math.hypot(pursuer.x - evader.x, pursuer.y - evader.y) >= starts.separation;
-    if (apart && hasRoom(game.pursuer, pursuer) && hasRoom(game.evader, evader)) return { pursuer, evader, steps: 0 };
+    const { territory: goal } = arena;
+    const outside = !goal || Math.hypot(evader.x - goal.x, evader.y - goal.y) >= goal.radius + starts.separation;
+    if (apart && outside && hasRoom(game.pursuer, pursuer) && hasRoom(game.evader, evader)) return { pursuer, evader, steps: 0 };
   }
 }
