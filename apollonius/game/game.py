@@ -20,7 +20,7 @@ class Game(eqx.Module):
     """A pursuit-evasion game between two robots among obstacles.
 
     All its numbers are leaves of a pytree: one compilation serves every speed, radius and time step, and a sweep over
-    them is a `vmap`. Only the number of discs and the named profiles are static.
+    them is a `vmap`. Only the numbers of obstacles and of their corners and cells, and the named profiles, are static.
 
     Attributes:
         pursuer, evader: the robots' limits; equal in the paper.

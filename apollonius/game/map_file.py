@@ -99,9 +99,9 @@ def _number(value: Any, name: str) -> float:
 
 def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
     """How dark every pixel is, from 0 to 1 (the lightest is 1 where negated), the first row at the top."""
-    image_name = f"{name}: image"
     from PIL import Image
 
+    image_name = f"{name}: image"
     try:
         with Image.open(io.BytesIO(content), formats=("PPM", "PNG")) as image:
             require(image.mode in _WHITE, image_name, f"of kind {image.mode}", "grey, as PGM; convert it")

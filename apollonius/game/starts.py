@@ -18,7 +18,7 @@ class Starts(eqx.Module):
     Attributes:
         speed: `rest` (v = 0, or the slowest the robot can go) or `moving` (v uniform between the robot's limits;
             some of these starts are lost before they begin).
-        clearance: least distance of a robot's body from walls and discs [m].
+        clearance: least distance of a robot's body from walls and obstacles [m].
         separation: least distance between the robots' centres, and of the evader from a territory [m].
     """
 
