@@ -185,5 +185,6 @@ def _room(
         room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
     if arena.polygons or arena.map:
         places = x.ravel().astype(np.float32), y.ravel().astype(np.float32)
-        room = np.minimum(room, np.asarray(_to_obstacles(arena, *places)).reshape(x.shape))
+        with jax.ensure_compile_time_eval():  # a game may be made while a function that uses it is traced
+            room = np.minimum(room, np.asarray(_to_obstacles(arena, *places)).reshape(x.shape))
     return room

@@ -1,6 +1,7 @@
 """Polygons: distances and contacts against dense sampling and an oracle that was written apart."""
 
 import math
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -160,6 +161,11 @@ def test_impossible_polygons_are_refused_in_one_line(vertices, said):
     with pytest.raises(InvalidInput, match=said) as refusal:
         Game(arena=Arena(polygons=(Polygon(vertices),)))
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_game_can_be_made_while_a_function_is_traced():
+    game = Game(arena=Arena(polygons=(Polygon(SQUARE),)))
+    assert float(jax.jit(lambda factor: factor * replace(game, dt=0.5).dt)(jnp.float32(3.0))) == 1.5
 
 
 def test_other_corners_need_no_other_compilation():
