@@ -33,6 +33,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/apollonius bench train --profile fast
 	$(BIN)/python benchmarks/page.py
 	$(BIN)/python benchmarks/animations.py
+	$(BIN)/python benchmarks/occupancy_map.py
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from apollonius.game.file import find_game as find_game
     from apollonius.game.game import Game as Game
     from apollonius.game.game import reset_batch as reset_batch
+    from apollonius.game.polygon import Polygon as Polygon
     from apollonius.game.presets import make_game as make_game
     from apollonius.game.reward import Reward as Reward
     from apollonius.game.starts import Starts as Starts
@@ -58,6 +59,7 @@ _HOMES = {
     "game.dynamics": ("Unicycle",),
     "game.file": ("find_game",),
     "game.game": ("Game", "reset_batch"),
+    "game.polygon": ("Polygon",),
     "game.presets": ("make_game",),
     "game.reward": ("Reward",),
     "game.starts": ("Starts",),

@@ -48,6 +48,7 @@ SHORTER = {
     "--preset quick": "--config tiny.toml",
     "--games 2000": "--games 4",
     "--games 500": "--games 4",
+    "--targets 20": "--targets 1 --grid 10x7x3x9",
     "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
     "random flee-aware circle": "flee-aware",
 }
@@ -69,4 +70,6 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
             name, *arguments = command.split()
             assert (name, main(arguments)) == ("apollonius", 0), command
     assert Path("hall.png").exists()
-    assert "shielded:P_curriculum (pursuer) against flee-aware (evader), 4 games" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "shielded:P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
+    assert "P_curriculum against standing targets: 4 games, 1 targets" in said

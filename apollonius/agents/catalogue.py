@@ -11,6 +11,7 @@ from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePur
 from apollonius.agents.classical import AbstractClassical, Still
 from apollonius.agents.fleeing import Circle, Flee, FleeAware
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.guarding import Territory
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
 from apollonius.agents.potential import PotentialField
@@ -34,6 +35,7 @@ CLASSICAL: dict[str, tuple[type[AbstractClassical], tuple[Role, ...]]] = {
     "flee": (Flee, (Role.EVADER,)),
     "flee-aware": (FleeAware, (Role.EVADER,)),
     "circle": (Circle, (Role.EVADER,)),
+    "territory": (Territory, (Role.PURSUER, Role.EVADER)),
 }
 """Players that need no file but the game they play, and the sides that they can play."""
 SHIELDED = "shielded:"
@@ -117,9 +119,9 @@ def load_network(name: str, role: Role) -> QNetwork:
     return _load(name, role)[0].network
 
 
-def player_names(role: Role) -> list[str]:
-    """Names of all the players of one side that need no file."""
-    classical = [name for name, (_, sides) in CLASSICAL.items() if role in sides]
+def player_names(role: Role, game: Game) -> list[str]:
+    """Names of all the players of one side that need no file and that the game is one for."""
+    classical = [name for name, (kind, sides) in CLASSICAL.items() if role in sides and kind.fits(game)]
     return [*BUILT_IN, *classical, *[name for name in zoo_names() if name[0] == role.name[0]]]
 
 

@@ -46,6 +46,11 @@ class AbstractClassical(AbstractValued):
     dt: Real
 
     @classmethod
+    def fits(cls, game: Game) -> bool:
+        """Whether its rule can be followed in a game."""
+        return True
+
+    @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
         """The player of one side of a game.
 

@@ -85,13 +85,18 @@ class Circle(AbstractSteering):
     habit: Real = 1.0
 
     @classmethod
+    def fits(cls, game: Game) -> bool:
+        """Whether there is an obstacle."""
+        return game.arena.has_obstacles
+
+    @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
         """The player of one side of a game.
 
         Raises:
             InvalidInput: when there is nothing to circle.
         """
-        require(game.arena.discs, "arena.discs", "none", "one at least for 'circle', which drives around it")
+        require(cls.fits(game), "obstacles", "none", "one at least for 'circle', which drives around it")
         return super().for_side(game, role, **rule)
 
     def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:

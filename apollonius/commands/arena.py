@@ -1,4 +1,4 @@
-"""`apollonius arena`: check the arena of a game of one's own, or draw a random one."""
+"""`apollonius arena`: the arenas there are, the check of one's own, and random ones."""
 
 import argparse
 import json
@@ -10,8 +10,11 @@ from apollonius.errors import require
 
 def add_arena(subparsers: Any) -> None:
     """The parser of `arena`."""
-    parser = subparsers.add_parser("arena", help="check the arena of a game of one's own, or make a random one")
+    parser = subparsers.add_parser("arena", help="list arenas, check one of your own, or make a random one")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
+    listed.add_argument("--out", type=Path, metavar="PNG", help="write a picture of all of them")
+    listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
     check.add_argument("game", metavar="GAME", help="a .toml file, or the name of a game")
     check.add_argument("--out", type=Path, metavar="PNG", help="write a picture of what was found")
@@ -26,6 +29,20 @@ def add_arena(subparsers: Any) -> None:
     draw.add_argument("--out", type=Path, required=True, metavar="TOML", help="file to write")
     draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
     draw.set_defaults(run=run_random)
+
+
+def run_list(options: argparse.Namespace) -> int:
+    """Name the games, a line each."""
+    from apollonius.game.file import about_game, find_game, game_names
+    from apollonius.show.gallery import save_gallery
+
+    require(options.out is None or options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
+    for name in game_names():
+        print(f"{name:<12} {about_game(name)}")
+    if options.out:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        save_gallery({name: find_game(name) for name in game_names()}, options.out)
+    return 0
 
 
 def run_check(options: argparse.Namespace) -> int:

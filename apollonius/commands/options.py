@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from apollonius.solve.grid import Grid
 
 AGENT = (
-    "a built-in player (random, still, potential-field; pursuers: pure-pursuit, proportional-navigation, intercept; "
-    "evaders: flee, flee-aware, circle), a zoo agent, a .safetensors file, or a .npz file of solve game; "
+    "a built-in player (random, still, potential-field, territory; pursuers: pure-pursuit, proportional-navigation, "
+    "intercept; evaders: flee, flee-aware, circle), a zoo agent, a .safetensors file, or a .npz file of solve game; "
     "shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""

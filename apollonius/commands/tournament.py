@@ -11,7 +11,7 @@ from apollonius.commands.options import AGENT, add_game_options, requested_game
 def add_tournament(subparsers: Any) -> None:
     """The parser of `tournament`."""
     parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
-    everyone = "default: all players that need no file"
+    everyone = "default: all that need no file and fit the game"
     parser.add_argument("--pursuers", nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
     parser.add_argument("--evaders", nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})")
     parser.add_argument("--games", type=int, default=1000, help="games in each match (default: %(default)s)")
@@ -31,7 +31,7 @@ def run_tournament(options: argparse.Namespace) -> int:
 
     game = requested_game(options)
     pursuers, evaders = (
-        [find_player(name, role, game) for name in names or player_names(role)]
+        [find_player(name, role, game) for name in names or player_names(role, game)]
         for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
     )
 

@@ -1,4 +1,4 @@
-"""Where the robots are: walls (Eq. 2), circular obstacles, and whether a step along a segment touches them."""
+"""Where the robots are: walls (Eq. 2), obstacles, and whether a step along a segment touches them."""
 
 import functools
 
@@ -6,16 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.polygon import Polygon, clearance_along, clearance_from
+from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
-
-
-def closest_approach_squared(px: Scalar, py: Scalar, dx: Scalar, dy: Scalar) -> Scalar:
-    """Squared distance [m^2] from the origin to the segment from (px, py) to (px + dx, py + dy)."""
-    length_squared = dx * dx + dy * dy
-    fraction = jnp.clip(-(px * dx + py * dy) / jnp.maximum(length_squared, 1e-12), 0.0, 1.0)
-    nearest_x = px + fraction * dx
-    nearest_y = py + fraction * dy
-    return nearest_x * nearest_x + nearest_y * nearest_y
 
 
 class Disc(eqx.Module):
@@ -27,11 +21,13 @@ class Disc(eqx.Module):
 
 
 class Arena(eqx.Module):
-    """A rectangle with discs in it. The number of discs is static, everything else is data.
+    """A rectangle with obstacles in it. How many there are, and of how many corners, is static; the rest is data.
 
     Attributes:
         x_min, x_max, y_min, y_max: the walls [m].
-        discs: the obstacles.
+        discs, polygons: the obstacles.
+        map: cells that are obstacles, or None.
+        territory: where the evader wins and does not start, or None.
     """
 
     x_min: Real = 0.0
@@ -39,21 +35,41 @@ class Arena(eqx.Module):
     y_min: Real = 0.0
     y_max: Real = 10.0
     discs: tuple[Disc, ...] = ()
+    polygons: tuple[Polygon, ...] = ()
+    map: OccupancyMap | None = None
+    territory: Disc | None = None
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest wall or disc; negative outside the walls or inside a disc."""
-        return functools.reduce(jnp.minimum, self.clearances(x, y))
+        """Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or in an obstacle."""
+        return functools.reduce(jnp.minimum, [*self._to_each_wall(x, y), *self._to_obstacles(x, y)])
 
     def clearances(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        """Distance [m] from a point to each of the four walls, then to each disc; negative on the wrong side."""
-        return [x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y, *self._to_discs(x, y)]
+        """Distance [m] from a point to each of the four walls, then to each obstacle; negative on the wrong side."""
+        to_polygons = [clearance_from([polygon], x, y) for polygon in self.polygons]
+        return [*self._to_each_wall(x, y), *self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether there is anything but walls."""
+        return bool(self.discs or self.polygons or self.map)
 
     def to_obstacles(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest disc; negative inside it. There must be one."""
-        return functools.reduce(jnp.minimum, self._to_discs(x, y))
+        """Distance [m] from a point to the nearest obstacle; negative inside it. There must be one."""
+        return functools.reduce(jnp.minimum, self._to_obstacles(x, y))
+
+    def _to_each_wall(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        return [x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y]
 
     def _to_discs(self, x: Scalar, y: Scalar) -> list[Scalar]:
         return [jnp.hypot(x - disc.x, y - disc.y) - disc.radius for disc in self.discs]
+
+    def _to_obstacles(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        """Of each disc, of all polygons together, which costs less than of each, and of the map."""
+        to_polygons = [clearance_from(self.polygons, x, y)] if self.polygons else []
+        return [*self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
+
+    def _to_map(self, x: Scalar, y: Scalar) -> list[Scalar]:
+        return [self.map.clearance(x, y)] if self.map else []
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Least clearance [m] on the segment between two states."""
@@ -62,19 +78,35 @@ class Arena(eqx.Module):
         for disc in self.discs:
             approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
             least = jnp.minimum(least, jnp.sqrt(approach) - disc.radius)
-        return least
+        return functools.reduce(jnp.minimum, self._to_others_along(before, after), least)
+
+    def _to_others_along(self, before: RobotState, after: RobotState) -> list[Scalar]:
+        """Least clearance [m] on the segment between two states from what is no disc."""
+        to_polygons = [clearance_along(self.polygons, before, after)] if self.polygons else []
+        return [*to_polygons, *([self.map.clearance_along(before, after)] if self.map else [])]
 
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
         return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
-        """Whether a body of this radius [m] touches a disc anywhere along the segment between two states."""
+        """Whether a body of this radius [m] touches an obstacle anywhere along the segment between two states."""
         dx, dy = after.x - before.x, after.y - before.y
         hit = jnp.zeros((), bool)
         for disc in self.discs:
             approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
             hit = hit | (approach < (disc.radius + radius) ** 2)
+        for clearance in self._to_others_along(before, after):
+            hit = hit | (clearance < radius)
         return hit
+
+    def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
+        """Whether a robot's centre comes into the territory anywhere along the segment between two states."""
+        goal = self.territory
+        assert goal is not None, "who asks knows that there is one"
+        approach = closest_approach_squared(
+            before.x - goal.x, before.y - goal.y, after.x - before.x, after.y - before.y
+        )
+        return approach < goal.radius**2
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Whether a body of this radius [m] reaches beyond a wall (Eq. 2).

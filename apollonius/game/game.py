@@ -20,7 +20,7 @@ class Game(eqx.Module):
     """A pursuit-evasion game between two robots among obstacles.
 
     All its numbers are leaves of a pytree: one compilation serves every speed, radius and time step, and a sweep over
-    them is a `vmap`. Only the number of discs and the named profiles are static.
+    them is a `vmap`. Only the numbers of obstacles and of their corners and cells, and the named profiles, are static.
 
     Attributes:
         pursuer, evader: the robots' limits; equal in the paper.
@@ -104,4 +104,5 @@ def judge(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
         evader_hit=game.arena.hits_obstacle(before.evader, after.evader, game.evader.radius),
         evader_out=game.arena.is_out_of_range(after.evader, game.evader.radius),
         out_of_time=after.steps >= game.max_steps,
+        territory_reached=game.arena.reaches_territory(before.evader, after.evader) if game.arena.territory else None,
     )

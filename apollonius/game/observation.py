@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.errors import require
+from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Real, RobotState, Scalar
@@ -38,11 +39,17 @@ def _position_and_speed(arena: Arena, body: Unicycle, robot: RobotState) -> list
     ]
 
 
-def _clearances(arena: Arena, body: Unicycle, robot: RobotState) -> list[Scalar]:
+@computed_apart
+def _turned(heading: Scalar) -> tuple[Scalar, Scalar]:
+    """Cosine and sine of a heading, which several numbers of an observation are made of."""
+    return jnp.cos(heading), jnp.sin(heading)
+
+
+def _clearances(arena: Arena, body: Unicycle, robot: RobotState, cos: Scalar, sin: Scalar) -> list[Scalar]:
     """Clearance [m] of the body here, and at the point where braking straight ahead would stop it."""
     braking = jnp.maximum(robot.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
     here = arena.clearance(robot.x, robot.y)
-    ahead = arena.clearance(robot.x + braking * jnp.cos(robot.heading), robot.y + braking * jnp.sin(robot.heading))
+    ahead = arena.clearance(robot.x + braking * cos, robot.y + braking * sin)
     return [jnp.clip(here - body.radius, -1.0, 1.0), jnp.clip(ahead - body.radius, -1.0, 1.0)]
 
 
@@ -61,14 +68,15 @@ def observe(
         for body, robot in robots:
             parts += [*_position_and_speed(arena, body, robot), robot.heading / jnp.pi]
         return jnp.stack(parts)
-    for body, robot in robots:
-        parts += [*_position_and_speed(arena, body, robot), jnp.cos(robot.heading), jnp.sin(robot.heading)]
+    directions = [_turned(robot.heading) for _, robot in robots]
+    for (body, robot), direction in zip(robots, directions, strict=True):
+        parts += [*_position_and_speed(arena, body, robot), *direction]
     size = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)
     dx, dy = (opponent.x - own.x) / size, (opponent.y - own.y) / size
-    cos, sin = jnp.cos(own.heading), jnp.sin(own.heading)
+    cos, sin = directions[0]
     parts += [cos * dx + sin * dy, cos * dy - sin * dx, jnp.hypot(dx, dy)]
-    for body, robot in robots:
-        parts += _clearances(arena, body, robot)
+    for (body, robot), direction in zip(robots, directions, strict=True):
+        parts += _clearances(arena, body, robot, *direction)
     return jnp.stack(parts)
 
 

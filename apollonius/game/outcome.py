@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from apollonius.game.arena import closest_approach_squared
+from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real
 
 PURSUER_WINS = (Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
@@ -41,16 +41,19 @@ def decide(
     evader_hit: Bool[Array, ""],
     evader_out: Bool[Array, ""],
     out_of_time: Bool[Array, ""],
+    territory_reached: Bool[Array, ""] | None = None,
 ) -> Int[Array, ""]:
     """The one outcome of a step in which several things may have happened.
 
-    Capture comes first, then failures, then the time limit: the order of the cases of Eq. 8 and 9. Two robots that
-    fail in the same step have an outcome of their own. A robot that hits a disc and leaves the walls in the same
-    step counts as having hit the disc.
+    Capture comes first, then failures, then the territory where there is one, then the time limit: the order of the
+    cases of Eq. 8 and 9. Two robots that fail in the same step have an outcome of their own. A robot that hits an
+    obstacle and leaves the walls in the same step counts as having hit the obstacle.
     """
     pursuer_failed = pursuer_hit | pursuer_out
     evader_failed = evader_hit | evader_out
     outcome = jnp.where(out_of_time, Outcome.NO_RESULT, Outcome.ONGOING)
+    if territory_reached is not None:
+        outcome = jnp.where(territory_reached, Outcome.TERRITORY_REACHED, outcome)
     outcome = jnp.where(evader_out, Outcome.EVADER_OUT_OF_RANGE, outcome)
     outcome = jnp.where(evader_hit, Outcome.EVADER_HIT_OBSTACLE, outcome)
     outcome = jnp.where(pursuer_out, Outcome.PURSUER_OUT_OF_RANGE, outcome)
@@ -65,8 +68,10 @@ def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
 
 
 def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
-    """The pursuer failed alone or, where the rules say so, the evader outlived the time limit."""
-    return _is_one_of((*PURSUER_FAILS, *([Outcome.NO_RESULT] if time_limit_wins else [])), outcome)
+    """The pursuer failed alone, or the evader reached the territory or, where that wins, outlived the time limit."""
+    return _is_one_of(
+        (*PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])), outcome
+    )
 
 
 def _is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
@@ -74,8 +79,13 @@ def _is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bo
 
 
 def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]:
-    """Games by the name of their outcome, from counts indexed by `Outcome`; unfinished ones are left out."""
-    return {outcome.name.lower(): int(counts[outcome]) for outcome in Outcome if outcome != Outcome.ONGOING}
+    """Games by the name of their outcome, from counts indexed by `Outcome`.
+
+    Unfinished games are left out, and a territory that was never reached, as most games have none.
+    """
+    possible = [outcome for outcome in Outcome if outcome not in (Outcome.ONGOING, Outcome.TERRITORY_REACHED)]
+    reached = [Outcome.TERRITORY_REACHED] if int(counts[Outcome.TERRITORY_REACHED]) else []
+    return {outcome.name.lower(): int(counts[outcome]) for outcome in possible + reached}
 
 
 def names_of(outcomes: Sequence[Outcome]) -> list[str]:

@@ -39,12 +39,21 @@ def robot() -> Game:
     return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
 
 
+def territory() -> Game:
+    """The `paper` game with a territory, a disc of radius 1 m in the middle, that the evader would reach.
+
+    Only captures, crashes and the territory are paid for. A territory that is not reached in time is a draw.
+    """
+    return Game(arena=Arena(discs=paper().arena.discs, territory=Disc(5.0, 5.0, 1.0)), reward=Reward(progress=0.0))
+
+
 PRESETS: dict[str, Callable[[], Game]] = {
     "paper": paper,
     "four-small": four_small,
     "one-large": one_large,
     "zero-sum": zero_sum,
     "robot": robot,
+    "territory": territory,
 }
 
 

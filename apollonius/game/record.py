@@ -1,34 +1,42 @@
 """Configurations as plain data and back: strict, so that a misspelt key is an error and not a default."""
 
 import difflib
-from dataclasses import asdict, is_dataclass
+from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import dacite
 
 from apollonius.errors import InvalidInput
+from apollonius.game.map_file import load_map
+from apollonius.game.occupancy import OccupancyMap
 
 T = TypeVar("T")
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """A configuration (a game, a training run) as nested dictionaries, lists and numbers."""
-    return _plain(asdict(config))
+    """A configuration (a game, a training run) as nested dictionaries, lists and numbers.
+
+    Of an occupancy map, millions of numbers, it says the file and the SHA-256 of what is in it.
+    """
+    return _plain(config)
 
 
-def from_dict(kind: type[T], data: dict[str, Any], source: str) -> T:
+def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = Path()) -> T:
     """A configuration from nested dictionaries; what is left out has its default.
 
     Args:
         kind: class of the configuration.
         data: what `to_dict` wrote, or a user did.
         source: where the data come from, for the message.
+        folder: where the files are that they name.
 
     Raises:
         InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
     """
+    hooks = {float: _real, OccupancyMap: lambda named: find_map(named, folder)}
     try:
-        return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks={float: _real}))
+        return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks=hooks))
     except dacite.UnexpectedDataError as error:
         unknown = sorted(error.keys)[0]
         near = difflib.get_close_matches(unknown, _known_keys(kind), n=1, cutoff=0.0)[0]
@@ -41,12 +49,31 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str) -> T:
         raise InvalidInput(f"{source}: a value is of the wrong kind ({error}); correct it.") from error
 
 
+def find_map(named: Any, folder: Path) -> OccupancyMap:
+    """The map that a record names: by its YAML file, or by that and its digest, as `to_dict` does.
+
+    Raises:
+        InvalidInput: for anything else, and as `load_map`.
+    """
+    if isinstance(named, OccupancyMap):
+        return named
+    if isinstance(named, str):
+        return load_map(folder / named)
+    if isinstance(named, dict) and set(named) == {"file", "sha256"} and all(isinstance(v, str) for v in named.values()):
+        return load_map(folder / named["file"], named["sha256"])
+    raise InvalidInput(f"map = {named} is not possible: it must be the name of a ROS map's YAML file.")
+
+
 def _real(value: Any) -> Any:
     """A whole number serves as a real one, as people write 1 for 1.0; anything else is left for the type check."""
     return float(value) if type(value) is int else value
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, OccupancyMap):
+        return {"file": value.file, "sha256": value.digest}
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, (list, tuple)):

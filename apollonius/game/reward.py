@@ -16,7 +16,8 @@ class Reward(eqx.Module):
     Attributes:
         profile: `paper` (Eq. 8, 9) or `zero-sum` (+1 to the winner, -1 to the loser, 0 while the game goes on and
             when both fail in one step).
-        capture: paid to the pursuer for a capture and taken from the evader (Eq. 8, 9).
+        capture: paid to the pursuer for a capture and taken from the evader (Eq. 8, 9); the other way round when the
+            evader reaches a territory.
         failure: taken from a robot that hits an obstacle or leaves the walls (Eq. 8, 9).
         progress: weight c of the change in distance, per metre (Eq. 8, 9).
     """
@@ -50,8 +51,9 @@ class Reward(eqx.Module):
         both = outcome == Outcome.BOTH_FAILED
         pursuer_failed = both | (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
         evader_failed = both | (outcome == Outcome.EVADER_HIT_OBSTACLE) | (outcome == Outcome.EVADER_OUT_OF_RANGE)
-        captured = outcome == Outcome.CAPTURED
+        captured, reached = outcome == Outcome.CAPTURED, outcome == Outcome.TERRITORY_REACHED
         closing = self.progress * (distance_before - distance_after)
-        pursuer = jnp.where(captured, self.capture, jnp.where(pursuer_failed, -self.failure, closing))
-        evader = jnp.where(captured, -self.capture, jnp.where(evader_failed, -self.failure, -closing))
+        prize = jnp.where(captured, self.capture, -self.capture)
+        pursuer = jnp.where(captured | reached, prize, jnp.where(pursuer_failed, -self.failure, closing))
+        evader = jnp.where(captured | reached, -prize, jnp.where(evader_failed, -self.failure, -closing))
         return pursuer, evader

@@ -18,8 +18,8 @@ class Starts(eqx.Module):
     Attributes:
         speed: `rest` (v = 0, or the slowest the robot can go) or `moving` (v uniform between the robot's limits;
             some of these starts are lost before they begin).
-        clearance: least distance of a robot's body from walls and discs [m].
-        separation: least distance between the robots' centres [m].
+        clearance: least distance of a robot's body from walls and obstacles [m].
+        separation: least distance between the robots' centres, and of the evader from a territory [m].
     """
 
     speed: Literal["rest", "moving"] = eqx.field(static=True, default="rest")
@@ -58,11 +58,15 @@ class Starts(eqx.Module):
         self, arena: Arena, pursuer: Unicycle, evader: Unicycle, px: Scalar, py: Scalar, ex: Scalar, ey: Scalar
     ) -> Bool[Array, ""]:
         """Whether two positions [m] are far enough from the obstacles and from each other."""
-        return (
+        fits = (
             (arena.clearance(px, py) >= self.clearance + pursuer.radius)
             & (arena.clearance(ex, ey) >= self.clearance + evader.radius)
             & (jnp.hypot(px - ex, py - ey) >= self.separation)
         )
+        if arena.territory:
+            goal = arena.territory
+            fits = fits & (jnp.hypot(ex - goal.x, ey - goal.y) >= goal.radius + self.separation)
+        return fits
 
     def _speeds(self, key: PRNGKeyArray, pursuer: Unicycle, evader: Unicycle) -> tuple[Scalar, Scalar]:
         slowest = jnp.array([jnp.maximum(pursuer.v_min, 0.0), jnp.maximum(evader.v_min, 0.0)], jnp.float32)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt, label
@@ -45,7 +46,8 @@ def survey(game: Game) -> Survey:
     x, y = np.meshgrid(
         _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell), indexing="xy"
     )
-    clearance = _clearance(game, x, y)
+    clearances = _clearances(game, x, y)
+    clearance = clearances.min(axis=0)
     bodies = {"pursuer": game.pursuer, "evader": game.evader}
     parts, may_start, wrong = [], [], []
     for name, body in bodies.items():
@@ -75,7 +77,15 @@ def survey(game: Game) -> Survey:
             f"the evader is safe on {cell**2 * haven.sum():.3g} m^2, where no pursuer comes within capture_distance = "
             f"{float(game.capture_distance):g} m as it does not fit: make the pursuer smaller or the passages wider."
         )
-    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game)))
+    if arena.territory:
+        goal = arena.territory
+        there = np.hypot(x - goal.x, y - goal.y) < goal.radius
+        entered = np.isin(parts[1], np.unique(parts[1][may_start[1]])) & (parts[1] > 0)
+        if not (there & entered).any():
+            wrong.append(
+                "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
+            )
+    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game, clearances < 0, cell)))
 
 
 def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cells"]:
@@ -84,10 +94,11 @@ def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cell
     return low + length * (np.arange(count) + 0.5) / count
 
 
-def _clearance(
+def _clearances(
     game: Game, x: Float[np.ndarray, "rows columns"], y: Float[np.ndarray, "rows columns"]
-) -> Float[np.ndarray, "rows columns"]:
-    every = jax.jit(jax.vmap(jax.vmap(game.arena.clearance)))
+) -> Float[np.ndarray, "each rows columns"]:
+    """Of the four walls, then of each obstacle [m]."""
+    every = jax.jit(jax.vmap(jax.vmap(lambda x, y: jnp.stack(game.arena.clearances(x, y)), 0, 1), 0, 1))
     return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
 
 
@@ -102,7 +113,8 @@ def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows colu
     return renumber[numbered]
 
 
-def _notes(game: Game) -> list[str]:
+def _notes(game: Game, within: Bool[np.ndarray, "each rows columns"], cell: float) -> list[str]:
+    """Overlaps of discs as depths; those with polygons, whose depths are no such simple matter, as areas."""
     arena, notes = game.arena, []
     depths = {
         (i, j): one.radius + other.radius - float(np.hypot(one.x - other.x, one.y - other.y))
@@ -112,12 +124,22 @@ def _notes(game: Game) -> list[str]:
         i: disc.radius - min(disc.x - arena.x_min, arena.x_max - disc.x, disc.y - arena.y_min, arena.y_max - disc.y)
         for i, disc in enumerate(arena.discs)
     }
-    overlaps = [(f"arena.discs[{i}] and arena.discs[{j}]", depth) for (i, j), depth in depths.items() if depth > 0]
-    sticking_out = [(f"arena.discs[{i}]", depth) for i, depth in beyond.items() if depth > 0]
-    for found, what in ((overlaps, "overlap, by up to"), (sticking_out, "reach beyond a wall, by up to")):
+    names = [f"arena.{kind}[{i}]" for kind in ("discs", "polygons") for i in range(len(getattr(arena, kind)))]
+    areas = {
+        (i, j): cell**2 * np.sum(within[4 + i] & within[4 + j])
+        for i, j in combinations(range(len(names)), 2)
+        if j >= len(arena.discs)
+    }
+    overlaps = [(f"{names[i]} and {names[j]}", depth) for (i, j), depth in depths.items() if depth > 0]
+    sticking_out = [(names[i], depth) for i, depth in beyond.items() if depth > 0]
+    sharing = [(f"{names[i]} and {names[j]}", area) for (i, j), area in areas.items() if area > cell**2]
+    for found, what, unit in (
+        (overlaps, "overlap, by up to", "m"),
+        (sharing, "overlap, on up to", "m^2"),
+        (sticking_out, "reach beyond a wall, by up to", "m"),
+    ):
         if found:
-            names = "; ".join(name for name, _ in found)
-            notes.append(f"{names} {what} {max(depth for _, depth in found):.3g} m.")
+            notes.append(f"{'; '.join(name for name, _ in found)} {what} {max(size for _, size in found):.3g} {unit}.")
     bodies = float(game.pursuer.radius + game.evader.radius)
     if game.capture_distance < bodies:
         notes.append(

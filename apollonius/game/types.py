@@ -23,7 +23,10 @@ class Role(IntEnum):
 
 
 class Outcome(IntEnum):
-    """How a game stands. The rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step."""
+    """How a game stands. The rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
+
+    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory.
+    """
 
     ONGOING = 0
     CAPTURED = 1
@@ -33,6 +36,7 @@ class Outcome(IntEnum):
     EVADER_OUT_OF_RANGE = 5
     BOTH_FAILED = 6
     NO_RESULT = 7
+    TERRITORY_REACHED = 8
 
 
 class RobotState(eqx.Module):

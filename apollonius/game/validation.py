@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
+    from apollonius.game.arena import Arena
     from apollonius.game.dynamics import Unicycle
     from apollonius.game.game import Game
 
@@ -20,6 +22,13 @@ MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
 _DRAWS = 100_000
 """Pairs of places at which free space is looked for; a start rarer than that would take for ever to draw."""
+_TOGETHER = 5_000
+"""Pairs that are looked at together; in most arenas the first few have room enough."""
+MOST_CORNERS = 1_000
+"""Most corners of a polygon: every step looks at all of them."""
+_APART = 1e-6
+"""What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
+_to_obstacles = jax.jit(jax.vmap(lambda arena, x, y: arena.to_obstacles(x, y), in_axes=(None, 0, 0)))
 
 
 def check_game(game: "Game") -> None:
@@ -27,8 +36,7 @@ def check_game(game: "Game") -> None:
 
     Games whose numbers are being traced or swept (arrays) are left unchecked: their values are not known here.
     """
-    leaves = jax.tree.leaves(game, is_leaf=lambda leaf: leaf is None)
-    if any(isinstance(leaf, (jax.Array, np.ndarray)) for leaf in leaves):
+    if any(isinstance(leaf, (jax.Array, np.ndarray)) for _, leaf in _numbers(game)):
         return
     _check_finite(game)
     require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
@@ -52,9 +60,16 @@ def check_game(game: "Game") -> None:
     _check_room(game)
 
 
+def _numbers(game: "Game") -> list[tuple[str, Any]]:
+    """All its numbers by name, but for a map's field of distances and what an arena need not have."""
+    leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
+    named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
+    left_out = {("arena.map", True), ("arena.territory", True), ("arena.map.field", False)}
+    return [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
+
+
 def _check_finite(game: "Game") -> None:
-    for path, leaf in jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]:
-        name = jax.tree_util.keystr(path, simple=True, separator=".")
+    for name, leaf in _numbers(game):
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
         require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
         require(abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0")
@@ -82,28 +97,94 @@ def _check_arena(game: "Game") -> None:
         inside = arena.x_min <= disc.x <= arena.x_max and arena.y_min <= disc.y <= arena.y_max
         walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
         require(inside, f"{name} centre", (disc.x, disc.y), f"inside the walls {walls}; move or remove the disc")
+    for index in range(len(arena.polygons)):
+        _check_polygon(arena, index)
+    if arena.territory:
+        goal, name = arena.territory, "arena.territory"
+        require(goal.radius > 0, f"{name}.radius", goal.radius, "more than 0 m; remove it to have no territory")
+        inside = arena.x_min <= goal.x <= arena.x_max and arena.y_min <= goal.y <= arena.y_max
+        require(inside, f"{name} centre", (goal.x, goal.y), "inside the walls; move or remove it")
+    if arena.map:
+        found = arena.map
+        covered = found.x <= arena.x_min and arena.x_max <= found.x_max
+        covered &= found.y <= arena.y_min and arena.y_max <= found.y_max
+        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+        ends = f"[{found.x}, {found.x_max}] x [{found.y}, {found.y_max}] m"
+        require(covered, "arena walls", walls, f"within the map's ends {ends}; leave them out to have just these")
+
+
+def _check_polygon(arena: "Arena", index: int) -> None:
+    """Corners inside the walls, and edges that meet at the corners they share only."""
+    name = f"arena.polygons[{index}].vertices"
+    corners = np.asarray(arena.polygons[index].vertices, float).reshape(-1, 2)
+    count = len(corners)
+    require(3 <= count <= MOST_CORNERS, name, f"{count} corners", f"3 to {MOST_CORNERS}; give [x, y] of each, in order")
+    low, high = (arena.x_min, arena.y_min), (arena.x_max, arena.y_max)
+    outside = np.flatnonzero(((corners < low) | (corners > high)).any(axis=1))
+    walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+    require(not len(outside), name, f"{_places(corners, outside)} and others", f"inside the walls {walls}; move them")
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.maximum(np.hypot(*along.T), _APART)[:, None]
+    # By edge and corner: how far the corner is to the left of the edge's line, and how far ahead along it [m].
+    to_x, to_y = (corners[None] - corners[:, None]).transpose(2, 0, 1)
+    left = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
+    ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
+    edge, corner = np.indices((count, count))
+    touches = (np.abs(left) <= _APART) & (ahead >= -_APART) & (ahead <= length + _APART)
+    touches &= (corner != edge) & (corner != (edge + 1) % count)
+    parts = left * np.roll(left, -1, axis=1) < 0  # the edge's line has the ends of another edge on different sides
+    meeting = np.argwhere(touches | (parts & parts.T))
+    require(
+        not len(meeting), name, f"{_places(corners, meeting[:1].ravel())} and others",
+        "the corners in order around the obstacle, whose edges meet nowhere else; those from these places do",
+    )  # fmt: skip
+
+
+def _places(corners: Float[np.ndarray, "corners 2"], which: np.ndarray) -> str:
+    return ", ".join(f"({x:g}, {y:g})" for x, y in corners[which[:2]])
 
 
 def _check_room(game: "Game") -> None:
     """Two robots must find room to start, both at once and far enough apart."""
     arena, starts = game.arena, game.starts
     draws = np.random.default_rng(0).uniform(size=(4, _DRAWS))
-    xs = arena.x_min + (arena.x_max - arena.x_min) * draws[:2]
-    ys = arena.y_min + (arena.y_max - arena.y_min) * draws[2:]
-    room = np.minimum(np.minimum(xs - arena.x_min, arena.x_max - xs), np.minimum(ys - arena.y_min, arena.y_max - ys))
-    for disc in arena.discs:
-        room = np.minimum(room, np.hypot(xs - disc.x, ys - disc.y) - disc.radius)
+    xs = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * draws[:2])
+    ys = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * draws[2:])
     margins = {"pursuer": starts.clearance + game.pursuer.radius, "evader": starts.clearance + game.evader.radius}
-    for (name, margin), clearance in zip(margins.items(), room, strict=True):
-        if not (clearance >= margin).any():
+    fits, reach = np.zeros(2, bool), 0.0
+    for first in range(0, _DRAWS, _TOGETHER):
+        x, y = (places[:, first : first + _TOGETHER] for places in (xs, ys))
+        enough = _room(arena, x, y) >= np.array([[margin] for margin in margins.values()])
+        if arena.territory:
+            goal = arena.territory
+            enough[1] &= np.hypot(x[1] - goal.x, y[1] - goal.y) >= goal.radius + starts.separation
+        fits |= enough.any(axis=1)
+        apart = np.hypot(x[0] - x[1], y[0] - y[1])[enough.all(axis=0)]
+        reach = max(reach, float(apart.max(initial=0.0)))
+        if reach >= starts.separation:
+            return
+    for (name, margin), fit in zip(margins.items(), fits, strict=True):
+        if not fit:
             raise InvalidInput(
                 f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has a clearance of {margin:g} m "
                 f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
             )
-    apart = np.hypot(xs[0] - xs[1], ys[0] - ys[1])[(room >= np.array([[m] for m in margins.values()])).all(axis=0)]
-    reach = apart.max(initial=0.0)
     require(
-        reach >= starts.separation, "starts.separation", starts.separation,
+        False, "starts.separation", starts.separation,
         f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}; make it smaller or the arena "
         "larger",
     )  # fmt: skip
+
+
+def _room(
+    arena: "Arena", x: Float[np.ndarray, "2 places"], y: Float[np.ndarray, "2 places"]
+) -> Float[np.ndarray, "2 places"]:
+    """Clearances [m]; those of walls and discs without a compilation, of which every game would need its own."""
+    room = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
+    for disc in arena.discs:
+        room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
+    if arena.polygons or arena.map:
+        places = x.ravel().astype(np.float32), y.ravel().astype(np.float32)
+        with jax.ensure_compile_time_eval():  # a game may be made while a function that uses it is traced
+            room = np.minimum(room, np.asarray(_to_obstacles(arena, *places)).reshape(x.shape))
+    return room

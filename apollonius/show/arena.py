@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Circle, Polygon, Rectangle
 
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
@@ -19,7 +20,7 @@ _CLOCK_LABELS = 4
 
 
 def draw_arena(axes: Axes, arena: Arena) -> None:
-    """Walls and discs, to scale, axes in metres."""
+    """Walls and obstacles, to scale, axes in metres."""
     x, y = float(arena.x_min), float(arena.y_min)
     width, height = float(arena.x_max) - x, float(arena.y_max) - y
     axes.add_patch(Rectangle((x, y), width, height, fill=False, edgecolor=palette.INK, linewidth=1.4))
@@ -27,6 +28,17 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
         axes.add_patch(
             Circle((float(disc.x), float(disc.y)), float(disc.radius), facecolor=palette.OBSTACLE, edgecolor="none")
         )
+    if arena.map:
+        ends = (float(arena.map.x), float(arena.map.x_max), float(arena.map.y), float(arena.map.y_max))
+        cells, colours = arena.map.occupied(), ListedColormap(["none", palette.OBSTACLE])
+        axes.imshow(cells, cmap=colours, vmin=0, vmax=1, extent=ends, origin="lower", interpolation="nearest")
+    for polygon in arena.polygons:
+        corners = [(float(corner_x), float(corner_y)) for corner_x, corner_y in polygon.vertices]
+        axes.add_patch(Polygon(corners, facecolor=palette.OBSTACLE, edgecolor="none"))
+    if arena.territory:
+        goal = arena.territory
+        ring = Circle((float(goal.x), float(goal.y)), float(goal.radius), fill=False, edgecolor=palette.EVADER)
+        axes.add_patch(ring)
     margin = 0.03 * max(width, height)
     axes.set_xlim(x - margin, x + width + margin)
     axes.set_ylim(y - margin, y + height + margin)

@@ -90,6 +90,22 @@ function drawArena(context, arena, at, colours) {
     circle(context, at.x(disc.x), at.y(disc.y), disc.radius * at.scale);
     context.fill();
   }
+  for (const { vertices } of arena.polygons ?? []) {
+    context.beginPath();
+    for (const [x, y] of vertices) context.lineTo(at.x(x), at.y(y));
+    context.fill();
+  }
+  if (arena.territory) {
+    context.strokeStyle = colours.evader;
+    context.lineWidth = 2;
+    circle(context, at.x(arena.territory.x), at.y(arena.territory.y), arena.territory.radius * at.scale);
+    context.stroke();
+  }
+  if (arena.map) {
+    context.textAlign = "left";
+    context.fillStyle = colours.quiet;
+    context.fillText("the occupancy map of this arena is not shown here", left + 6, top + 12);
+  }
   context.strokeStyle = colours.ink;
   context.lineWidth = 2;
   context.strokeRect(left, top, right - left, bottom - top);

@@ -48,17 +48,23 @@ class Viability(eqx.Module):
 
 
 def solve_viability(game: Game) -> Viability:
-    """Solve both robots' safety on the reference grid; the answer for the latest games is remembered.
+    """Solve both robots' safety on the reference grid; the answer for the latest games without a map is remembered.
 
     A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
     comes to rest without contact in the continuous game. Another one is lost where its table says so.
     """
-    return _solve(jax.tree.map(lambda number: np.asarray(number).item(), game))
+    if game.arena.map:
+        return _solve(game)
+    return _remembered(jax.tree.map(lambda number: np.asarray(number).item(), game))
 
 
 @functools.lru_cache(maxsize=2)
-def _solve(game: Game) -> Viability:
+def _remembered(game: Game) -> Viability:
     """The same for a game whose numbers are Python's, which can be remembered."""
+    return _solve(game)
+
+
+def _solve(game: Game) -> Viability:
     pursuer = _judge(game, Role.PURSUER)
     return Viability(pursuer, pursuer if game.evader == game.pursuer else _judge(game, Role.EVADER))
 

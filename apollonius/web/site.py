@@ -8,9 +8,8 @@ from pathlib import Path
 from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, zoo_names
 from apollonius.agents.store import load_agent
 from apollonius.errors import require
-from apollonius.game.file import find_game
+from apollonius.game.file import find_game, game_names
 from apollonius.game.game import Game
-from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 
@@ -53,7 +52,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
     rules = find_game(game)
-    games = {} if game in PRESETS else {Path(game).stem: rules}
+    require(not rules.arena.map, "--game", game, "one without an occupancy map, which the page does not have")
+    games = {} if game in game_names() else {Path(game).stem: rules}
     side = Role.EVADER if person == Role.PURSUER else Role.PURSUER
     name = against or BEST[side]
     bare = name.removeprefix(SHIELDED)
@@ -87,7 +87,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         published[name] = f"agents/{number}.safetensors"
         shutil.copyfile(path, folder / published[name])
         names[load_agent(path).header.role].append(name)
-    games = {name: make_game(name) for name in PRESETS} | chosen.games
+    games = {name: find_game(name) for name in game_names()} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
         "agents": names,

@@ -17,6 +17,7 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 
@@ -220,16 +221,17 @@ def test_chasers_catch_whoever_stands_still():
 
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
-    player = find_agent(name, role, PAPER).policy
-    seen = PAPER.observe(PAPER.reset(jax.random.key(1)), role, player.observation)
+    game = make_game("territory") if name == "territory" else PAPER
+    player = find_agent(name, role, game).policy
+    seen = game.observe(game.reset(jax.random.key(1)), role, player.observation)
     own = int(player(seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
     other = int(player.act_among(allowed, seen, jnp.uint32(0)))
     values = np.array(player.values(seen))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
-    assert name in player_names(role)
-    assert find_agent(f"shielded:{name}", role, PAPER).policy.policy == player
+    assert name in player_names(role, game)
+    assert find_agent(f"shielded:{name}", role, game).policy.policy == player
 
 
 def test_a_classical_player_needs_a_game_and_its_own_side():
@@ -237,7 +239,28 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
         find_agent("flee", Role.EVADER)
     with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
         find_agent("flee", Role.PURSUER, PAPER)
-    with pytest.raises(InvalidInput, match=r"arena\.discs = none .* 'circle'"):
+    with pytest.raises(InvalidInput, match=r"obstacles = none .* 'circle'"):
         Circle.for_side(OPEN, Role.EVADER)
-    assert "flee" not in player_names(Role.PURSUER)
-    assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER))
+    with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):
+        find_agent("territory", Role.PURSUER, PAPER)
+    assert "territory" not in player_names(Role.EVADER, PAPER)
+    assert "circle" not in player_names(Role.EVADER, OPEN)
+    assert "flee" not in player_names(Role.PURSUER, PAPER)
+    assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
+
+
+def test_players_that_know_obstacles_mind_polygons():
+    """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
+    corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))
+    game = Game(arena=Arena(polygons=(corner, Polygon(((5.0, 6.0), (8.0, 5.0), (6.5, 8.0))))), max_steps=80)
+    pursuer = find_agent("shielded:potential-field", Role.PURSUER, game)
+    evader = find_agent("flee-aware", Role.EVADER, game)
+    outcomes = play_match(game, pursuer.policy, evader.policy, 48, seed=0).outcomes
+    assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
+    assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5
+    bare = find_agent("potential-field", Role.PURSUER, game).policy
+    beside, away = (bare.potential(*map(jnp.float32, (3.5, y)), robot(3.5, 8.0)) for y in (2.6, 3.4))
+    assert float(beside - away) > 0.8 + 1  # the polygon pushes; the opponent alone makes 0.8 m of it
+    circle = find_agent("circle", Role.EVADER, game).policy
+    heading, _ = circle.course(robot(3.5, 1.4, heading=pi), robot(9.0, 9.0))
+    assert float(heading) == pytest.approx(pi, abs=0.05) or float(heading) == pytest.approx(-pi, abs=0.05)

@@ -14,6 +14,7 @@ from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.file import find_game, load_game
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.record import to_dict
 
@@ -109,14 +110,29 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ('"two\\nlines" = 1', "'two lines' is no known key"),
         ("[pursuer]\nradius = 5", "no place to start"),
         ("[arena]\nx_max = -1", "x_min = .* less than x_max"),
+        ("[[arena.polygons]]\nvertices = [[1, 2], [3, 4, 5], [6, 7]]", "polygons"),
+        ("[[arena.polygons]]\nvertices = [[1, 2], 3, [6, 7]]", "wrong kind|polygons"),
+        ("[[arena.polygons]]\nvertices = 3", "wrong kind|polygons"),
+        ("[[arena.polygons]]\nvertices = []", "0 corners"),
+        ("[[arena.polygons]]\nvertices = [[1, 2], [3, '4'], [6, 7]]", "polygons"),
+        ("[arena]\nterritory = 3", "wrong kind|territory"),
+        ("[arena.territory]\nx = 5\ny = 5\nradius = 0", "territory.radius = 0.0 .* more than 0 m"),
+        ("[arena.territory]\nx = 15\ny = 5\nradius = 1", "territory centre = .15.0, 5.0. .* inside the walls"),
+        ("[arena.territory]\nx = 5\ny = 5\nradius = 9", "leaves the evader no place to start"),
         ("[[arena.discs]]\nx = 30\ny = 5\nradius = 1", "discs.0. centre .* inside the walls"),
     ],
-    ids=range(16),
+    ids=range(25),
 )
 def test_each_error_is_one_clear_line(content, said, written):
     with pytest.raises(InvalidInput, match=said) as refusal:
         written(content)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_polygons_are_lists_of_corners(written):
+    game = written("[[arena.polygons]]\nvertices = [[4, 4], [6, 4], [5, 6.5]]")
+    assert game.arena.polygons == (Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.5))),)
+    assert written(tomli_w.dumps(to_dict(game))) == game
 
 
 def test_a_missing_file_is_refused():
@@ -125,6 +141,7 @@ def test_a_missing_file_is_refused():
 
 
 PAPER = to_dict(make_game("paper"))
+PAPER["arena"]["polygons"] = [{"vertices": [[1.0, 6.0], [2.0, 6.0], [1.5, 8.0]]}]
 KEYS = sorted({*PAPER, *PAPER["arena"], *PAPER["pursuer"]})
 VALUES = st.recursive(
     st.one_of(

@@ -6,14 +6,14 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from apollonius.game.outcome import decide, evader_wins, is_captured, pursuer_wins
+from apollonius.game.outcome import counts_by_name, decide, evader_wins, is_captured, pursuer_wins
 from apollonius.game.types import GameState, Outcome, RobotState
 
-EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "out_of_time")
+EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "territory_reached", "out_of_time")
 COMBINATIONS = [dict(zip(EVENTS, flags, strict=True)) for flags in itertools.product((False, True), repeat=len(EVENTS))]
 
 
-def conditions(captured, pursuer_hit, pursuer_out, evader_hit, evader_out, out_of_time):
+def conditions(captured, pursuer_hit, pursuer_out, evader_hit, evader_out, territory_reached, out_of_time):
     """When each outcome holds, written as conditions that stand on their own: no order among them."""
     pursuer_failed, evader_failed = pursuer_hit or pursuer_out, evader_hit or evader_out
     only_pursuer = not captured and pursuer_failed and not evader_failed
@@ -26,8 +26,9 @@ def conditions(captured, pursuer_hit, pursuer_out, evader_hit, evader_out, out_o
         Outcome.PURSUER_OUT_OF_RANGE: only_pursuer and not pursuer_hit,
         Outcome.EVADER_HIT_OBSTACLE: only_evader and evader_hit,
         Outcome.EVADER_OUT_OF_RANGE: only_evader and not evader_hit,
-        Outcome.NO_RESULT: nothing and out_of_time,
-        Outcome.ONGOING: nothing and not out_of_time,
+        Outcome.TERRITORY_REACHED: nothing and territory_reached,
+        Outcome.NO_RESULT: nothing and not territory_reached and out_of_time,
+        Outcome.ONGOING: nothing and not territory_reached and not out_of_time,
     }
 
 
@@ -66,9 +67,17 @@ def test_the_pursuer_wins_by_a_capture_or_when_the_evader_fails_alone():
 
 
 @pytest.mark.parametrize(("time_limit_wins", "more"), [(False, set()), (True, {Outcome.NO_RESULT})])
-def test_the_evader_wins_when_the_pursuer_fails_alone_or_by_time_where_the_rules_say_so(time_limit_wins, more):
+def test_the_evader_wins_by_the_pursuers_failure_the_territory_or_time_where_the_rules_say_so(time_limit_wins, more):
     winning = {outcome for outcome in Outcome if evader_wins(jnp.asarray(outcome), time_limit_wins)}
-    assert winning == {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE} | more
+    always = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.TERRITORY_REACHED}
+    assert winning == always | more
+
+
+def test_a_territory_that_was_never_reached_is_no_outcome_to_report():
+    counts = jnp.arange(len(Outcome)).at[Outcome.TERRITORY_REACHED].set(0)
+    names = {outcome.name.lower() for outcome in Outcome} - {"ongoing"}
+    assert set(counts_by_name(counts)) == names - {"territory_reached"}
+    assert counts_by_name(jnp.arange(len(Outcome)))["territory_reached"] == 8
 
 
 def positions(pursuer, evader):

@@ -11,6 +11,7 @@ from apollonius.cli import main
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.survey import survey
@@ -56,6 +57,28 @@ def test_a_gate_is_open_to_those_who_fit_through_it():
         found = survey(game)
         assert [numbered.max() for numbered in found.parts] == [parts, 1]
         assert len(found.wrong) == parts - 1
+
+
+def test_pockets_gates_and_overlaps_of_polygons_are_found():
+    """Two walls with a gate of 0.2 m between them, and a pillar across one of them."""
+    lower, upper = (((4.8, low), (5.2, low), (5.2, high), (4.8, high)) for low, high in ((0.0, 4.9), (5.1, 10.0)))
+    pillar = ((4.0, 2.0), (6.0, 2.0), (5.0, 4.0))
+    arena = Arena(discs=(Disc(6.0, 8.0, 1.0),), polygons=tuple(Polygon(corners) for corners in (lower, upper, pillar)))
+    for radius, parts in ((0.05, 1), (0.15, 2)):
+        found = survey(Game(pursuer=Unicycle(radius=radius), arena=arena, starts=Starts(clearance=0.2)))
+        assert [numbered.max() for numbered in found.parts] == [parts, 1]
+    assert found.blocked.mean() == pytest.approx((2 * 0.4 * 4.9 + 2 - 0.4 * 1.8 + np.pi - 0.1) / 100, rel=0.05)
+    assert found.notes[0].startswith(
+        "arena.discs[0] and arena.polygons[1]; arena.polygons[0] and arena.polygons[2] overlap, on up to 0.7"
+    )
+
+
+def test_a_territory_that_cannot_be_reached_is_found():
+    ring = tuple(Disc(5 + 2 * float(np.cos(a)), 5 + 2 * float(np.sin(a)), 0.3) for a in np.linspace(0, 2 * np.pi, 25))
+    for goal, lines in ((Disc(5.0, 5.0, 0.5), 1), (Disc(1.0, 1.0, 0.5), 0)):
+        game = Game(arena=Arena(discs=ring, territory=goal), starts=Starts(clearance=1.75, separation=1.8))
+        found = survey(game)
+        assert sum("cannot come into arena.territory" in line for line in found.wrong) == lines
 
 
 def test_a_haven_of_the_evader_is_found():

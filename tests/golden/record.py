@@ -22,6 +22,7 @@ PAIRINGS = (
     ("one-large", "rest", "P_random", "random", 200),
     ("robot", "moving", "random", "random", 200),
     ("zero-sum", "rest", "P_random", "still", 200),
+    ("territory", "rest", "random", "territory", 200),
 )
 """Game, starts, pursuer, evader, time limit [steps]."""
 GAMES = 2000

@@ -34,7 +34,11 @@ def step(game, state, pursuer_action, evader_action):
     gap = closest_pass(pursuer_before, pursuer, evader_before, evader) - game.capture_distance
     pursuer_gaps = gaps(game.arena, game.pursuer.radius, pursuer_before, pursuer)
     evader_gaps = gaps(game.arena, game.evader.radius, evader_before, evader)
-    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), steps >= game.max_steps)
+    goal = game.arena.territory
+    to_goal = math.inf
+    if goal:
+        to_goal = closest_pass(evader_before, evader, (goal.x, goal.y), (goal.x, goal.y)) - goal.radius
+    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), to_goal < 0, steps >= game.max_steps)
 
     closed = distance(pursuer_before, evader_before) - distance(pursuer, evader)
     zero_sum = game.reward.profile == "zero-sum"
@@ -50,7 +54,7 @@ def step(game, state, pursuer_action, evader_action):
         evader_reward=evader_reward,
         terminated=outcome != "ONGOING" and not truncated,
         truncated=truncated,
-        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps)),
+        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps, to_goal)),
     )
 
 
@@ -106,14 +110,55 @@ def closest_pass(a_before, a_after, b_before, b_after):
 
 
 def gaps(arena, radius, before, after):
-    """Room [m] left to the nearest disc along the step, and to the nearest wall after it; negative is contact."""
-    to_disc = math.inf
+    """Room [m] left to the nearest obstacle along the step, and to the nearest wall after it; negative is contact."""
+    to_obstacle = math.inf
     for disc in arena.discs:
         centre = (disc.x, disc.y)
-        to_disc = min(to_disc, closest_pass(before, after, centre, centre) - disc.radius - radius)
+        to_obstacle = min(to_obstacle, closest_pass(before, after, centre, centre) - disc.radius - radius)
+    for polygon in arena.polygons:
+        to_obstacle = min(to_obstacle, polygon_pass(polygon.vertices, before, after) - radius)
     x, y = after[:2]
     to_wall = min(x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y) - radius
-    return to_disc, to_wall
+    return to_obstacle, to_wall
+
+
+def polygon_pass(vertices, before, after):
+    """Least distance of a straight step from a polygon; where it touches the inside, minus some depth of it."""
+    least = math.inf
+    for start, end in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+        least = min(least, closest_pass(before, after, start, start))
+        least = min(least, *(closest_pass(start, end, place, place) for place in (before, after)))
+        if intersect(before, after, start, end):
+            least = 0.0
+    shares = [step / 200 for step in range(201)]
+    places = [[b + share * (a - b) for b, a in zip(before[:2], after[:2], strict=True)] for share in shares]
+    depths = [distance_to_edges(vertices, place) for place in places if winds_around(vertices, place)]
+    return -max(depths) if depths else least - 1e-3 * (least == 0)
+
+
+def distance_to_edges(vertices, place):
+    return min(closest_pass(a, b, place, place) for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True))
+
+
+def intersect(a, b, c, d):
+    """Whether the segments a b and c d share a point, by solving for it."""
+    (ux, uy), (vx, vy) = (b[0] - a[0], b[1] - a[1]), (d[0] - c[0], d[1] - c[1])
+    determinant = vx * uy - ux * vy
+    if determinant == 0:
+        return False
+    wx, wy = c[0] - a[0], c[1] - a[1]
+    on_first = (vx * wy - vy * wx) / determinant
+    on_second = (ux * wy - uy * wx) / determinant
+    return 0 <= on_first <= 1 and 0 <= on_second <= 1
+
+
+def winds_around(vertices, place):
+    """Whether the angles under which a place sees the edges add up to a whole turn."""
+    total = 0.0
+    for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+        before, after = (math.atan2(y - place[1], x - place[0]) for x, y in (a, b))
+        total += wrapped(after - before)
+    return abs(total) > math.pi
 
 
 def fate(to_disc, to_wall):
@@ -124,7 +169,7 @@ def fate(to_disc, to_wall):
     return None
 
 
-def judge(captured, pursuer_fate, evader_fate, out_of_time):
+def judge(captured, pursuer_fate, evader_fate, reached, out_of_time):
     if captured:
         return "CAPTURED"
     if pursuer_fate and evader_fate:
@@ -133,6 +178,8 @@ def judge(captured, pursuer_fate, evader_fate, out_of_time):
         return "PURSUER_" + pursuer_fate
     if evader_fate:
         return "EVADER_" + evader_fate
+    if reached:
+        return "TERRITORY_REACHED"
     if out_of_time:
         return "NO_RESULT"
     return "ONGOING"
@@ -142,6 +189,8 @@ def paper_rewards(reward, outcome, closed):
     """Eq. 8, 9: the cases in the paper's order."""
     if outcome == "CAPTURED":
         return reward.capture, -reward.capture
+    if outcome == "TERRITORY_REACHED":
+        return -reward.capture, reward.capture
     pursuer, evader = reward.progress * closed, -reward.progress * closed
     if outcome.startswith("PURSUER") or outcome == "BOTH_FAILED":
         pursuer = -reward.failure
@@ -153,6 +202,6 @@ def paper_rewards(reward, outcome, closed):
 def zero_sum_rewards(reward, outcome, closed):
     if outcome == "CAPTURED" or outcome.startswith("EVADER"):
         return 1.0, -1.0
-    if outcome.startswith("PURSUER") or outcome == "NO_RESULT":
+    if outcome.startswith("PURSUER") or outcome in ("NO_RESULT", "TERRITORY_REACHED"):
         return -1.0, 1.0
     return 0.0, 0.0

@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.patches import Polygon as Patch
 
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.arena import Arena
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
@@ -27,6 +31,20 @@ def test_discs_are_drawn_where_they_are(axes):
     assert axes.get_aspect() == 1.0
     left, right = axes.get_xlim()
     assert left < arena.x_min < arena.x_max < right
+
+
+def test_a_territory_is_a_ring_in_the_evaders_colour(axes):
+    draw_arena(axes, make_game("territory").arena)
+    (ring,) = (patch for patch in axes.patches if isinstance(patch, Circle) and not patch.get_fill())
+    assert (*ring.center, ring.radius) == (5, 5, 1)
+    assert to_hex(ring.get_edgecolor()) == palette.EVADER
+
+
+def test_polygons_are_drawn_where_they_are(axes):
+    corners = [(4.0, 4.0), (6.0, 4.0), (5.0, 6.0)]
+    draw_arena(axes, Arena(polygons=(Polygon(tuple(corners)),)))
+    (drawn,) = (patch.get_xy() for patch in axes.patches if isinstance(patch, Patch))
+    np.testing.assert_array_equal(drawn, [*corners, corners[0]])
 
 
 def test_the_mean_of_seeds_covers_what_all_of_them_cover(axes):

@@ -1,5 +1,7 @@
 """The image of a grid: a shift of slices is the same as going there node by node."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
@@ -46,6 +49,24 @@ def test_room_is_the_least_clearance_along_the_hold():
         for action in range(9):
             expected = oracle.room(SMALL, oracle.course(SMALL, state, action, 5))
             assert found[v, heading, action, x, y] == pytest.approx(expected, abs=1e-5)
+
+
+def test_room_among_polygons_is_that_of_plain_loops():
+    corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
+    game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
+    motion, grid = motion_of(game, Role.PURSUER, 5), make_grid(game.arena, BODY, TINY)
+    found = np.asarray(rooms(motion, grid, image_of(motion, grid))).reshape(*grid.shape[:2], 9, *grid.shape[2:])
+    nodes = list(oracle.nodes(oracle.axes(game, TINY)).items())
+    pairs = []
+    for number in range(0, 9 * len(nodes), 31):
+        (x, y, v, heading), state = nodes[number // 9]
+        expected = oracle.room(game, oracle.course(game, state, number % 9, 5))
+        pairs.append((found[v, heading, number % 9, x, y], expected))
+    ours, theirs = np.array(pairs).T
+    free = theirs > 1e-4
+    assert 0.2 < free.mean() < 0.8
+    np.testing.assert_allclose(ours[free], theirs[free], atol=1e-5)
+    assert np.all(ours[theirs < -1e-4] < 0)
 
 
 def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():

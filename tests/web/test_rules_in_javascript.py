@@ -14,11 +14,15 @@ from apollonius.agents.catalogue import ZOO, find_agent
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import solo
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.game.game import reset_batch
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.record import to_dict
+from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
-from apollonius.replay import as_rows, as_state, load_replay
+from apollonius.replay import as_rows, as_state, load_replay, play_actions
 from apollonius.rollout import begin, step_games
 from apollonius.web.site import PAGE
 
@@ -106,6 +110,35 @@ def test_networks_and_shields_choose_the_same_actions(agent_file):
     assert answer["actions"] == actions.tolist()
     assert answer["shielded"] == behind_shield.tolist()
     assert np.any(actions != behind_shield)
+
+
+def test_games_among_polygons_come_out_the_same():
+    """Random play in a room with a door, a notched pillar and a disc: states, outcomes, clearances."""
+    room = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 6.0), (2.5, 6.0), (2.5, 7.5), (7.5, 7.5), (7.5, 2.5),
+            (2.5, 2.5), (2.5, 4.0), (2.0, 4.0))  # fmt: skip
+    pillar = ((4.0, 4.0), (5.0, 4.5), (6.0, 4.0), (5.0, 6.0))
+    arena = Arena(discs=(Disc(1.0, 9.0, 0.4),), polygons=(Polygon(room), Polygon(pillar)))
+    game = Game(arena=arena, starts=Starts(speed="moving"), evader=Unicycle(radius=0.1))
+    count, steps = 80, 60
+    starts = as_rows(reset_batch(game, jax.random.key(1), count))
+    actions = np.random.default_rng(1).integers(9, size=(count, steps // 5, 2), dtype=np.int32).repeat(5, axis=1)
+    play = jax.jit(jax.vmap(lambda row, taken: play_actions(game, as_state(row, jnp.asarray(0)), taken)))
+    states, outcomes = play(jnp.asarray(starts), jnp.asarray(actions))
+    rows = np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
+    recorded = []
+    for index, outcome in enumerate(np.asarray(outcomes)):
+        length = int(np.argmax(outcome != Outcome.ONGOING)) + 1 if outcome.any() else steps
+        told = {"game": to_dict(game), "states": rows[index].tolist(), "actions": actions[index, :length].tolist()}
+        recorded.append((told, rows[index, : length + 1], Outcome(int(outcome[length - 1])).name.lower()))
+    assert {outcome for *_, outcome in recorded} > {"pursuer_hit_obstacle", "evader_hit_obstacle"}
+    agent = {"path": str(ZOO / "P_pool.safetensors"), "game": to_dict(game), "role": "pursuer"}
+    ends = np.stack([states[-1] for _, states, _ in recorded])
+    answer = ask(games=[told for told, *_ in recorded], agent=agent, positions=ends.tolist())
+    for (_, states, outcome), played in zip(recorded, answer["games"], strict=True):
+        assert apart(played["rows"], states) <= TOLERANCE
+        assert played["outcomes"][-1] == outcome
+    see = jax.jit(jax.vmap(lambda row: game.observe(as_state(row, jnp.asarray(0)), Role.PURSUER, "encoded")))
+    np.testing.assert_allclose(answer["observed"], see(jnp.asarray(ends)), atol=1e-5)
 
 
 def test_a_step_that_is_judged_otherwise_is_seen():

@@ -9,7 +9,7 @@ import pytest
 from apollonius.agents.catalogue import ZOO, zoo_names
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.file import find_game, game_names
 from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.show import palette
@@ -19,7 +19,7 @@ from apollonius.web.site import PAGE, YOU, choose, write_site
 def test_the_site_is_whole(tmp_path):
     write_site(tmp_path)
     catalogue = json.loads((tmp_path / "catalogue.json").read_text())
-    assert catalogue["games"] == {name: to_dict(make_game(name)) for name in PRESETS}
+    assert catalogue["games"] == {name: to_dict(find_game(name)) for name in game_names()}
     assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == zoo_names()
     for name, file in catalogue["files"].items():
         assert (tmp_path / file).read_bytes() == (ZOO / f"{name}.safetensors").read_bytes()

@@ -135,11 +135,15 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     """The policy of a trained agent in a game.
 
     Raises:
-        InvalidInput: for a robot whose braking does not end at rest, and a network with numbers that are none.
+        InvalidInput: for clearances from polygons or a map, a robot whose braking does not end at rest, and a network
+            with numbers that are none.
     """
     layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
     finite = all(np.isfinite(part).all() for layer in layers for part in layer)
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
+    arena, measures = game.arena, agent.header.observation != "paper"
+    bound = "walls and discs, the only ones that an exported policy measures the clearances in its observation from"
+    require(not (measures and (arena.polygons or arena.map)), "obstacles", "polygons or a map", bound)
     blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)
     own = blueprint.own
     bound = "0 m/s, so that braking, the answer to a broken state, ends at rest"

@@ -27,9 +27,9 @@ _NARROWEST = 0.55
 """How small a picture may become on a narrow screen; beyond that the reader moves it sideways."""
 _BAR = (
     "captured", "evader_hit_obstacle", "evader_out_of_range", "no_result",
-    "both_failed", "pursuer_out_of_range", "pursuer_hit_obstacle",
+    "both_failed", "pursuer_out_of_range", "pursuer_hit_obstacle", "territory_reached",
 )  # fmt: skip
-"""Outcomes from the pursuer's best to its worst, as bars show them."""
+"""Outcomes from the pursuer's best to its worst, as bars show those that can be."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def render(page: Page) -> str:
     return environment.get_template("page.html").render(
         page=page,
         replays=[shown.to_dict() for shown in page.games],
-        bar=_BAR,
+        bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in page.matches)],
         light=palette.LIGHT,
         dark=palette.DARK,
         style=_source("report/page.css"),

@@ -70,8 +70,10 @@ def _lines(path: Path) -> list[dict[str, Any]]:
 
 def _described(game: Game) -> str:
     arena = game.arena
+    obstacles = f"{len(arena.discs)} discs" + (f", {len(arena.polygons)} polygons" if arena.polygons else "")
+    obstacles += f", the map {Path(arena.map.file).name}" if arena.map else ""
     return (
-        f"Arena {arena.x_max - arena.x_min:g} m by {arena.y_max - arena.y_min:g} m, {len(arena.discs)} discs; "
+        f"Arena {arena.x_max - arena.x_min:g} m by {arena.y_max - arena.y_min:g} m, {obstacles}; "
         f"capture within {game.capture_distance:g} m; at most {game.max_steps * game.dt:g} s."
     )
 

@@ -1,4 +1,4 @@
-// The arena from above on a canvas: walls, discs, trails, robots. Lengths are in metres, y points up.
+// The arena from above on a canvas: walls, obstacles, trails, robots. Lengths are in metres, y points up.
 
 import { EVADER, PURSUER, wrapAngle } from "./rules.js";
 
@@ -43,6 +43,16 @@ export function draw(canvas, game, states, now, colours, steered = []) {
   context.fillRect(arena.x_min, arena.y_min, width, height);
   context.fillStyle = colours.obstacle;
   for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
+  for (const { vertices } of arena.polygons) {
+    context.beginPath();
+    for (const [x, y] of vertices) context.lineTo(x, y);
+    context.fill();
+  }
+  if (arena.territory) {
+    context.strokeStyle = colours.evader;
+    context.lineWidth = 0.05;
+    circle(context, arena.territory.x, arena.territory.y, arena.territory.radius).stroke();
+  }
   context.strokeStyle = colours.ink;
   context.lineWidth = 0.05;
   context.strokeRect(arena.x_min, arena.y_min, width, height);

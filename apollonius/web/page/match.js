@@ -92,6 +92,7 @@ const ENDS = {
   evader_out_of_range: "The evader has run into a wall",
   both_failed: "Both have crashed in the same moment",
   no_result: "Time is up",
+  territory_reached: "The evader has reached the territory",
 };
 
 /** How a game that is over ended, in words. */

@@ -16,6 +16,7 @@ export const OUTCOMES = [
   "evader_out_of_range",
   "both_failed",
   "no_result",
+  "territory_reached",
 ];
 
 export function other(role) {
@@ -66,27 +67,79 @@ function toWalls(arena, x, y) {
   return Math.min(x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y);
 }
 
-/** Distance [m] from a point to the nearest wall or disc; negative outside the walls or inside a disc. */
-export function clearance(arena, x, y) {
-  const toDiscs = arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius);
-  return Math.min(toWalls(arena, x, y), ...toDiscs);
+/** Edges of a polygon, each as the corner it begins at and the way to the next: [x, y, alongX, alongY]. */
+function edges({ vertices }) {
+  return vertices.map(([x, y], index) => {
+    const [nextX, nextY] = vertices[(index + 1) % vertices.length];
+    return [x, y, nextX - x, nextY - y];
+  });
 }
 
-/** Least clearance [m] on the segment between two states of a robot. */
-export function clearanceAlong(arena, before, after) {
+/** How far a point is to the left of an edge's line, times the edge's length. */
+const side = ([x, y, alongX, alongY], px, py) => alongX * (py - y) - alongY * (px - x);
+
+/** Distance [m] from a point to the nearest edge of a polygon; negative inside. */
+function toPolygon(polygon, px, py) {
+  let [least, inside] = [Infinity, false];
+  for (const edge of edges(polygon)) {
+    const [x, y, alongX, alongY] = edge;
+    least = Math.min(least, closestApproach(x - px, y - py, alongX, alongY));
+    const [above, endsAbove] = [y > py, y + alongY > py];
+    if (above !== endsAbove && side(edge, px, py) > 0 === endsAbove) inside = !inside;
+  }
+  return inside ? -least : least;
+}
+
+const PASSED_THROUGH = -1e-6;
+
+/** None in games that were recorded before there were polygons. */
+const polygonsOf = (arena) => arena.polygons ?? [];
+
+/** Least clearance [m] from a polygon on the segment between two states (polygon.py). */
+function polygonAlong(polygon, before, after) {
+  const [dx, dy] = [after.x - before.x, after.y - before.y];
+  const step = [before.x, before.y, dx, dy];
+  let least = Math.min(toPolygon(polygon, before.x, before.y), toPolygon(polygon, after.x, after.y));
+  for (const edge of edges(polygon)) {
+    const [x, y, alongX, alongY] = edge;
+    const crossed =
+      side(edge, before.x, before.y) * side(edge, after.x, after.y) < 0 &&
+      side(step, x, y) * side(step, x + alongX, y + alongY) < 0;
+    least = Math.min(least, crossed ? PASSED_THROUGH : closestApproach(before.x - x, before.y - y, dx, dy));
+  }
+  return least;
+}
+
+/** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
+export function clearance(arena, x, y) {
+  const toDiscs = arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius);
+  const toPolygons = polygonsOf(arena).map((polygon) => toPolygon(polygon, x, y));
+  return Math.min(toWalls(arena, x, y), ...toDiscs, ...toPolygons);
+}
+
+/** Least clearance [m] from each obstacle on the segment between two states of a robot. */
+function obstaclesAlong(arena, before, after) {
   const toDiscs = arena.discs.map(
     (disc) =>
       closestApproach(before.x - disc.x, before.y - disc.y, after.x - before.x, after.y - before.y) - disc.radius,
   );
-  return Math.min(toWalls(arena, before.x, before.y), toWalls(arena, after.x, after.y), ...toDiscs);
+  return [...toDiscs, ...polygonsOf(arena).map((polygon) => polygonAlong(polygon, before, after))];
+}
+
+/** Least clearance [m] on the segment between two states of a robot. */
+export function clearanceAlong(arena, before, after) {
+  const walls = Math.min(toWalls(arena, before.x, before.y), toWalls(arena, after.x, after.y));
+  return Math.min(walls, ...obstaclesAlong(arena, before, after));
 }
 
 function hitsObstacle(arena, before, after, radius) {
-  return arena.discs.some(
-    (disc) =>
-      closestApproach(before.x - disc.x, before.y - disc.y, after.x - before.x, after.y - before.y) <
-      disc.radius + radius,
-  );
+  return obstaclesAlong(arena, before, after).some((clearance) => clearance < radius);
+}
+
+/** Whether a robot's centre comes into the territory on the segment between two states. */
+function reachesTerritory({ territory }, before, after) {
+  const [x, y] = [before.x - territory.x, before.y - territory.y];
+  return closestApproach(x, y, after.x - before.x, after.y - before.y) < territory.radius;
 }
 
 function isOutOfRange(arena, after, radius) {
@@ -112,7 +165,10 @@ export function judge(game, before, after) {
     return isOutOfRange(game.arena, after[role], radius) ? `${role}_out_of_range` : null;
   });
   if (failures[0] && failures[1]) return "both_failed";
-  return failures[0] ?? failures[1] ?? (after.steps >= game.max_steps ? "no_result" : "ongoing");
+  const fails = failures[0] ?? failures[1];
+  if (fails) return fails;
+  if (game.arena.territory && reachesTerritory(game.arena, before.evader, after.evader)) return "territory_reached";
+  return after.steps >= game.max_steps ? "no_result" : "ongoing";
 }
 
 /** One transition: both robots hold their actions (0..8) for `dt`; returns {state, outcome}. */
@@ -128,7 +184,7 @@ export function step(game, state, actions) {
 /** Who won: "pursuer", "evader" or null (outlived the time limit, or both failed). */
 export function winner(game, outcome) {
   if (["captured", "evader_hit_obstacle", "evader_out_of_range"].includes(outcome)) return PURSUER;
-  if (["pursuer_hit_obstacle", "pursuer_out_of_range"].includes(outcome)) return EVADER;
+  if (["pursuer_hit_obstacle", "pursuer_out_of_range", "territory_reached"].includes(outcome)) return EVADER;
   return outcome === "no_result" && game.reward.profile === "zero-sum" ? EVADER : null;
 }
 
@@ -204,6 +260,8 @@ export function drawStart(game, random) {
     const pursuer = place(game.pursuer);
     const evader = place(game.evader);
     const apart = Math.hypot(pursuer.x - evader.x, pursuer.y - evader.y) >= starts.separation;
-    if (apart && hasRoom(game.pursuer, pursuer) && hasRoom(game.evader, evader)) return { pursuer, evader, steps: 0 };
+    const { territory: goal } = arena;
+    const outside = !goal || Math.hypot(evader.x - goal.x, evader.y - goal.y) >= goal.radius + starts.separation;
+    if (apart && outside && hasRoom(game.pursuer, pursuer) && hasRoom(game.evader, evader)) return { pursuer, evader, steps: 0 };
   }
 }

@@ -9,8 +9,10 @@ import pytest
 from apollonius.adapters.export.blueprint import identifier, make_blueprint
 from apollonius.agents.store import describe
 from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
 from tests.adapters.export.conftest import small_network
 
@@ -36,6 +38,13 @@ def test_a_network_that_went_astray_is_refused(broken):
     network = eqx.tree_at(lambda net: net.layers[1].bias, AGENT.network, replace_fn=lambda bias: bias.at[0].set(broken))
     with pytest.raises(InvalidInput, match="weights = NaN or infinite"):
         make_blueprint("E", dataclasses.replace(AGENT, network=network), Game())
+
+
+def test_clearances_from_polygons_are_refused_and_not_left_out():
+    game = Game(arena=Arena(polygons=(Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.0))),)))
+    with pytest.raises(InvalidInput, match=r"obstacles = polygons or a map .* walls and discs"):
+        make_blueprint("E", describe(small_network("encoded"), Role.EVADER, {}, {}), game)
+    assert make_blueprint("E", AGENT, game).discs == []
 
 
 def test_a_policy_is_called_as_its_file(tmp_path):

@@ -1,0 +1,115 @@
+"""ROS occupancy maps as files: the YAML that map_server reads, and the PGM or PNG image that it names."""
+
+import functools
+import hashlib
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.errors import InvalidInput, require
+from apollonius.game.occupancy import OccupancyMap, distance_field
+
+_MOST_CELLS = 10_000
+"""Most cells along a side: the field of so many takes 400 MB."""
+_WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
+"""The lightest value of each kind of grey image."""
+
+
+def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
+    """The map of a YAML file: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`, `mode`.
+
+    A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are occupied: those
+    above `occupied_thresh`, and the unknown ones between. Other keys are ignored, as map_server does.
+
+    Args:
+        path: the YAML file; the image is found from its folder.
+        digest: what the map must have; None for any.
+
+    Raises:
+        InvalidInput: for a file that is missing or unreadable, an impossible value, a map that is turned, and a map
+            that has another digest.
+    """
+    require(path.is_file(), "map", f"'{path}'", "the YAML file of a ROS map; check the path")
+    text = path.read_bytes()
+    said = _read_yaml(text, f"map '{path}'")
+    image = path.parent / str(said["image"])
+    require(image.is_file(), f"map '{path}': image", f"'{image}'", "a file; check the path")
+    content = image.read_bytes()
+    found = hashlib.sha256(text + content).hexdigest()
+    bound = "the map of this game, which has changed since; restore it"
+    require(digest in (None, found), f"map '{path}'", f"SHA-256 {found[:12]}...", bound)
+    return _map(path.resolve(), found, text, content)
+
+
+@functools.lru_cache(maxsize=2)
+def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
+    """The same for what two files hold; the latest are remembered, as one game reads its map several times."""
+    name = f"map '{path}'"
+    said = _read_yaml(text, name)
+    free = _darkness(said, content, name) < said["free_thresh"]
+    x, y, _ = said["origin"]
+    field = distance_field(np.ascontiguousarray(~free[::-1]), said["resolution"])
+    return OccupancyMap(jnp.asarray(field), x, y, said["resolution"], str(path), digest)
+
+
+def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
+    """The values, as numbers, checked."""
+    import yaml
+
+    try:
+        said = yaml.safe_load(text)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise InvalidInput(f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.") from error
+    require(isinstance(said, dict), name, type(said).__name__, "keys with values: image, resolution, origin ...")
+    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
+        require(key in said, f"{name}: {key}", "missing", "given, as map_server wants it")
+    require(isinstance(said["image"], str) and said["image"], f"{name}: image", said["image"], "the name of a file")
+    read = dict(said)
+    for key in ("resolution", "negate", "occupied_thresh", "free_thresh"):
+        read[key] = _number(said[key], f"{name}: {key}")
+    require(0 < read["resolution"] <= 1e3, f"{name}: resolution", said["resolution"], "metres in a cell, more than 0")
+    require(read["negate"] in (0, 1), f"{name}: negate", said["negate"], "0 (dark is occupied) or 1")
+    free, occupied = read["free_thresh"], read["occupied_thresh"]
+    require(
+        0 < free <= occupied <= 1, f"{name}: free_thresh", free, f"above 0, up to occupied_thresh = {occupied} <= 1"
+    )
+    mode = said.get("mode", "trinary")
+    require(mode == "trinary", f"{name}: mode", mode, "trinary, as cells are either free or not")
+    is_place = isinstance(said["origin"], list) and len(said["origin"]) == 3
+    require(is_place, f"{name}: origin", said["origin"], "[x, y, yaw] of the lower left corner, in metres and radians")
+    read["origin"] = [_number(number, f"{name}: origin") for number in said["origin"]]
+    yaw = read["origin"][2]
+    require(yaw == 0, f"{name}: origin, yaw", yaw, "0, as walls lie along x and y; turn the image and set it to 0")
+    return read
+
+
+def _number(value: Any, name: str) -> float:
+    """A finite number; YAML calls `5e-2` a text."""
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    require(abs(number) <= 1e6, name, value, "a number within 1e6 of 0")
+    return number
+
+
+def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
+    """How dark every pixel is, from 0 to 1 (the lightest is 1 where negated), the first row at the top."""
+    from PIL import Image
+
+    image_name = f"{name}: image"
+    try:
+        with Image.open(io.BytesIO(content), formats=("PPM", "PNG")) as image:
+            require(image.mode in _WHITE, image_name, f"of kind {image.mode}", "grey, as PGM; convert it")
+            size = image.size
+            require(max(size) <= _MOST_CELLS, image_name, size, f"at most {_MOST_CELLS} cells along each side; crop it")
+            grey = np.asarray(image, np.float32) / _WHITE[image.mode]
+    except InvalidInput:
+        raise
+    except Exception as error:  # Pillow raises what it likes for a damaged file
+        raise InvalidInput(f"{image_name} is no whole PGM or PNG file ({error}): copy it again.") from error
+    return grey if said["negate"] else 1 - grey

@@ -1,0 +1,49 @@
+"""The arenas that ship with the package: each is sound, can be played in, and is found by its name."""
+
+import jax
+import numpy as np
+import pytest
+from PIL import Image
+
+from apollonius.cli import main
+from apollonius.game.file import GALLERY, about_game, find_game, game_names
+from apollonius.game.game import reset_batch
+from apollonius.game.presets import PRESETS
+from apollonius.game.survey import survey
+
+FILES = [name for name in game_names() if name not in PRESETS]
+_reset = jax.jit(reset_batch, static_argnames="games")
+
+
+def test_there_are_an_office_a_warehouse_and_a_maze_beside_the_presets():
+    assert game_names()[: len(PRESETS)] == list(PRESETS)
+    assert {"office", "warehouse", "maze"} <= set(FILES) == {path.stem for path in GALLERY.iterdir()}
+    assert all(20 < len(about_game(name)) < 110 for name in game_names())
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_each_is_sound_and_its_starts_have_room(name):
+    game = find_game(name)
+    found = survey(game)
+    assert found.wrong == ()
+    assert found.notes == ()
+    assert [parts.max() for parts in found.parts] == [1, 1]
+    assert 0.02 < found.blocked.mean() < 0.5
+    starts = _reset(game, jax.random.key(0), games=500)
+    room = jax.jit(jax.vmap(game.arena.clearance))(starts.evader.x, starts.evader.y)
+    assert float(room.min()) >= 0.3 + game.evader.radius - 1e-6
+    assert game.arena.polygons
+    columns, rows = (np.asarray(leaf) for leaf in (starts.pursuer.x, starts.pursuer.y))
+    quarters = np.histogram2d(columns, rows, bins=2)[0]
+    assert quarters.min() > 40
+
+
+def test_the_command_lists_and_draws_them(tmp_path, capsys):
+    picture = tmp_path / "new" / "gallery.png"
+    assert main(["arena", "list", "--out", str(picture)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == game_names()
+    with Image.open(picture) as drawn:
+        assert drawn.width == 4 * 256 + 16
+    assert main(["arena", "check", "maze"]) == 0
+    assert main(["arena", "list", "--out", "gallery.bmp"]) == 2

@@ -1,0 +1,190 @@
+"""ROS maps as files: what map_server would show, and one clear line for whatever is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image, ImageColor
+
+from apollonius.adapters.export.blueprint import make_blueprint
+from apollonius.agents.catalogue import find_trained
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.game.file import find_game
+from apollonius.game.game import Game
+from apollonius.game.map_file import load_map
+from apollonius.game.record import from_dict, to_dict
+from apollonius.game.types import Role
+from apollonius.show.arena import draw_arena
+from apollonius.show.canvas import Canvas
+from apollonius.show.palette import OBSTACLE, PAPER
+from apollonius.web.site import choose
+
+pytest.importorskip("yaml")
+
+FLOOR = {
+    "image": "floor.pgm", "resolution": "0.5", "origin": "[-1.0, 2, 0.0]", "negate": "0", "occupied_thresh": "0.65",
+    "free_thresh": "0.196",
+}  # fmt: skip
+
+
+def write(folder, pixels, name="floor", **changes):
+    """A map's two files; a change of None leaves a key out."""
+    said = {key: value for key, value in (FLOOR | changes).items() if value is not None}
+    (folder / f"{name}.yaml").write_text("".join(f"{key}: {value}\n" for key, value in said.items()))
+    if pixels is not None:
+        Image.fromarray(np.asarray(pixels, np.uint8)).save(folder / "floor.pgm")
+    return folder / f"{name}.yaml"
+
+
+def room():
+    """Free, with a block at the lower left of the picture and an unknown one at the upper right."""
+    pixels = np.full((20, 30), 254)
+    pixels[16:, :6] = 0
+    pixels[:4, 24:] = 205
+    return pixels
+
+
+def test_rows_run_upwards_and_the_unknown_is_occupied(tmp_path):
+    found = load_map(write(tmp_path, room()))
+    assert (found.x, found.y, found.x_max, found.y_max, found.cell) == (-1, 2, 14, 12, 0.5)
+    np.testing.assert_array_equal(found.occupied(), room()[::-1] != 254)
+
+
+@pytest.mark.parametrize(
+    ("changes", "free"),
+    [
+        ({}, [0, 0, 0, 1]),
+        ({"free_thresh": "0.3"}, [0, 0, 1, 1]),
+        ({"negate": "1"}, [1, 0, 0, 0]),
+        ({"free_thresh": "0.999", "occupied_thresh": "1"}, [0, 1, 1, 1]),
+        ({"mode": "trinary", "cost": "3"}, [0, 0, 0, 1]),
+    ],
+)
+def test_thresholds_are_those_of_map_server(tmp_path, changes, free):
+    shades = np.repeat([0, 128, 205, 254], 5)[None].repeat(5, axis=0)
+    found = load_map(write(tmp_path, shades, **changes))
+    np.testing.assert_array_equal(~found.occupied()[2, 2::5], np.array(free, bool))
+
+
+def test_plain_and_raw_pgm_and_png_are_one_map(tmp_path):
+    raw = load_map(write(tmp_path, room()))
+    plain = "P2\n# made by hand\n30 20\n255\n" + "\n".join(" ".join(map(str, row)) for row in room())
+    for name, content in (("plain.pgm", plain.encode()), ("map.png", None)):
+        if content is None:
+            Image.fromarray(room().astype(np.uint8)).save(tmp_path / name)
+        else:
+            (tmp_path / name).write_bytes(content)
+        other = load_map(write(tmp_path, None, "other", image=name))
+        np.testing.assert_array_equal(other.field, raw.field)
+        assert other.digest != raw.digest
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"image": None}, "image = missing"),
+        ({"image": "3"}, "image = 3 .* name of a file"),
+        ({"image": "none.pgm"}, "none.pgm' .* check the path"),
+        ({"image": "floor.yaml"}, "no whole PGM or PNG"),
+        ({"resolution": None}, "resolution = missing"),
+        ({"resolution": "0"}, "resolution = 0 .* more than 0"),
+        ({"resolution": ".nan"}, "resolution = nan"),
+        ({"resolution": "fine"}, "resolution = fine"),
+        ({"origin": "[0, 0]"}, r"origin = \[0, 0\] .* \[x, y, yaw\]"),
+        ({"origin": "[0, 0, 0.1]"}, "yaw = 0.1 .* turn the image"),
+        ({"origin": "[0, up, 0]"}, "origin = up"),
+        ({"negate": "2"}, "negate = 2"),
+        ({"negate": "true"}, "negate = True"),
+        ({"occupied_thresh": None}, "occupied_thresh = missing"),
+        ({"occupied_thresh": "1.5"}, "free_thresh"),
+        ({"free_thresh": "0.7"}, "free_thresh = 0.7 .* up to occupied_thresh = 0.65"),
+        ({"free_thresh": "0"}, "free_thresh = 0"),
+        ({"mode": "scale"}, "mode = scale .* trinary"),
+        ({"image": "[", "mode": "]"}, "no YAML"),
+        ({"free_thresh": "0.0001"}, "free cells"),
+    ],
+    ids=range(20),
+)
+def test_each_error_is_one_clear_line(tmp_path, changes, said):
+    with pytest.raises(InvalidInput, match=said) as refusal:
+        load_map(write(tmp_path, room(), **changes))
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"- 1\n- 2\n", b"\xff\xfe\x00", b"a: &a [*a]\n", b"[" * 5000])
+def test_what_is_no_map_is_refused(tmp_path, content):
+    (tmp_path / "floor.yaml").write_bytes(content)
+    with pytest.raises(InvalidInput):
+        load_map(tmp_path / "floor.yaml")
+
+
+def test_a_damaged_or_coloured_image_is_refused(tmp_path):
+    path = write(tmp_path, room())
+    (tmp_path / "floor.pgm").write_bytes((tmp_path / "floor.pgm").read_bytes()[:100])
+    with pytest.raises(InvalidInput, match="no whole PGM"):
+        load_map(path)
+    Image.new("RGB", (20, 20)).save(tmp_path / "floor.ppm")
+    with pytest.raises(InvalidInput, match=r"kind RGB .* grey"):
+        load_map(write(tmp_path, None, image="floor.ppm"))
+
+
+@pytest.fixture
+def hall(tmp_path):
+    write(tmp_path, room())
+    (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n[starts]\nclearance = 0.2\n')
+    return tmp_path / "hall.toml"
+
+
+def test_a_game_on_a_map_has_the_maps_walls_and_names_it_in_its_record(hall):
+    game = find_game(str(hall))
+    assert (game.arena.x_min, game.arena.x_max, game.arena.y_min, game.arena.y_max) == (-1, 14, 2, 12)
+    record = json.loads(json.dumps(to_dict(game)))
+    assert record["arena"]["map"] == {"file": str(hall.with_name("floor.yaml")), "sha256": game.arena.map.digest}
+    again = from_dict(Game, record, "the record")
+    np.testing.assert_array_equal(again.arena.map.field, game.arena.map.field)
+    write(hall.parent, 255 - room(), free_thresh="0.3")
+    with pytest.raises(InvalidInput, match="which has changed since; restore it"):
+        from_dict(Game, record, "the record")
+    hall.with_name("floor.yaml").unlink()
+    with pytest.raises(InvalidInput, match="check the path"):
+        from_dict(Game, record, "the record")
+
+
+@pytest.mark.parametrize(
+    ("arena", "said"),
+    [
+        ("map = 3", "map = 3 .* YAML file"),
+        ('map = {file = "floor.yaml"}', "YAML file"),
+        ('map = "other.yaml"', "other.yaml' .* check the path"),
+        ('map = "floor.yaml"\nx_max = 20', r"walls = .* within the map's ends \[-1.0, 14.0\]"),
+    ],
+)
+def test_a_file_whose_map_cannot_be_had_is_refused(hall, arena, said):
+    hall.write_text(f"[arena]\n{arena}\n")
+    with pytest.raises(InvalidInput, match=said):
+        find_game(str(hall))
+
+
+def test_a_map_is_checked_and_drawn(hall, tmp_path, capsys):
+    assert main(["arena", "check", str(hall), "--out", str(tmp_path / "plan.png")]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+    pixels = np.asarray(Image.open(tmp_path / "plan.png"))
+    for (row, column), colour in {(300, 20): OBSTACLE, (300, 250): PAPER, (20, 480): OBSTACLE}.items():
+        assert tuple(pixels[row, column]) == ImageColor.getrgb(colour)
+    drawn = Canvas(find_game(str(hall))).picture()
+    assert drawn.getpixel((20, drawn.height - 20)) == ImageColor.getrgb(OBSTACLE)
+    assert drawn.getpixel((drawn.width // 2, drawn.height // 2)) == ImageColor.getrgb(PAPER)
+    axes = Figure().subplots()
+    draw_arena(axes, find_game(str(hall)).arena)
+    (image,) = axes.get_images()
+    assert image.get_extent() == [-1, 14, 2, 12]
+    assert image.get_array()[0, 0] == 1
+
+
+def test_the_page_and_exports_refuse_maps(hall):
+    with pytest.raises(InvalidInput, match="without an occupancy map"):
+        choose(Role.EVADER, None, str(hall), 0)
+    with pytest.raises(InvalidInput, match="polygons or a map"):
+        make_blueprint("P", find_trained("P_pool")[0], find_game(str(hall)))

@@ -1,0 +1,117 @@
+"""Occupancy maps as obstacles: never nearer than the field says, and no way through what is occupied."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.arena import Arena
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.game.types import RobotState
+
+CELL = 0.25
+
+
+def map_of(occupied, x=-1.0, y=2.0):
+    return OccupancyMap(jnp.asarray(distance_field(occupied, CELL)), x, y, CELL, "none.yaml", "")
+
+
+def at(x, y):
+    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
+
+
+def to_occupied(occupied, points):
+    """Distance of points [cells] from the nearest occupied square: by all squares."""
+    rows, columns = np.nonzero(occupied)
+    away_x = np.maximum(np.abs(points[:, :1] - columns - 0.5) - 0.5, 0)
+    away_y = np.maximum(np.abs(points[:, 1:] - rows - 0.5) - 0.5, 0)
+    return np.hypot(away_x, away_y).min(axis=1)
+
+
+clearances = jax.jit(jax.vmap(OccupancyMap.clearance, in_axes=(None, 0, 0)))
+along = jax.jit(jax.vmap(lambda occupancy, x, y, to_x, to_y: occupancy.clearance_along(at(x, y), at(to_x, to_y)),
+                         in_axes=(None, 0, 0, 0, 0)))  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [0.003, 0.03, 0.3])
+def test_a_clearance_is_at_most_the_distance_and_little_less(share):
+    """Over random cells: lone ones, and blocks of them."""
+    rng = np.random.default_rng(int(1000 * share))
+    occupied = rng.random((40, 60)) < share
+    occupied[10:13, 20:45] = occupied[5:30, 50:52] = True
+    points = rng.uniform((0, 0), (60, 40), (20_000, 2))
+    ours = np.asarray(clearances(map_of(occupied), *(points * CELL + (-1, 2)).T.astype(np.float32))) / CELL
+    within = occupied[points[:, 1].astype(int), points[:, 0].astype(int)]
+    true = to_occupied(occupied, points)
+    assert 0.03 < within.mean() < 0.5
+    assert np.all(ours[within] < -0.14)
+    short = (true - ours)[~within]
+    assert short.min() > -1e-3
+    assert short.max() < 0.86
+    assert short.min() < 0.02
+
+
+def test_beside_a_long_wall_it_is_exact_but_for_what_it_is_lowered_by():
+    occupied = np.zeros((20, 20), bool)
+    occupied[:, 12:] = True
+    x = np.linspace(0, 12, 50, dtype=np.float32)
+    ours = clearances(map_of(occupied, 0.0, 0.0), x * CELL, np.full(50, 10 * CELL, np.float32))
+    np.testing.assert_allclose(ours, (12 - x - 0.15) * CELL, atol=1e-5)
+    inside = clearances(map_of(occupied, 0.0, 0.0), (x * 0.3 + 12) * CELL, np.full(50, 10 * CELL, np.float32))
+    np.testing.assert_allclose(inside, (-x * 0.3 - 0.15) * CELL, atol=1e-5)
+
+
+def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of_the_step():
+    rng = np.random.default_rng(4)
+    occupied = rng.random((40, 40)) < 0.05
+    points = rng.uniform(0, 40, (500, 2))
+    ends = np.clip(points + rng.normal(0, 1, (500, 2)), 0, 40)
+    length = np.hypot(*(ends - points).T)
+    world = map_of(occupied, 0.0, 0.0)
+    ours = np.asarray(along(world, *(np.hstack([points, ends]) * CELL).T.astype(np.float32))) / CELL
+    dense = [points + share * (ends - points) for share in np.linspace(0, 1, 201)]
+    least = np.min([to_occupied(occupied, places) for places in dense], axis=0)
+    field = np.min([clearances(world, *(places * CELL).T.astype(np.float32)) for places in dense], axis=0) / CELL
+    touches = least == 0
+    assert 50 < touches.sum() < 450
+    assert np.all(ours[touches] < 0)
+    assert np.all(ours[~touches] <= least[~touches] + 1e-3)
+    assert np.all(ours >= field - length / 8 - 1e-3)
+
+
+@pytest.mark.parametrize("wall", ["straight", "diagonal"])
+def test_no_point_passes_a_wall_of_single_cells(wall):
+    occupied = np.zeros((40, 40), bool)
+    rows = np.arange(40)
+    occupied[rows, rows if wall == "diagonal" else 20] = True
+    arena = Arena(0.0, 10.0, 0.0, 10.0, map=map_of(occupied, 0.0, 0.0))
+    hits = jax.jit(jax.vmap(lambda x, y, to_x, to_y: arena.hits_obstacle(at(x, y), at(to_x, to_y), 0.0)))
+    rng = np.random.default_rng(0)
+    middle = rng.uniform(1, 9, 2000)
+    before = np.stack([middle, middle if wall == "diagonal" else np.full(2000, 5.125)], axis=1)[:, ::-1]
+    across = np.array([1, -1]) / np.sqrt(2) if wall == "diagonal" else np.array([1, 0])
+    shift = rng.uniform(0.4, 0.6, (2000, 1)) * across
+    assert np.all(hits(*np.hstack([before - shift, before + shift]).T.astype(np.float32)))
+    aside = before - 4 * shift / np.abs(shift).max()
+    assert not np.any(hits(*np.hstack([aside, aside - 0.1 * across]).clip(0.1, 9.9).T.astype(np.float32))[:100])
+
+
+def test_a_game_on_a_map_starts_where_there_is_room_and_stops_where_there_is_none():
+    occupied = np.zeros((40, 40), bool)
+    occupied[:, 20:] = True
+    game = Game(arena=Arena(0.0, 10.0, 0.0, 10.0, map=map_of(occupied, 0.0, 0.0)))
+    starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
+    assert float(jnp.max(starts.pursuer.x)) <= 5 - 0.3
+    assert float(jnp.max(starts.evader.x)) > 4
+    assert [float(clearance) for clearance in game.arena.clearances(*jnp.asarray([4.0, 5.0]))] == pytest.approx(
+        [4, 6, 5, 5, 1 - 0.15 * CELL]
+    )
+    assert game.arena.has_obstacles
+
+
+def test_a_map_without_occupied_cells_has_no_obstacles_and_one_without_free_cells_is_refused():
+    empty = map_of(np.zeros((10, 10), bool), 0.0, 0.0)
+    assert float(empty.clearance(*jnp.asarray([1.0, 1.0]))) > 2
+    with pytest.raises(ValueError, match="free cells"):
+        distance_field(np.ones((10, 10), bool), CELL)

@@ -1,0 +1,185 @@
+"""Polygons: distances and contacts against dense sampling and an oracle that was written apart."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
+from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon, clearance_along, clearance_from
+from apollonius.game.types import RobotState
+from tests.oracle.numpy_game import gaps
+
+SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))
+STAR = ((5.0, 1.0), (6.0, 4.0), (9.0, 5.0), (6.0, 6.0), (5.0, 9.0), (4.0, 6.0), (1.0, 5.0), (4.0, 4.0))
+HALL = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 5.5), (3.0, 5.5), (3.0, 7.0), (7.0, 7.0), (7.0, 3.0),
+        (3.0, 3.0), (3.0, 4.5), (2.0, 4.5))  # fmt: skip
+"""A room with walls of 1 m and a door of 1 m in the west."""
+clearances = jax.jit(jax.vmap(lambda polygon, x, y: clearance_from([polygon], x, y), in_axes=(None, 0, 0)))
+along = jax.jit(jax.vmap(lambda polygon, *ends: clearance_along([polygon], *ends), in_axes=(None, 0, 0)))
+hits = jax.jit(Arena.hits_obstacle)
+
+
+def at(x, y):
+    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
+
+
+def robots(points):
+    return jax.vmap(lambda place: at(*place))(jnp.asarray(points))
+
+
+@pytest.mark.parametrize(
+    ("point", "clearance"),
+    [((2.0, 2.0), -1.0), ((2.0, 1.25), -0.25), ((4.0, 2.0), 1.0), ((0.0, 0.0), math.sqrt(2)), ((2.0, 3.0), 0.0)],
+)
+def test_clearance_of_a_square(point, clearance):
+    for vertices in (SQUARE, SQUARE[::-1]):
+        assert float(clearance_from([Polygon(vertices)], *jnp.asarray(point))) == pytest.approx(clearance, abs=1e-6)
+
+
+@pytest.mark.parametrize("vertices", [SQUARE, STAR, HALL, STAR[::-1]])
+def test_clearance_is_the_distance_to_the_nearest_boundary_point(vertices):
+    from matplotlib.path import Path
+
+    corners = np.asarray(vertices)
+    share = np.linspace(0, 1, 1000, endpoint=False)[:, None, None]
+    boundary = (corners + share * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
+    points = np.random.default_rng(0).uniform(0, 10, (300, 2)).astype(np.float32)
+    distance = np.linalg.norm(points[:, None] - boundary, axis=-1).min(axis=1)
+    inside = Path(corners).contains_points(points)
+    assert 5 < inside.sum() < 295
+    np.testing.assert_allclose(
+        clearances(Polygon(vertices), *points.T), np.where(inside, -distance, distance), atol=1e-2
+    )
+
+
+@pytest.mark.parametrize("vertices", [SQUARE, STAR, HALL])
+def test_contact_along_a_step_is_that_of_the_oracle(vertices):
+    rng = np.random.default_rng(1)
+    before = rng.uniform(0, 10, (400, 2)).astype(np.float32)
+    after = (before + rng.normal(0, 1.0, (400, 2))).astype(np.float32)
+    arena = Arena(polygons=(Polygon(vertices),))
+    ours = np.asarray(along(Polygon(vertices), robots(before), robots(after)))
+    theirs = np.array([gaps(arena, 0.0, (*one, 0, 0), (*two, 0, 0))[0] for one, two in zip(before, after, strict=True)])
+    clear_cut = np.abs(theirs) > 1e-4
+    np.testing.assert_array_equal((ours < 0)[clear_cut], (theirs < 0)[clear_cut])
+    outside = theirs > 1e-4
+    assert 50 < outside.sum() < 390
+    np.testing.assert_allclose(ours[outside], theirs[outside], atol=1e-4)
+
+
+def test_a_polygon_is_hit_by_passing_right_through_it_within_one_step():
+    thin = Arena(polygons=(Polygon(((5.0, 1.0), (5.01, 1.0), (5.01, 9.0), (5.0, 9.0))),))
+    assert hits(thin, at(4.9, 5), at(5.1, 5), 0.0)
+    assert hits(thin, at(4.9, 8.98), at(5.1, 9.0), 0.0)
+    assert not hits(thin, at(4.9, 9.05), at(5.1, 9.05), 0.0)
+    assert hits(thin, at(4.9, 9.05), at(5.1, 9.05), 0.06)
+    assert not hits(thin, at(4.7, 5), at(4.9, 5), 0.0)
+
+
+def test_a_room_can_be_entered_through_its_door_only():
+    room = Arena(polygons=(Polygon(HALL),))
+    assert not hits(room, at(1.5, 5), at(5, 5), 0.0)
+    assert not hits(room, at(1.5, 5), at(5, 5), 0.49)
+    assert hits(room, at(1.5, 5), at(5, 5), 0.51)
+    assert hits(room, at(5, 8.5), at(5, 6.5), 0.0)
+    assert float(room.clearance(jnp.float32(5), jnp.float32(5))) == pytest.approx(2)
+    assert float(room.clearance(jnp.float32(7.5), jnp.float32(5))) == pytest.approx(-0.5)
+
+
+def test_arenas_mind_every_polygon_and_every_disc():
+    arena = Arena(polygons=(Polygon(SQUARE), Polygon(((6.0, 6.0), (8.0, 6.0), (7.0, 8.0)))))
+    assert float(arena.clearance(jnp.float32(7), jnp.float32(5))) == pytest.approx(1)
+    assert float(arena.to_obstacles(jnp.float32(2), jnp.float32(0.5))) == pytest.approx(0.5)
+    assert len(arena.clearances(jnp.float32(2), jnp.float32(2))) == 6
+    assert float(arena.clearance_along(at(5, 5.5), at(9, 5.5))) == pytest.approx(0.5)
+    assert hits(arena, at(0.5, 2), at(1.5, 2), 0.0)
+    assert hits(arena, at(7, 5.5), at(7, 6.5), 0.0)
+
+
+coordinate = st.integers(1, 99).map(lambda number: number / 10)
+
+
+@given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=6))
+def test_the_corners_of_a_playable_polygon_are_in_order_and_its_edges_meet_nowhere_else(corners):
+    """Against the definition, in whole numbers: no two edges share a point but neighbours the corner between them."""
+    whole = [(round(10 * x), round(10 * y)) for x, y in corners]
+    simple = is_simple(whole)
+    vertices = tuple(corners)
+    try:
+        Game(arena=Arena(polygons=(Polygon(vertices),)))
+    except InvalidInput as refusal:
+        assume("edges meet nowhere else" in str(refusal))
+        assert not simple
+    else:
+        assert simple
+
+
+def is_simple(corners):
+    edges = [(corners[i], corners[(i + 1) % len(corners)]) for i in range(len(corners))]
+
+    def turn(a, b, c):
+        return np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    def on(a, b, c):
+        return (
+            turn(a, b, c) == 0
+            and min(a[0], b[0]) <= c[0] <= max(a[0], b[0])
+            and (min(a[1], b[1]) <= c[1] <= max(a[1], b[1]))
+        )
+
+    for i, (a, b) in enumerate(edges):
+        for j, (c, d) in enumerate(edges):
+            if a == b or (i != j and c not in (a, b) and on(a, b, c)) or (i != j and a == c):
+                return False
+            if (i + 1) % len(edges) == j and on(a, b, d):
+                return False
+            if turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0:
+                return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("vertices", "said"),
+    [
+        (SQUARE[:2], "2 corners is not possible: it must be 3 to 1000"),
+        (((1.0, 1.0), (3.0, 3.0), (3.0, 1.0), (1.0, 3.0)), "edges meet nowhere else"),
+        (((1.0, 1.0), (3.0, 1.0), (2.0, 1.0)), "edges meet nowhere else"),
+        (((1.0, 1.0), (3.0, 1.0), (3.0, 11.0)), r"\(3, 11\) .* inside the walls .* move"),
+        (((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), "no place to start"),
+        (((1.0, math.inf), (3.0, 1.0), (3.0, 11.0)), "finite number"),
+    ],
+)
+def test_impossible_polygons_are_refused_in_one_line(vertices, said):
+    with pytest.raises(InvalidInput, match=said) as refusal:
+        Game(arena=Arena(polygons=(Polygon(vertices),)))
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_game_can_be_made_while_a_function_is_traced():
+    game = Game(arena=Arena(polygons=(Polygon(SQUARE),)))
+    assert float(jax.jit(lambda factor: factor * replace(game, dt=0.5).dt)(jnp.float32(3.0))) == 1.5
+
+
+def test_other_corners_need_no_other_compilation():
+    traces = []
+
+    @jax.jit
+    def counted(game, state):
+        traces.append(game)
+        return game.step(state, jnp.asarray(0), jnp.asarray(8)).outcome
+
+    for shift in (0.0, 0.5, 1.0):
+        moved = tuple((x + shift, y) for x, y in SQUARE)
+        game = Game(arena=Arena(polygons=(Polygon(moved),)))
+        state = game.reset(jax.random.key(0))
+        assert float(game.arena.clearance(state.pursuer.x, state.pursuer.y)) >= 0.3
+        counted(game, state)
+    assert len(traces) == 1
