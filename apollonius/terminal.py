@@ -11,8 +11,9 @@ from rich.table import Table
 
 from apollonius.evaluate.match import MatchResult
 from apollonius.evaluate.regret import Regret
-from apollonius.evaluate.tournament import Tournament, equilibrium
+from apollonius.evaluate.tournament import Tournament
 from apollonius.learn.progress import Progress
+from apollonius.matrix_game import equilibrium
 from apollonius.solve.iteration import Sweep
 
 _PLAIN_SECONDS = 10.0

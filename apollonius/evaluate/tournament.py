@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
 
 from apollonius.agents.catalogue import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.game.game import Game
+from apollonius.matrix_game import equilibrium
 
 
 @dataclass(frozen=True)
@@ -85,37 +85,3 @@ def play_tournament(
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """Mixtures from which neither side of a matrix game gains by leaving, and what the row side then gets."""
-
-    rows: Float[np.ndarray, " rows"]
-    columns: Float[np.ndarray, " columns"]
-    value: float
-
-
-def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
-    """The minimax mixtures of a matrix game whose payoff the row side raises and the column side lowers.
-
-    As a ranking of players it does not care how often a weak one, or a copy of one, takes part (Balduzzi et al.,
-    "Re-evaluating evaluation", 2018). It is the linear programme of von Neumann; where several mixtures are optimal, it
-    is one of them.
-    """
-    rows, columns = _best_mixture(payoff), _best_mixture(-payoff.T)
-    return Equilibrium(rows, columns, float(rows @ payoff @ columns))
-
-
-def _best_mixture(payoff: Float[np.ndarray, "own others"]) -> Float[np.ndarray, " own"]:
-    """The mixture of rows whose payoff is highest in the column that is worst for it."""
-    own, others = payoff.shape
-    answer = linprog(
-        c=[0.0] * own + [-1.0],
-        A_ub=np.column_stack([-payoff.T, np.ones(others)]),
-        b_ub=np.zeros(others),
-        A_eq=[[1.0] * own + [0.0]],
-        b_eq=[1.0],
-        bounds=[(0, None)] * own + [(None, None)],
-    )
-    return answer.x[:-1]

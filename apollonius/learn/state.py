@@ -13,7 +13,9 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Role, Scalar
 from apollonius.learn import dqn, opponents, replay
-from apollonius.learn.config import DQNConfig, OpponentConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import DQNConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.payoffs import Payoffs, nothing_played
+from apollonius.learn.scheme import OpponentConfig
 from apollonius.rollout import Games, Players, begin
 
 _CHUNK_ENV_STEPS = 8192
@@ -54,17 +56,21 @@ class Plan:
 
 
 class Learning(eqx.Module):
-    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions."""
+    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions and a second
+    learner, the exploiter, which learns from the same memory how to beat the other side's learner.
+    """
 
     learner: dqn.Learner
     replay: replay.Replay
     archive: opponents.Archive | None = None
+    exploiter: dqn.Learner | None = None
 
 
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained; a side that does not learn is None.
 
-    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games.
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `payoffs`
+    is how the versions of both sides fare against each other, where a scheme asks for it.
     """
 
     games: Games
@@ -74,6 +80,7 @@ class TrainState(eqx.Module):
     iterations: Int[Array, ""]
     env_steps: Int[Array, ""]
     episodes: Int[Array, ""]
+    payoffs: Payoffs | None = None
 
 
 def start(
@@ -100,6 +107,7 @@ def start(
         iterations=jnp.zeros((), jnp.int32),
         env_steps=jnp.zeros((), jnp.int32),
         episodes=jnp.zeros((), jnp.int32),
+        payoffs=nothing_played(plan.opponents.versions) if plan.opponents.keeps_payoffs else None,
     )
 
 
@@ -109,7 +117,8 @@ def _side(plan: Plan, role: Role, side: dqn.Learner | Pool) -> tuple[Learning | 
         return None, side
     size = OBSERVATION_SIZES[plan.dqn.observation]
     archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
-    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive)
+    exploiter = dqn.start_from(side.network) if plan.opponents.has_exploiters else None
+    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive, exploiter)
     return learning, players(plan, role, learning, None, jnp.ones(()))
 
 
@@ -121,4 +130,5 @@ def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, ep
     learner = EpsilonGreedy(side.learner.network, epsilon)
     if side.archive is None:
         return solo(learner)
-    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games)
+    exploiter = side.exploiter.network if side.exploiter else None
+    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games, exploiter)
