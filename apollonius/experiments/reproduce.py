@@ -1,11 +1,11 @@
 """The whole evaluation of the paper: train what is missing, play, draw, report."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from apollonius.errors import require
 from apollonius.experiments import beyond, figure4, figure5, figure6, figure7, figure8, table2, table3
+from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.report import write_report
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
@@ -50,10 +50,3 @@ def reproduce(
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
     return True
-
-
-def available_cores() -> list[int]:
-    """Numbers of the cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
