@@ -76,9 +76,20 @@ def test_learner_and_exploiter_enter_together_and_the_exploiter_begins_anew(play
         assert int(new.exploiter.updates) == 0
 
 
+def test_no_opponent_changes_within_a_game_of_the_league(played):
+    """Who sits, the exploiter included, changes only where the games of all seats begin anew."""
+    for one, other in pairwise(played):
+        seated = np.arange(GAMES) < 4 * 8
+        if int(other.iterations) == int(one.iterations):
+            assert other.games.state.steps[seated].tolist() == [0] * 32
+        else:
+            for side in ("pursuer", "evader"):
+                assert same(getattr(one, side).archive.seated, getattr(other, side).archive.seated)
+                assert int(getattr(other, side).exploiter.updates) >= int(getattr(one, side).exploiter.updates)
+
+
 def test_an_exploiter_learns_as_often_as_the_learner(played):
-    for one, other in pairwise([*played[:2], *played[3:5]]):
-        for side in ("pursuer", "evader"):
-            before, after = getattr(one, side), getattr(other, side)
-            assert int(after.exploiter.updates) == int(after.learner.updates) or int(before.learner.updates) > 0
-    assert int(played[-1].pursuer.exploiter.updates) == CHUNK // GAMES
+    """Both began to learn in the third chunk; after the renewal before the fourth, the exploiter's count begins anew."""
+    for side in (played[-1].pursuer, played[-1].evader):
+        assert int(side.exploiter.updates) == CHUNK // GAMES < int(side.learner.updates)
+        assert not same(side.exploiter.network, side.learner.network)

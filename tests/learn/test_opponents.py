@@ -13,6 +13,7 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import Seated, solo, stack
 from apollonius.errors import InvalidInput
+from apollonius.game.game import reset_batch
 from apollonius.game.record import from_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents
@@ -21,7 +22,8 @@ from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan
+from apollonius.learn.state import Plan, players
+from apollonius.rollout import collect
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 
 SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "league")
@@ -165,6 +167,21 @@ def test_no_opponent_changes_within_a_game(played):
         assert same(one.pursuer.archive.seated, other.pursuer.archive.seated)
     members = [state.games.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
+
+
+def test_an_opponents_number_is_in_every_transition_of_a_game(played):
+    """Over several games in each place of the batch, which begin and end at different times."""
+    plan, state = plan_of(CONFIG), played[-1]
+    pursuers, evaders = (
+        players(plan, role, side, None, jnp.ones(()))
+        for role, side in ((Role.PURSUER, state.pursuer), (Role.EVADER, state.evader))
+    )
+    starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(GAME, jax.random.key(1), GAMES))
+    _, transitions = collect(GAME, pursuers, evaders, state.games, starts, jax.random.key(2), 200)
+    assert (transitions.terminated | transitions.truncated).sum(axis=0).min() > 1
+    seats = [1] * 8 + [2] * 8
+    for side, expected in ((transitions.pursuer, seats + [0] * 48), (transitions.evader, [0] * 16 + seats + [0] * 32)):
+        assert (side.member == jnp.asarray(expected)[None]).all()
 
 
 def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
