@@ -17,6 +17,8 @@ AGENT = (
     "evaders: flee, flee-aware, circle), a zoo agent, or a .safetensors file; shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""
+PLACES = ("local", "ray")
+PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
 

@@ -1,6 +1,7 @@
-"""Independent jobs, as many at a time as there are cores, each in a process of its own.
+"""Independent jobs, each in a process of its own: on the cores of this machine, or on the workers of a Ray cluster.
 
-A job is a function that can be imported by its name, leaves its results in files and goes on where it was stopped.
+A job is a function that can be imported by its name, leaves its results in files and goes on where it was stopped. So
+it does not matter where it runs, nor how often it is begun.
 """
 
 import multiprocessing
@@ -14,8 +15,10 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
 
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, require
 
+LOST_WORKERS = 10
+"""How often Ray begins a job again whose worker was lost."""
 STOPPED = 130
 """Exit status of a job that was stopped early."""
 ShouldStop = Callable[[], bool]
@@ -37,19 +40,26 @@ def available_cores() -> list[int]:
     return list(range(os.cpu_count() or 1))
 
 
-def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
-    """Run all jobs, as many at a time as there are cores.
+def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
+    """Run all jobs.
 
     Args:
-        cores: numbers of the cores to use, a process each.
+        cores: numbers of the cores of this machine to use, a process each.
         report: called with a line whenever a job ends.
+        on: `local`, or `ray` for the Ray cluster that is running or else a new one of these cores.
 
     Returns:
         Whether all came to their ends; False after Ctrl-C, when every job that was running has stopped by itself.
 
     Raises:
-        InvalidInput: when a job fails, after the others that run beside it.
+        InvalidInput: when a job fails, after the others that run beside it; when Ray is not installed.
     """
+    require(on in ENGINES, "--on", on, f"one of {', '.join(ENGINES)}")
+    return ENGINES[on](jobs, cores, report) if jobs else True
+
+
+def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """As many at a time as there are cores."""
     free: queue.SimpleQueue[int] = queue.SimpleQueue()
     for core in cores:
         free.put(core)
@@ -80,6 +90,55 @@ def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], 
             return not over.is_set()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """As many at a time as the cluster has cores. The job of a worker that is lost begins again on another one, from
+    what it has left in its files: all machines must see the same folders.
+    """
+    try:
+        import ray
+        from ray.exceptions import RayError
+    except ModuleNotFoundError as error:
+        raise InvalidInput("this needs Ray: pip install 'apollonius[ray]'.") from error
+    ours = not ray.is_initialized()
+    if ours:
+        running = "RAY_ADDRESS" in os.environ
+        ray.init(**{} if running else {"num_cpus": len(cores), "include_dashboard": False}, log_to_driver=False)
+    try:
+        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(_work_on_ray)
+        waiting = {remote.remote(job): job for job in jobs}
+        while waiting:
+            (done, *_), _ = ray.wait(list(waiting))
+            job = waiting.pop(done)
+            try:
+                complaint = ray.get(done)
+            except RayError as error:
+                raise InvalidInput(f"{job.name} failed ({error}): mend the cause and go on.") from error
+            if complaint:
+                raise InvalidInput(f"{job.name} failed ({complaint}): mend the cause and go on.")
+            report(f"done: {job.name}")
+        return True
+    except KeyboardInterrupt:
+        return False
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _work_on_ray(job: Job) -> str:
+    """One job on a Ray worker; what there is to complain of, if anything. When Ray ends the worker, the job is stopped
+    at once and goes on from its files another time.
+    """
+    try:
+        finished = job.work(*job.arguments, lambda: False)
+    except (InvalidInput, OSError) as error:
+        return str(error)
+    return "" if finished else "it stopped early"
+
+
+ENGINES = {"local": _run_locally, "ray": _run_on_ray}
+"""Where jobs can run."""
 
 
 def _work(job: Job, core: int, parent: int) -> None:

@@ -16,7 +16,13 @@ EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, beyo
 
 
 def reproduce(
-    folder: Path, budget: str, seeds: int, resume: bool, games: int = 10_000, report: Callable[[str], None] = print
+    folder: Path,
+    budget: str,
+    seeds: int,
+    resume: bool,
+    games: int = 10_000,
+    report: Callable[[str], None] = print,
+    on: str = "local",
 ) -> bool:
     """Train the agents of all seeds, then run every experiment and write the report.
 
@@ -27,6 +33,7 @@ def reproduce(
         resume: go on with a study that was stopped.
         games: games in a match.
         report: called with every line of progress.
+        on: where trainings run, as `run_jobs` has it.
 
     Returns:
         Whether it is finished; False after Ctrl-C.
@@ -42,7 +49,7 @@ def reproduce(
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    if not train_missing(study, available_cores(), report):
+    if not train_missing(study, available_cores(), report, on):
         return False
     findings = []
     for experiment in EXPERIMENTS:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import get_args
 
 from apollonius.errors import require
-from apollonius.experiments.jobs import STOPPED, Job, available_cores, run_jobs
+from apollonius.experiments.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
 from apollonius.experiments.scheme_measures import Effort, judge_run, rating_jobs
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train_runs
@@ -34,14 +34,14 @@ def run_config(scheme: Scheme, seed: int, env_steps: int) -> RunConfig:
     return RunConfig(seed=seed, stages="self-play", dqn=SHORT, self_play=stage, pursuer="P_stage1")
 
 
-def judge_all(out: Path, runs: Sequence[Path], curve_runs: int, effort: Effort, cores: Sequence[int]) -> bool:
+def judge_all(out: Path, runs: Sequence[Path], curve_runs: int, effort: Effort, cores: Sequence[int], on: str) -> bool:
     """Judge what is not judged yet: every run, of the first `curve_runs` earlier agents too, then the tournament.
     Returns False if it was stopped.
     """
     jobs = [
         Job(f"the judgement of '{run}'", judge_run, (run, effort, index < curve_runs)) for index, run in enumerate(runs)
     ]
-    return run_jobs(jobs, cores, print) and run_jobs(rating_jobs(out, runs, effort), cores, print)
+    return run_jobs(jobs, cores, print, on) and run_jobs(rating_jobs(out, runs, effort), cores, print, on)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,28 +58,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--rating-games", type=int, default=Effort.rating_games, help="games of all last agents' matches"
     )
     parser.add_argument("--processes", type=int, help="trainings at a time (default: one for each core)")
+    parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
     parser.add_argument("--only", choices=("train", "judge"), help="stop after training, or train nothing")
     options = parser.parse_args(arguments)
     require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
     cores = available_cores()[: options.processes]
     effort = Effort(options.response_env_steps, options.games, options.rating_games)
+    out = options.out.absolute()
     # Seeds share their compilations; the processes that do the work inherit this.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str((options.out / ".jax_cache").absolute()))
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
     configs = {
-        options.out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps)
+        out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps)
         for seed in range(options.seeds)
         for scheme in options.schemes
     }
     runs = list(configs)
     if options.only != "judge":
         wanted = {run: (config, ("P_curriculum", "E_curriculum")) for run, config in configs.items()}
-        if not train_runs(wanted, cores, print):
+        if not train_runs(wanted, cores, print, options.on):
             return STOPPED
     if options.only == "train":
         return 0
-    if not judge_all(options.out, runs, options.curve_seeds * len(options.schemes), effort, cores):
+    if not judge_all(out, runs, options.curve_seeds * len(options.schemes), effort, cores, options.on):
         return STOPPED
-    print(write_results(options.out, runs, effort))
+    print(write_results(out, runs, effort))
     return 0
 
 

@@ -10,24 +10,27 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file, create_run, load_config
 
 
-def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], None]) -> bool:
+def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
     """Train the runs of a study that are not finished. Arguments, result and errors are those of `train_runs`."""
     runs = {
         study.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
         for seed in study.seeds
         for name, config in run_configs(study.preset, seed).items()
     }
-    return train_runs(runs, cores, report)
+    return train_runs(runs, cores, report, on)
 
 
 def train_runs(
-    runs: Mapping[Path, tuple[RunConfig, Sequence[str]]], cores: Sequence[int], report: Callable[[str], None]
+    runs: Mapping[Path, tuple[RunConfig, Sequence[str]]],
+    cores: Sequence[int],
+    report: Callable[[str], None],
+    on: str = "local",
 ) -> bool:
-    """Train the runs that are not finished, as many at a time as there are cores.
+    """Train the runs that are not finished, several at a time.
 
     Args:
         runs: by folder, what to train and which agents are there once it is finished.
-        cores: numbers of the cores to use, a process each.
+        cores, on: as `run_jobs` has them.
         report: called with a line whenever a run begins or ends.
 
     Returns:
@@ -42,7 +45,8 @@ def train_runs(
         if not (folder / "config.toml").is_file():
             create_run(runs[folder][0], folder)
     report(f"{len(missing)} of {len(runs)} trainings to do, {len(cores)} at a time")
-    return run_jobs([Job(f"the training in '{folder}'", train, (folder,)) for folder in missing], cores, report)
+    jobs = [Job(f"the training in '{folder}'", train, (folder.absolute(),)) for folder in missing]
+    return run_jobs(jobs, cores, report, on)
 
 
 def train(folder: Path, should_stop: ShouldStop) -> bool:

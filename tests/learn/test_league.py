@@ -89,7 +89,7 @@ def test_no_opponent_changes_within_a_game_of_the_league(played):
 
 
 def test_an_exploiter_learns_as_often_as_the_learner(played):
-    """Both began to learn in the third chunk; after the renewal before the fourth, the exploiter's count begins anew."""
+    """Both began to learn in the third chunk; at the renewal before the fourth, the exploiter's count begins anew."""
     for side in (played[-1].pursuer, played[-1].evader):
         assert int(side.exploiter.updates) == CHUNK // GAMES < int(side.learner.updates)
         assert not same(side.exploiter.network, side.learner.network)
