@@ -136,11 +136,15 @@ def record(
     role: Role,
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
+    across: str | None = None,
 ) -> Archive:
     """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer. The
     games of an exploiter are nobody's.
 
     A version's quality falls by eta / (N p) for each game it lost, N the number of versions and p its probability.
+
+    Args:
+        across: axis of devices, each with games and seats of its own; the games of all count.
     """
     first, games = first_game(config, role, outcome.shape[1]), seat_games(config, outcome.shape[1])
     theirs = slice(first, first + config.seats * games)
@@ -152,14 +156,16 @@ def record(
 
     lost_games = by_seat(over[:, theirs] & lost)
     chance = _by_quality(archive)[archive.seats]
+    changes = [
+        jnp.zeros_like(archive.games).at[archive.seats].add(of_seat, mode="drop")
+        for of_seat in (by_seat(over[:, theirs]), lost_games, -QUALITY_STEP * lost_games / (archive.count * chance))
+    ]
+    if across is not None:
+        changes = jax.lax.psum(changes, across)
     return eqx.tree_at(
         lambda this: (this.games, this.lost, this.quality),
         archive,
-        (
-            archive.games.at[archive.seats].add(by_seat(over[:, theirs]), mode="drop"),
-            archive.lost.at[archive.seats].add(lost_games, mode="drop"),
-            archive.quality.at[archive.seats].add(-QUALITY_STEP * lost_games / (archive.count * chance), mode="drop"),
-        ),
+        [old + new for old, new in zip((archive.games, archive.lost, archive.quality), changes, strict=True)],
     )
 
 

@@ -21,17 +21,23 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     """Both learners may enter their archives, and who sits is drawn anew; the games of seats are broken off and begin
     anew. The state is consumed.
     """
-    state = _admit(plan, game, state)
-    mixtures = None
-    if state.payoffs is not None and plan.opponents.scheme != "gated":
-        counts = [int(_archive(side).count) for side in (state.pursuer, state.evader)]
-        # The linear programme is solved here, between two compiled calls.
-        mixtures = tuple(map(jnp.asarray, payoffs.meta_strategies(plan.opponents, state.payoffs, *counts)))
-    return _reseat(plan, game, state, mixtures)
+    state = admit(plan, game, state)
+    return reseat(plan, game, state, mixtures_of(plan, state))
+
+
+def mixtures_of(plan: Plan, state: TrainState) -> tuple[Mixture, Mixture] | None:
+    """How likely either side's versions are to sit, where a scheme solves the game between them. The linear programme
+    is not compiled, so it is solved between two calls that are.
+    """
+    if state.payoffs is None or plan.opponents.scheme == "gated":
+        return None
+    counts = [int(_archive(side).count) for side in (state.pursuer, state.evader)]
+    pursuers, evaders = payoffs.meta_strategies(plan.opponents, state.payoffs, *counts)
+    return jnp.asarray(pursuers), jnp.asarray(evaders)
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
+def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     """New versions in both archives, where they are due. Where a scheme asks for it, all versions then have played each
     other, and with `gated` one that is not enough better than its predecessor does not stay.
     """
@@ -44,6 +50,8 @@ def _admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     chasing, fleeing = _archive(pursuer), _archive(evader)
     key = jax.random.fold_in(state.key, 3)
     table = payoffs.play_missing(state.payoffs, game, chasing, fleeing, config.payoff_games, key)
+    if plan.across is not None:
+        table = jax.lax.pmean(table, plan.across)
     if config.scheme == "gated":
         pursuers, evaders = (_archive(side).count for side in (state.pursuer, state.evader))
 
@@ -76,7 +84,7 @@ def _enter(side: Learning | None, due: Bool[Array, ""]) -> Learning:
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, Mixture] | None) -> TrainState:
+def reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, Mixture] | None) -> TrainState:
     """Who sits is drawn anew, and the games of seats begin anew."""
     config = plan.opponents
     start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)

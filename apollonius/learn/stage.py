@@ -140,7 +140,7 @@ def _learn(
 
         def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
             batch = replay.sample(memory, sample_key, config.batch, config.n_step, n_step, config.gamma, among)
-            return dqn.update(learner, batch, rate, config)
+            return dqn.update(learner, batch, rate, config, plan.across)
 
         def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
             learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
@@ -157,7 +157,7 @@ def _learn(
     archive = side.archive
     if archive is not None:
         ended = transitions.terminated | transitions.truncated
-        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended)
+        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended, plan.across)
     return Learning(learner, memory, archive, exploiter), loss
 
 

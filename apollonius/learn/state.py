@@ -18,6 +18,8 @@ from apollonius.learn.payoffs import Payoffs, nothing_played
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.rollout import Games, Players, begin
 
+DEVICES = "devices"
+"""Name of the axis of devices that share a training."""
 _CHUNK_ENV_STEPS = 8192
 """Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
@@ -28,6 +30,13 @@ class Plan:
 
     dqn: DQNConfig
     stage: StageConfig
+    devices: int = 1
+    """How many devices share the stage; the numbers above are then the share of each (`apollonius.learn.devices`)."""
+
+    @property
+    def across(self) -> str | None:
+        """The axis over which devices agree, if there are several."""
+        return DEVICES if self.devices > 1 else None
 
     @property
     def opponents(self) -> OpponentConfig:
