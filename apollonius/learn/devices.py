@@ -18,11 +18,12 @@ from jaxtyping import PRNGKeyArray
 from apollonius.agents.network import QNetwork
 from apollonius.errors import require
 from apollonius.game.game import Game
+from apollonius.learn import opponents
 from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.renewal import admit, mixtures_of, reseat
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import Metrics, play_and_learn
-from apollonius.learn.state import DEVICES, Plan, TrainState
+from apollonius.learn.state import DEVICES, Learning, Plan, TrainState
 
 T = TypeVar("T")
 _EACH, _ALL = PartitionSpec(DEVICES), PartitionSpec()
@@ -53,8 +54,8 @@ def share(plan: Plan, devices: int) -> Plan:
     require(
         enough, "games", plan.dqn.games, f"more, so that {past.scheme} has games for its seats on {devices} devices"
     )
-    opponents = replace(past, renewal=max(1, past.renewal // devices))
-    stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices), opponents=opponents)
+    rarer = replace(past, renewal=max(1, past.renewal // devices))
+    stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices), opponents=rarer)
     return Plan(own, stage, devices)
 
 
@@ -75,7 +76,9 @@ def play_and_learn_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState)
     """One chunk of a stage on every device, and the sums over all of them. The state is consumed."""
 
     def one(game: Game, state: TrainState) -> tuple[TrainState, Metrics]:
-        own, metrics = play_and_learn(plan, game, _without_axis(state), None, None)
+        before = _without_axis(state)
+        own, metrics = play_and_learn(plan, game, before, None, None)
+        own = replace(own, pursuer=_added_up(before.pursuer, own.pursuer), evader=_added_up(before.evader, own.evader))
         summed = jax.lax.psum((metrics.outcomes, metrics.pursuer_return, metrics.evader_return), DEVICES)
         outcomes, pursuer_return, evader_return = summed
         return _with_axis(own), replace(
@@ -83,6 +86,15 @@ def play_and_learn_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState)
         )
 
     return _on(mesh, one, (_ALL, _EACH), (_EACH, _ALL))(game, state)
+
+
+def _added_up(before: Learning | None, after: Learning | None) -> Learning:
+    """A side whose archive counts the games of all devices, whoever sits where."""
+    assert before is not None, "both sides learn"
+    assert after is not None, "both sides learn"
+    if before.archive is None or after.archive is None:
+        return after
+    return replace(after, archive=opponents.added_up(before.archive, after.archive, DEVICES))
 
 
 def renew_opponents_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState) -> TrainState:

@@ -6,6 +6,8 @@ never changes within a game. Everything is part of the training state, so a resu
 In a league the last seats belong to a side's exploiter, which goes on learning while it sits.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -136,15 +138,11 @@ def record(
     role: Role,
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
-    across: str | None = None,
 ) -> Archive:
     """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer. The
     games of an exploiter are nobody's.
 
     A version's quality falls by eta / (N p) for each game it lost, N the number of versions and p its probability.
-
-    Args:
-        across: axis of devices, each with games and seats of its own; the games of all count.
     """
     first, games = first_game(config, role, outcome.shape[1]), seat_games(config, outcome.shape[1])
     theirs = slice(first, first + config.seats * games)
@@ -156,17 +154,28 @@ def record(
 
     lost_games = by_seat(over[:, theirs] & lost)
     chance = _by_quality(archive)[archive.seats]
-    changes = [
-        jnp.zeros_like(archive.games).at[archive.seats].add(of_seat, mode="drop")
-        for of_seat in (by_seat(over[:, theirs]), lost_games, -QUALITY_STEP * lost_games / (archive.count * chance))
-    ]
-    if across is not None:
-        changes = jax.lax.psum(changes, across)
     return eqx.tree_at(
         lambda this: (this.games, this.lost, this.quality),
         archive,
-        [old + new for old, new in zip((archive.games, archive.lost, archive.quality), changes, strict=True)],
+        (
+            archive.games.at[archive.seats].add(by_seat(over[:, theirs]), mode="drop"),
+            archive.lost.at[archive.seats].add(lost_games, mode="drop"),
+            archive.quality.at[archive.seats].add(-QUALITY_STEP * lost_games / (archive.count * chance), mode="drop"),
+        ),
     )
+
+
+def added_up(before: Archive, after: Archive, across: str) -> Archive:
+    """The records after games on several devices, each with seats of its own: what all of them have seen since.
+
+    Args:
+        across: name of the axis of devices.
+    """
+
+    names = ("games", "lost", "quality")
+    seen = {name: getattr(after, name) - getattr(before, name) for name in names}
+    everywhere = jax.lax.psum(seen, across)
+    return replace(after, **{name: getattr(before, name) + everywhere[name] for name in names})
 
 
 def seat(

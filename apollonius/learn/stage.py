@@ -157,7 +157,7 @@ def _learn(
     archive = side.archive
     if archive is not None:
         ended = transitions.terminated | transitions.truncated
-        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended, plan.across)
+        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended)
     return Learning(learner, memory, archive, exploiter), loss
 
 

@@ -21,7 +21,8 @@ from apollonius.rollout import Games, Players, begin
 DEVICES = "devices"
 """Name of the axis of devices that share a training."""
 _CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
+"""Env steps of all devices between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small
+enough."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Plan:
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.dqn.env_steps_per_iteration)
+        return max(8, _CHUNK_ENV_STEPS // self.devices // self.dqn.env_steps_per_iteration)
 
     @property
     def env_steps_per_chunk(self) -> int:
