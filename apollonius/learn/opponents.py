@@ -171,7 +171,6 @@ def added_up(before: Archive, after: Archive, across: str) -> Archive:
     Args:
         across: name of the axis of devices.
     """
-
     names = ("games", "lost", "quality")
     seen = {name: getattr(after, name) - getattr(before, name) for name in names}
     everywhere = jax.lax.psum(seen, across)
