@@ -96,6 +96,14 @@ def test_seats_follow_the_solution_of_the_empirical_game(scheme):
     assert chisquare(seen[:3], 10_000 * fleeing[[1, 0, 2]] / fleeing.sum()).pvalue < 1e-6
 
 
+@pytest.mark.parametrize("scheme", ["psro", "psro-hedge"])
+def test_the_pursuer_raises_the_payoff_and_the_evader_lowers_it(scheme):
+    known = payoffs.nothing_played(4).at[:2, :2].set(jnp.asarray([[0.9, 0.6], [0.5, 0.1]]))
+    chasing, fleeing = payoffs.meta_strategies(replace(CONFIG, scheme=scheme), known, 2, 2)
+    assert chasing[0] > 0.8
+    assert fleeing[1] > 0.8
+
+
 def test_a_version_is_compared_with_the_one_before_it_on_those_who_were_there():
     table = jnp.asarray([[0.2, 0.4, 0.9], [0.3, 0.7, 0.1], [9.0, 9.0, 9.0]])
     assert float(payoffs.improvement(table, jnp.asarray(1), jnp.asarray(2))) == pytest.approx(0.2)
