@@ -24,3 +24,14 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
     """
     if not holds:
         raise InvalidInput(f"{name} = {value} is not possible: it must be {bound}.")
+
+
+def require_positive(record: object, *names: str) -> None:
+    """Refuse a record unless its fields of these names are more than 0.
+
+    Raises:
+        InvalidInput: for the first that is not.
+    """
+    for name in names:
+        value = getattr(record, name)
+        require(value > 0, name, value, "more than 0")

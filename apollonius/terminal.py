@@ -10,9 +10,10 @@ from rich.live import Live
 from rich.table import Table
 
 from apollonius.evaluate.card import Card
+from apollonius.evaluate.cycles import cycles
 from apollonius.evaluate.match import MatchResult
 from apollonius.evaluate.regret import Regret
-from apollonius.evaluate.tournament import Tournament, equilibrium
+from apollonius.evaluate.tournament import Tournament
 from apollonius.learn.progress import Progress
 from apollonius.solve.iteration import Sweep
 
@@ -122,13 +123,26 @@ def tournament_table(tournament: Tournament) -> str:
         "| " + " | ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) + " |"
         for row in [header, rule, *rows]
     ]
-    mixed = equilibrium(rates)
+    mixed = tournament.equilibrium
     sides = (("pursuers", tournament.pursuers, mixed.rows), ("evaders", tournament.evaders, mixed.columns))
     lines.append(f"\n95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates.")
     lines.append(f"In equilibrium the pursuer wins {mixed.value:.1%}:")
     for side, names, shares in sides:
         playing = sorted(zip(shares, names, strict=True), reverse=True)
         lines.append(f"  {side} " + ", ".join(f"{name} {share:.0%}" for share, name in playing if share >= 0.005))
+    ratings = tournament.ratings
+    lines.append("Elo, with 95 % intervals:")
+    for side, names, points, reach in (
+        ("pursuers", tournament.pursuers, ratings.pursuers, ratings.pursuer_reach),
+        ("evaders", tournament.evaders, ratings.evaders, ratings.evader_reach),
+    ):
+        ranked = sorted(zip(points, reach, names, strict=True), reverse=True)
+        lines.append(f"  {side} " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
+    found = cycles(tournament)
+    lines.append(f"Circles of two pursuers and two evaders, each the better answer to the one before: {len(found)}")
+    for cycle in found[:3]:
+        (first, second), (one, other) = cycle.pursuers, cycle.evaders
+        lines.append(f"  {one}, {first}, {other}, {second}, {one} again: by {cycle.gap:.1%} at least")
     return "\n".join(lines)
 
 

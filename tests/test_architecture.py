@@ -10,26 +10,29 @@ PACKAGE = Path(__file__).parents[1] / "apollonius"
 LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
-BELOW_COMMANDS = "errors game agents rollout replay solve learn evaluate show experiments adapters web bench terminal"
+BELOW_COMMANDS = (
+    "errors matrix_game game agents rollout replay solve learn evaluate show experiments adapters web bench terminal"
+)
 MAY_IMPORT = {
     "errors": "",
+    "matrix_game": "",
     "game": "errors",
     "agents": "errors game",
     "rollout": "errors game agents",
     "replay": "errors game agents rollout",
     "solve": "errors game agents",
-    "learn": "errors game agents rollout",
-    "evaluate": "errors game agents rollout replay solve",
-    "show": "errors game agents rollout replay solve evaluate",
-    "adapters": "errors game agents rollout replay solve evaluate show",
+    "learn": "errors matrix_game game agents rollout",
+    "evaluate": "errors matrix_game game agents rollout replay solve",
+    "show": "errors matrix_game game agents rollout replay solve evaluate",
+    "adapters": "errors matrix_game game agents rollout replay solve evaluate show",
     "web": "errors game agents",
-    "experiments": "errors game agents rollout replay solve learn evaluate show",
-    "bench": "errors game agents rollout replay solve learn evaluate",
-    "terminal": "errors game agents rollout replay solve learn evaluate",
+    "experiments": "errors matrix_game game agents rollout replay solve learn evaluate show",
+    "bench": "errors matrix_game game agents rollout replay solve learn evaluate",
+    "terminal": "errors matrix_game game agents rollout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
     "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "errors game agents rollout replay solve learn evaluate show adapters",
+    "apollonius": "errors matrix_game game agents rollout replay solve learn evaluate show adapters",
     "zoo": "",
 }
 """The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""

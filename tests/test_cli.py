@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -360,6 +361,15 @@ import apollonius.terminal
 apollonius.terminal.TrainingDisplay = Interrupted
 sys.exit(main())
 """
+
+
+def test_seed_0_is_a_seed(monkeypatch):
+    """And not the lack of one: it takes the place of the config's own."""
+    monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
+    Path("five.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, seed=5))))
+    for asked, seed in (([], 5), (["--seed", "0"], 0)):
+        assert main(["train", "--config", "five.toml", *asked, "--out", f"run-{seed}"]) == 130
+        assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
 
 
 def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys):

@@ -18,6 +18,9 @@ AGENT = (
     "shielded:NAME never crashes"
 )
 """Help for an argument that names a player."""
+PLACES = ("local", "ray")
+"""Where independent trainings can run."""
+PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
 

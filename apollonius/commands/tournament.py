@@ -3,9 +3,17 @@
 import argparse
 import json
 import sys
-from typing import Any
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import AGENT, add_game_options, requested_game
+from apollonius.commands.options import AGENT, add_game_options, plots, requested_game
+from apollonius.errors import require
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from apollonius.evaluate.tournament import Tournament
 
 
 def add_tournament(subparsers: Any) -> None:
@@ -16,6 +24,7 @@ def add_tournament(subparsers: Any) -> None:
     parser.add_argument("--evaders", nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})")
     parser.add_argument("--games", type=int, default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw win rates, ratings and equilibrium as .png")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_tournament)
 
@@ -23,12 +32,17 @@ def add_tournament(subparsers: Any) -> None:
 def run_tournament(options: argparse.Namespace) -> int:
     """Play all matches and print the table."""
     from apollonius.agents.catalogue import player_names
+    from apollonius.evaluate.cycles import cycles
     from apollonius.evaluate.match import MatchResult
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
     from apollonius.solve.catalogue import find_player
     from apollonius.terminal import tournament_table
 
+    if options.plot:
+        require(options.plot.suffix == ".png", "--plot", options.plot, "a .png file")
+        require(options.plot.parent.is_dir(), "--plot", options.plot, "in a folder that is there; make it first")
+        _drawing()
     game = requested_game(options)
     pursuers, evaders = (
         [find_player(name, role, game) for name in names or player_names(role, game)]
@@ -40,9 +54,18 @@ def run_tournament(options: argparse.Namespace) -> int:
             print(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}", file=sys.stderr, flush=True)
 
     tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell)
+    if options.plot:
+        _drawing()(tournament, options.plot)
     if options.json:
         settings = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
-        print(json.dumps(settings | tournament.to_dict()))
+        print(json.dumps(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
     else:
         print(tournament_table(tournament))
     return 0
+
+
+def _drawing() -> "Callable[[Tournament, Path], None]":
+    """What draws a tournament; refused, before anything is played, where what it needs is missing."""
+    with plots():
+        from apollonius.show.tournament import draw_tournament
+    return draw_tournament

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from apollonius.learn.config import RunConfig
 
 STAGES = ("fixed-target", "self-play", "both")
-SCHEMES = ("latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
+SCHEMES = (
+    "latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "psro",
+    "psro-hedge", "league",
+)  # fmt: skip
 
 
 def add_train(subparsers: Any) -> None:

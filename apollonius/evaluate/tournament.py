@@ -2,16 +2,20 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
 
 from apollonius.agents.catalogue import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import MatchResult, play_match
+from apollonius.evaluate.ratings import Ratings, rate
 from apollonius.game.game import Game
+from apollonius.matrix_game import Equilibrium, broadest_equilibrium
+
+Points = Float[np.ndarray, " players"]
 
 
 @dataclass(frozen=True)
@@ -33,14 +37,44 @@ class Tournament:
         return np.array([[match.pursuer_win_rate for match in row] for row in self.matches])
 
     @property
+    def games(self) -> int:
+        """Games in each match."""
+        return self.matches[0][0].games
+
+    @property
+    def wins(self) -> Float[np.ndarray, "pursuers evaders"]:
+        """Games that the pursuer won in each match."""
+        return np.round(self.win_rates * self.games)
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The broadest mixtures from which neither side gains by leaving: Nash averaging."""
+        return broadest_equilibrium(self.win_rates)
+
+    @cached_property
+    def ratings(self) -> Ratings:
+        """Elo ratings of all players."""
+        return rate(self.wins, self.games)
+
+    @property
     def widest_interval(self) -> float:
         """Half the width of the widest of the matches' 95 % intervals of the pursuer's win rate."""
         ends = [match.pursuer_win_interval for row in self.matches for match in row]
         return max(high - low for low, high in ends) / 2
 
     def to_dict(self) -> dict[str, Any]:
-        """The tournament as JSON-like data."""
-        mixed = equilibrium(self.win_rates)
+        """The tournament as JSON-like data.
+
+        `equilibrium` is Nash averaging: the shares of the broadest equilibrium, and how much more than its value each
+        player gets against the other side's mixture, 0 for those who have a share and negative for the rest. `ratings`
+        are Elo points with 95 % intervals.
+        """
+        mixed, ratings = self.equilibrium, self.ratings
+
+        def rated(names: tuple[str, ...], points: Points, reach: Points) -> dict[str, dict[str, float]]:
+            columns = zip(names, points.tolist(), reach.tolist(), strict=True)
+            return {name: {"elo": elo, "low": elo - half, "high": elo + half} for name, elo, half in columns}
+
         return {
             "pursuers": self.pursuers,
             "evaders": self.evaders,
@@ -51,10 +85,21 @@ class Tournament:
             ],
             "equilibrium": {
                 "value": mixed.value,
-                "pursuers": dict(zip(self.pursuers, mixed.rows.tolist(), strict=True)),
-                "evaders": dict(zip(self.evaders, mixed.columns.tolist(), strict=True)),
+                "pursuers": _named(self.pursuers, mixed.rows),
+                "evaders": _named(self.evaders, mixed.columns),
+                "pursuer_skill": _named(self.pursuers, self.win_rates @ mixed.columns - mixed.value),
+                "evader_skill": _named(self.evaders, mixed.value - mixed.rows @ self.win_rates),
+            },
+            "ratings": {
+                "pursuers": rated(self.pursuers, ratings.pursuers, ratings.pursuer_reach),
+                "evaders": rated(self.evaders, ratings.evaders, ratings.evader_reach),
+                "misfit": ratings.misfit,
             },
         }
+
+
+def _named(names: tuple[str, ...], values: Points) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def play_tournament(
@@ -85,37 +130,3 @@ def play_tournament(
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """Mixtures from which neither side of a matrix game gains by leaving, and what the row side then gets."""
-
-    rows: Float[np.ndarray, " rows"]
-    columns: Float[np.ndarray, " columns"]
-    value: float
-
-
-def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
-    """The minimax mixtures of a matrix game whose payoff the row side raises and the column side lowers.
-
-    As a ranking of players it does not care how often a weak one, or a copy of one, takes part (Balduzzi et al.,
-    "Re-evaluating evaluation", 2018). It is the linear programme of von Neumann; where several mixtures are optimal, it
-    is one of them.
-    """
-    rows, columns = _best_mixture(payoff), _best_mixture(-payoff.T)
-    return Equilibrium(rows, columns, float(rows @ payoff @ columns))
-
-
-def _best_mixture(payoff: Float[np.ndarray, "own others"]) -> Float[np.ndarray, " own"]:
-    """The mixture of rows whose payoff is highest in the column that is worst for it."""
-    own, others = payoff.shape
-    answer = linprog(
-        c=[0.0] * own + [-1.0],
-        A_ub=np.column_stack([-payoff.T, np.ones(others)]),
-        b_ub=np.zeros(others),
-        A_eq=[[1.0] * own + [0.0]],
-        b_eq=[1.0],
-        bounds=[(0, None)] * own + [(None, None)],
-    )
-    return answer.x[:-1]

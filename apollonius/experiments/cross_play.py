@@ -3,7 +3,7 @@
     python -m apollonius.experiments.cross_play runs/first --games 2000
 
 prints the pursuer's win rates with Wilson 95 % intervals as a Markdown table: a row is a pursuer, a column an evader,
-at 25, 50, 75 and 100 % of the stage. A pursuer that improves wins more further down; an evader that does lets it win
+evenly spaced over the stage. A pursuer that improves wins more further down; an evader that does lets it win
 less further to the right. `all` is the sum of a row or a column.
 """
 
@@ -15,8 +15,7 @@ from apollonius.evaluate.match import play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.folder import agent_file
-from apollonius.learn.run import SNAPSHOTS
+from apollonius.learn.folder import agent_file, load_config
 
 
 def kind_of(run: Path) -> str:
@@ -35,19 +34,20 @@ def main() -> None:
     options = parser.parse_args()
 
     game, kind = make_game("paper"), kind_of(options.run)
-    columns = [*[f"{percent} %" for percent in SNAPSHOTS], "all"]
+    kept = load_config(options.run / "config.toml").self_play.snapshot_percents
+    columns = [*[f"{percent} %" for percent in kept], "all"]
     print("| pursuer \\ evader | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 1) + "|")
-    in_column = [0] * len(SNAPSHOTS)
-    for own in SNAPSHOTS:
+    in_column = [0] * len(kept)
+    for own in kept:
         pursuer = find_agent(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
         wins = []
-        for other in SNAPSHOTS:
+        for other in kept:
             evader = find_agent(str(agent_file(options.run, f"E_{kind}", other)), Role.EVADER)
             result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
             wins.append(round(result.pursuer_win_rate * options.games))
         print(row(f"{own} %", wins, options.games), flush=True)
         in_column = [total + won for total, won in zip(in_column, wins, strict=True)]
-    print(row("all", in_column, options.games * len(SNAPSHOTS)))
+    print(row("all", in_column, options.games * len(kept)))
 
 
 def row(name: str, wins: list[int], games: int) -> str:

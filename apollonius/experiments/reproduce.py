@@ -1,11 +1,11 @@
 """The whole evaluation of the paper: train what is missing, play, draw, report."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from apollonius.errors import require
 from apollonius.experiments import beyond, figure4, figure5, figure6, figure7, figure8, table2, table3
+from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.report import write_report
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
@@ -16,7 +16,13 @@ EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, beyo
 
 
 def reproduce(
-    folder: Path, budget: str, seeds: int, resume: bool, games: int = 10_000, report: Callable[[str], None] = print
+    folder: Path,
+    budget: str,
+    seeds: int,
+    resume: bool,
+    games: int = 10_000,
+    report: Callable[[str], None] = print,
+    on: str = "local",
 ) -> bool:
     """Train the agents of all seeds, then run every experiment and write the report.
 
@@ -27,6 +33,7 @@ def reproduce(
         resume: go on with a study that was stopped.
         games: games in a match.
         report: called with every line of progress.
+        on: where trainings run, as `run_jobs` has it.
 
     Returns:
         Whether it is finished; False after Ctrl-C.
@@ -42,7 +49,7 @@ def reproduce(
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    if not train_missing(study, available_cores(), report):
+    if not train_missing(study, available_cores(), report, on):
         return False
     findings = []
     for experiment in EXPERIMENTS:
@@ -50,10 +57,3 @@ def reproduce(
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
     return True
-
-
-def available_cores() -> list[int]:
-    """Numbers of the cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))

@@ -11,7 +11,7 @@ from pathlib import Path
 from apollonius.experiments import figure4, figure6, table2, table3
 from apollonius.experiments.claims import Claim
 from apollonius.experiments.finding import percent
-from apollonius.experiments.reproduce import available_cores
+from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
 from apollonius.game.presets import make_game

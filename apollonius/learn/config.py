@@ -4,15 +4,10 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Literal
 
-from apollonius.errors import require
+from apollonius.errors import require, require_positive
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-
-
-def _require_positive(config: object, *names: str) -> None:
-    for name in names:
-        value = getattr(config, name)
-        require(value > 0, name, value, "more than 0")
+from apollonius.learn.scheme import OpponentConfig
 
 
 @dataclass(frozen=True)
@@ -58,10 +53,10 @@ class DQNConfig:
     """Part of a stage over which the share of random actions falls to its final value."""
 
     def __post_init__(self) -> None:
-        _require_positive(
+        require_positive(
             self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
         )
-        _require_positive(self, "target_period", "games", "replay_capacity")
+        require_positive(self, "target_period", "games", "replay_capacity")
         require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
         require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
         require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
@@ -141,7 +136,7 @@ class StageConfig:
     """Games in each of them, always from the same starts."""
 
     def __post_init__(self) -> None:
-        _require_positive(self, "env_steps", "evaluations", "evaluation_games")
+        require_positive(self, "env_steps", "evaluations", "evaluation_games")
         require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
         for name in ("progress", "failure"):
             require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
@@ -151,35 +146,6 @@ class StageConfig:
     def rewarded(self, game: Game) -> Game:
         """The game with this stage's own weights; only rewards differ, so the judge need not know."""
         return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
-
-
-Scheme = Literal["latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even"]
-
-
-@dataclass(frozen=True)
-class OpponentConfig:
-    """Whom the sides of self-play meet (`apollonius.learn.opponents`)."""
-
-    scheme: Scheme = "latest"
-    """`latest`: each other, as in Algorithm 2. `alternating`: each other, and only one of them learns at a time. The
-    rest: in a share of the games an earlier version, drawn by the scheme."""
-    past_share: float = 0.5
-    """Share of the games with an earlier version, half of them of either side; `latest-80-20` has 0.2."""
-    versions: int = 16
-    """Earlier versions kept of each side, taken evenly over the stage."""
-    seats: int = 8
-    """Earlier versions of each side that play at a time."""
-    renewal: int = 524_288
-    """Env steps between two draws of who plays; with `alternating`, between two changes of who learns."""
-
-    def __post_init__(self) -> None:
-        _require_positive(self, "versions", "seats", "renewal")
-        require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
-
-    @property
-    def share(self) -> float:
-        """Share of the games with an earlier version."""
-        return {"latest": 0.0, "alternating": 0.0, "latest-80-20": 0.2}.get(self.scheme, self.past_share)
 
 
 @dataclass(frozen=True)
@@ -192,8 +158,19 @@ class SelfPlayConfig(StageConfig):
     env_steps: int = 90_000_000
     pursuer_epsilon: float = 0.2
     progress: float = 1.0
-    opponents: OpponentConfig = OpponentConfig()
+    snapshots: int = 4
+    """Times at which both agents are kept, evenly spaced over the stage; the last is its end."""
+    opponents: OpponentConfig = field(default_factory=OpponentConfig)
     """Whom both sides meet."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(1 <= self.snapshots <= 100, "snapshots", self.snapshots, "from 1 to 100")
+
+    @property
+    def snapshot_percents(self) -> tuple[int, ...]:
+        """Percentages of the stage at which both agents are kept."""
+        return tuple(round(100 * number / self.snapshots) for number in range(1, self.snapshots + 1))
 
 
 @dataclass(frozen=True)

@@ -64,9 +64,17 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
     return jnp.mean((jax.lax.stop_gradient(targets) - chosen) ** 2)
 
 
-def update(learner: Learner, batch: Batch, learning_rate: Scalar, config: DQNConfig) -> tuple[Learner, Scalar]:
-    """The learner after one step of Adam on a batch, and the loss before it."""
+def update(
+    learner: Learner, batch: Batch, learning_rate: Scalar, config: DQNConfig, across: str | None = None
+) -> tuple[Learner, Scalar]:
+    """The learner after one step of Adam on a batch, and the loss before it.
+
+    Args:
+        across: axis of devices, each with a batch of its own; all take the step of all batches together.
+    """
     value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
+    if across is not None:
+        value, gradient = jax.lax.pmean((value, gradient), across)
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
     average = network

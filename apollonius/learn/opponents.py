@@ -3,7 +3,10 @@
 Some games of a batch belong to seats: there an earlier version of one side, frozen and greedy, plays the other side's
 learner. Who sits is drawn anew at intervals, by the scheme; the games of all seats then begin anew, so an opponent
 never changes within a game. Everything is part of the training state, so a resumed run draws the same opponents.
+In a league the last seats belong to a side's exploiter, which goes on learning while it sits.
 """
+
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -15,7 +18,7 @@ from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import Seated
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role
-from apollonius.learn.config import OpponentConfig
+from apollonius.learn.scheme import OpponentConfig
 
 FORGETTING = 0.5
 """What games before a renewal count after it: versions are judged by how today's learner fares against them."""
@@ -30,7 +33,7 @@ class Archive(eqx.Module):
         networks: leaves with a leading axis of length `versions`, of which `count` are filled.
         games, lost: games that sat versions finished lately, and how many of them they lost.
         quality: scores of the scheme `latest-80-20`.
-        seats: the version in each seat.
+        seats: the version in each seat; where an exploiter sits, the number of versions there can be.
         seated: the networks of the seats, leaves with a leading axis of length `seats`.
     """
 
@@ -80,26 +83,44 @@ def enter(archive: Archive, network: QNetwork, due: Bool[Array, ""]) -> Archive:
     )
 
 
-def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
-    """How likely each version is to be given a seat.
+def version(archive: Archive, number: Int[Array, ""]) -> QNetwork:
+    """One of the kept networks."""
+    return jax.tree.map(lambda leaf: leaf[number], archive.networks)
 
-    Of a version that lost a share w of its games to the learner: `uniform` ignores w (fictitious self-play, Heinrich,
-    Lanctot, Silver 2015); `prioritised-hard` weighs (1 - w)^2 and `prioritised-even` w (1 - w) (AlphaStar, Vinyals et
-    al. 2019); `latest-80-20` takes the softmax of the quality scores (OpenAI Five).
+
+def withdraw(archive: Archive, due: Bool[Array, ""]) -> Archive:
+    """The archive without the version that entered last, where that is due. It must not have had a seat."""
+    return eqx.tree_at(lambda this: this.count, archive, archive.count - due)
+
+
+def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
+    """How likely each version is to be given a seat, for schemes that do not ask how versions fare against each other.
+
+    Of a version that lost a share w of its games to the learner: `uniform` and `gated` ignore w (fictitious self-play,
+    Heinrich, Lanctot, Silver 2015); `prioritised-hard` and `league` weigh (1 - w)^2 and `prioritised-even` w (1 - w)
+    (AlphaStar, Vinyals et al. 2019); `latest-80-20` takes the softmax of the quality scores (OpenAI Five).
     """
     filled = _filled(archive)
     w = (archive.lost + 1) / (archive.games + 2)
     if config.scheme == "latest-80-20":
         return _by_quality(archive)
-    weights = {"prioritised-hard": (1 - w) ** 2, "prioritised-even": w * (1 - w)}.get(config.scheme, jnp.ones_like(w))
-    weights = jnp.where(filled, weights, 0.0)
+    hard, even = (1 - w) ** 2, w * (1 - w)
+    weighed = {"prioritised-hard": hard, "league": hard, "prioritised-even": even}
+    weights = jnp.where(filled, weighed.get(config.scheme, jnp.ones_like(w)), 0.0)
     return weights / jnp.sum(weights)
 
 
-def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
-    """The archive with its seats drawn anew and its records aged. The key is consumed."""
-    chance = probabilities(archive, config)
-    seats = jax.random.choice(key, chance.shape[0], (config.seats,), p=chance).astype(jnp.int32)
+def renew(
+    archive: Archive, config: OpponentConfig, key: PRNGKeyArray, mixture: Float[Array, " versions"] | None = None
+) -> Archive:
+    """The archive with its seats drawn anew and its records aged. The key is consumed.
+
+    Args:
+        mixture: how likely each version is to be given a seat; None leaves it to `probabilities`.
+    """
+    chance = probabilities(archive, config) if mixture is None else mixture
+    drawn = jax.random.choice(key, chance.shape[0], (config.seats,), p=chance).astype(jnp.int32)
+    seats = jnp.where(jnp.arange(config.seats) < config.version_seats, drawn, chance.shape[0])
     return Archive(
         networks=archive.networks,
         count=archive.count,
@@ -107,7 +128,7 @@ def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archiv
         lost=FORGETTING * archive.lost,
         quality=archive.quality,
         seats=seats,
-        seated=jax.tree.map(lambda leaf: leaf[seats], archive.networks),
+        seated=jax.tree.map(lambda leaf: leaf[drawn], archive.networks),
     )
 
 
@@ -118,7 +139,8 @@ def record(
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
 ) -> Archive:
-    """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer.
+    """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer. The
+    games of an exploiter are nobody's.
 
     A version's quality falls by eta / (N p) for each game it lost, N the number of versions and p its probability.
     """
@@ -136,18 +158,46 @@ def record(
         lambda this: (this.games, this.lost, this.quality),
         archive,
         (
-            archive.games.at[archive.seats].add(by_seat(over[:, theirs])),
-            archive.lost.at[archive.seats].add(lost_games),
-            archive.quality.at[archive.seats].add(-QUALITY_STEP * lost_games / (archive.count * chance)),
+            archive.games.at[archive.seats].add(by_seat(over[:, theirs]), mode="drop"),
+            archive.lost.at[archive.seats].add(lost_games, mode="drop"),
+            archive.quality.at[archive.seats].add(-QUALITY_STEP * lost_games / (archive.count * chance), mode="drop"),
         ),
     )
 
 
-def seat(archive: Archive, config: OpponentConfig, role: Role, learner: EpsilonGreedy, games: int) -> Seated:
-    """All who play one side of a batch of games: its learner, and in the seats its earlier versions."""
+def added_up(before: Archive, after: Archive, across: str) -> Archive:
+    """The records after games on several devices, each with seats of its own: what all of them have seen since.
+
+    Args:
+        across: name of the axis of devices.
+    """
+    names = ("games", "lost", "quality")
+    seen = {name: getattr(after, name) - getattr(before, name) for name in names}
+    everywhere = jax.lax.psum(seen, across)
+    return replace(after, **{name: getattr(before, name) + everywhere[name] for name in names})
+
+
+def seat(
+    archive: Archive,
+    config: OpponentConfig,
+    role: Role,
+    learner: EpsilonGreedy,
+    games: int,
+    exploiter: QNetwork | None = None,
+) -> Seated:
+    """All who play one side of a batch of games: its learner, and in the seats its earlier versions.
+
+    Args:
+        exploiter: who has the last seats, exploring as much as the learner; None where there is none.
+    """
+    seated = Greedy(archive.seated)
+    if exploiter is not None:
+        theirs = jnp.arange(config.seats) >= config.version_seats
+        networks = jax.tree.map(lambda all_, one: all_.at[config.version_seats :].set(one), archive.seated, exploiter)
+        seated = jax.vmap(EpsilonGreedy)(networks, jnp.where(theirs, learner.epsilon, 0.0))
     return Seated(
         at_large=learner,
-        seated=Greedy(archive.seated),
+        seated=seated,
         seats=config.seats,
         first=first_game(config, role, games),
         games=seat_games(config, games),
@@ -167,6 +217,15 @@ def seat_games(config: OpponentConfig, games: int) -> int:
 def first_game(config: OpponentConfig, role: Role, games: int) -> int:
     """Earlier pursuers have the first games of a batch, earlier evaders the next."""
     return 0 if role == Role.PURSUER else config.seats * seat_games(config, games)
+
+
+def against_learner(config: OpponentConfig, role: Role, games: int) -> tuple[int, int]:
+    """The games of a batch in which one side meets the other side's learner: the first of them and how many follow, at
+    the end of the batch going on from its beginning.
+    """
+    other = Role.EVADER if role == Role.PURSUER else Role.PURSUER
+    seated = config.seats * seat_games(config, games)
+    return first_game(config, other, games) + seated, games - seated
 
 
 def _by_quality(archive: Archive) -> Float[Array, " versions"]:

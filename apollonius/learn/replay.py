@@ -82,17 +82,27 @@ def cut(replay: Replay, games: Bool[Array, " games"]) -> Replay:
 
 
 def sample(
-    replay: Replay, key: PRNGKeyArray, batch: int, max_n_step: int, n_step: Int[Array, ""] | int, gamma: float
+    replay: Replay,
+    key: PRNGKeyArray,
+    batch: int,
+    max_n_step: int,
+    n_step: Int[Array, ""] | int,
+    gamma: float,
+    among: tuple[int, int] | None = None,
 ) -> Batch:
     """Transitions drawn uniformly from the ring, each with the return of up to `n_step` steps. The key is consumed.
 
     At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
     its game stops there: a terminated game is worth nothing beyond, a truncated one what its final observation is.
+
+    Args:
+        among: draw from these games only: the first and how many follow, after the last the first again; None: all.
     """
     rows, games = replay.rows.reward.shape
     age_key, game_key = jax.random.split(key)
     age = jax.random.randint(age_key, (batch,), 0, replay.filled - max_n_step + 1)
-    game = jax.random.randint(game_key, (batch,), 0, games)
+    first_game, count = among or (0, games)
+    game = (first_game + jax.random.randint(game_key, (batch,), 0, count)) % games
     first = (replay.head - replay.filled + age) % rows
 
     reward = jnp.zeros(batch, jnp.float32)

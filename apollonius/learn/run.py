@@ -36,8 +36,6 @@ from apollonius.learn.state import Plan, TrainState
 from apollonius.rollout import play_out
 
 FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
-SNAPSHOTS = (25, 50, 75, 100)
-"""Percentages of self-play at which both agents are kept."""
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
 _EVALUATION_SEED = 20_200
@@ -178,7 +176,7 @@ class Run:
         if stage != SELF_PLAY or train.evader is None:
             return
         kind = "curriculum" if FIXED_TARGET in self.stages or self.config.pursuer else "scratch"
-        for percent in SNAPSHOTS:
+        for percent in self.config.self_play.snapshot_percents:
             if before < -(-plan.chunks * percent // 100) <= here["chunks"]:
                 record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
                 self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}", record, stage, percent)

@@ -1,7 +1,7 @@
 """Stage 2, Algorithm 2: pursuer and evader learn against each other at the same time."""
 
 import jax
-from jaxtyping import PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import QNetwork
 from apollonius.game.game import Game
@@ -9,13 +9,19 @@ from apollonius.learn import dqn
 from apollonius.learn.state import Plan, TrainState, start
 
 
-def start_self_play(plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:
+def start_self_play(
+    plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None, device: Int[Array, ""] | None = None
+) -> TrainState:
     """The state before the first step. The key is consumed.
 
     Args:
         pursuer: the network to go on from, the best of stage 1; None starts from scratch (section V-A). The evader
             always starts from scratch (Algorithm 2, line 3).
+        device: number of the device, if several share the stage: all begin with the same networks, each with games and
+            random numbers of its own.
     """
     pursuer_key, evader_key, stage_key = jax.random.split(key, 3)
+    if device is not None:
+        stage_key = jax.random.fold_in(stage_key, device)
     chaser = dqn.init(plan.dqn, pursuer_key) if pursuer is None else dqn.start_from(pursuer)
     return start(plan, game, stage_key, chaser, dqn.init(plan.dqn, evader_key))

@@ -84,6 +84,7 @@ def _iterate(
         iterations=state.iterations + 1,
         env_steps=env_steps,
         episodes=state.episodes + jnp.sum(ended.astype(jnp.int32)),
+        payoffs=state.payoffs,
     )
     return after, Metrics(
         outcomes=jnp.stack([jnp.sum((ended & (transitions.outcome == o)).astype(jnp.int32)) for o in Outcome]),
@@ -129,22 +130,35 @@ def _learn(
     n_step = jnp.round(linear(config.n_step, config.final_n_step, plan.stage.env_steps, env_steps)).astype(jnp.int32)
     rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
 
-    def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
-        batch = replay.sample(memory, sample_key, config.batch, config.n_step, n_step, config.gamma)
-        return dqn.update(learner, batch, rate, config)
-
-    def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
-        learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
-        return learner, jnp.sum(losses)
-
     enough = (env_steps >= config.learning_starts) & (memory.filled > config.n_step) & _has_turn(plan, role, env_steps)
-    learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner)
     copies = env_steps // config.target_period > (env_steps - config.env_steps_per_iteration) // config.target_period
+
+    def updated(
+        learner: dqn.Learner, key: PRNGKeyArray, among: tuple[int, int] | None = None
+    ) -> tuple[dqn.Learner, Scalar]:
+        """A learner after its updates, from these games of the memory only."""
+
+        def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
+            batch = replay.sample(memory, sample_key, config.batch, config.n_step, n_step, config.gamma, among)
+            return dqn.update(learner, batch, rate, config, plan.across)
+
+        def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
+            learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
+            return learner, jnp.sum(losses)
+
+        learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), learner)
+        return dqn.copy_to_target(learner, copies), loss
+
+    learner, loss = updated(side.learner, key)
+    exploiter = side.exploiter
+    if exploiter is not None:
+        among = opponents.against_learner(plan.opponents, role, config.games)
+        exploiter, _ = updated(exploiter, jax.random.fold_in(key, 1), among)
     archive = side.archive
     if archive is not None:
         ended = transitions.terminated | transitions.truncated
         archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended)
-    return Learning(dqn.copy_to_target(learner, copies), memory, archive), loss
+    return Learning(learner, memory, archive, exploiter), loss
 
 
 def _has_turn(plan: Plan, role: Role, env_steps: Int[Array, ""]) -> Bool[Array, ""]:

@@ -13,11 +13,16 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Role, Scalar
 from apollonius.learn import dqn, opponents, replay
-from apollonius.learn.config import DQNConfig, OpponentConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import DQNConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.payoffs import Payoffs, nothing_played
+from apollonius.learn.scheme import OpponentConfig
 from apollonius.rollout import Games, Players, begin
 
+DEVICES = "devices"
+"""Name of the axis of devices that share a training."""
 _CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
+"""Env steps of all devices between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small
+enough."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,13 @@ class Plan:
 
     dqn: DQNConfig
     stage: StageConfig
+    devices: int = 1
+    """How many devices share the stage; the numbers above are then the share of each (`apollonius.learn.devices`)."""
+
+    @property
+    def across(self) -> str | None:
+        """The axis over which devices agree, if there are several."""
+        return DEVICES if self.devices > 1 else None
 
     @property
     def opponents(self) -> OpponentConfig:
@@ -35,7 +47,7 @@ class Plan:
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.dqn.env_steps_per_iteration)
+        return max(8, _CHUNK_ENV_STEPS // self.devices // self.dqn.env_steps_per_iteration)
 
     @property
     def env_steps_per_chunk(self) -> int:
@@ -54,17 +66,21 @@ class Plan:
 
 
 class Learning(eqx.Module):
-    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions."""
+    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions and a second
+    learner, the exploiter, which learns from the same memory how to beat the other side's learner.
+    """
 
     learner: dqn.Learner
     replay: replay.Replay
     archive: opponents.Archive | None = None
+    exploiter: dqn.Learner | None = None
 
 
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained; a side that does not learn is None.
 
-    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games.
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `payoffs`
+    is how the versions of both sides fare against each other, where a scheme asks for it.
     """
 
     games: Games
@@ -74,6 +90,7 @@ class TrainState(eqx.Module):
     iterations: Int[Array, ""]
     env_steps: Int[Array, ""]
     episodes: Int[Array, ""]
+    payoffs: Payoffs | None = None
 
 
 def start(
@@ -100,6 +117,7 @@ def start(
         iterations=jnp.zeros((), jnp.int32),
         env_steps=jnp.zeros((), jnp.int32),
         episodes=jnp.zeros((), jnp.int32),
+        payoffs=nothing_played(plan.opponents.versions) if plan.opponents.keeps_payoffs else None,
     )
 
 
@@ -109,7 +127,8 @@ def _side(plan: Plan, role: Role, side: dqn.Learner | Pool) -> tuple[Learning | 
         return None, side
     size = OBSERVATION_SIZES[plan.dqn.observation]
     archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
-    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive)
+    exploiter = dqn.start_from(side.network) if plan.opponents.has_exploiters else None
+    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive, exploiter)
     return learning, players(plan, role, learning, None, jnp.ones(()))
 
 
@@ -121,4 +140,5 @@ def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, ep
     learner = EpsilonGreedy(side.learner.network, epsilon)
     if side.archive is None:
         return solo(learner)
-    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games)
+    exploiter = side.exploiter.network if side.exploiter else None
+    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games, exploiter)

@@ -27,7 +27,7 @@ from apollonius.solve.image import greatest
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, tile_of
 from apollonius.solve.motion import worth_after
-from apollonius.solve.players import answer_of
+from apollonius.solve.players import ResponsePolicy, SaddlePolicy, answer_of
 from apollonius.solve.side import Side
 
 BYTES_PER_PAIR = 3 * 4 + 2 + 1
@@ -130,3 +130,23 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
 
 def _node(grid: Grid, index: Int[Array, ""]):
     return grid.node(*jnp.unravel_index(index, grid.shape))
+
+
+def responders(
+    table: SaddlePolicy, agent: AbstractPolicy, report: Callable[[Sweep], None] = silent
+) -> dict[str, ResponsePolicy]:
+    """Two opponents that know an agent and look one hold ahead: what either wins of it is what it can lose at least.
+
+    One trusts, after the hold, the best response on the grid, where the agent decides as seldom as a hold and only from
+    nodes; the other trusts no more than what its side is sure of against anyone.
+
+    Args:
+        table: the player by the solved game, of the side that the agent does not play.
+        report: told after each sweep.
+    """
+    contest = table.contest
+    solved = solve_response(make_response(contest, agent), report)
+    return {
+        "sure of the table": ResponsePolicy(contest, table.table, agent),
+        "best response on the grid": ResponsePolicy(contest, solved.table, agent),
+    }

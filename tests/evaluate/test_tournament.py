@@ -3,14 +3,13 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from apollonius.agents.catalogue import find_agent
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
-from apollonius.evaluate.tournament import equilibrium, play_tournament
+from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.terminal import tournament_table
@@ -66,22 +65,11 @@ def test_as_data_it_is_json_with_every_count(tournament):
     assert [(match["pursuer"], match["evader"]) for match in data["matches"]][2] == ("pure-pursuit", "still")
     assert all(sum(match["outcomes"].values()) == 40 for match in data["matches"])
     assert sum(data["equilibrium"]["pursuers"].values()) == pytest.approx(1)
-
-
-@pytest.mark.parametrize(
-    ("payoff", "rows", "columns", "value"),
-    [
-        ([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], [1 / 3] * 3, [1 / 3] * 3, 0),
-        ([[0.9, 0.6], [0.5, 0.4]], [1, 0], [0, 1], 0.6),  # a saddle
-        ([[3, -1], [-2, 1]], [3 / 7, 4 / 7], [2 / 7, 5 / 7], 1 / 7),
-        ([[0.2, 0.7, 0.4]], [1], [1, 0, 0], 0.2),
-    ],
-)
-def test_the_equilibrium_of_small_games_is_the_one_known(payoff, rows, columns, value):
-    found = equilibrium(np.array(payoff, float))
-    np.testing.assert_allclose(found.rows, rows, atol=1e-9)
-    np.testing.assert_allclose(found.columns, columns, atol=1e-9)
-    assert found.value == pytest.approx(value)
+    skills = [*data["equilibrium"]["pursuer_skill"].values(), *data["equilibrium"]["evader_skill"].values()]
+    assert max(skills) == pytest.approx(0, abs=1e-9)
+    elo = data["ratings"]["pursuers"]
+    assert elo["pure-pursuit"]["low"] > elo["random"]["elo"]
+    assert elo["random"]["low"] < elo["random"]["elo"] < elo["random"]["high"]
 
 
 def test_the_command_prints_the_table_or_one_json_object(capsys):
@@ -93,7 +81,18 @@ def test_the_command_prints_the_table_or_one_json_object(capsys):
     assert main([*arguments, "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["evaders"] == ["still"]
+    assert printed["cycles"] == []
     assert (printed["games"], printed["seed"], printed["game"]) == (3, 1, "paper")
+
+
+def test_the_command_draws_the_tournament(tmp_path, capsys):
+    arguments = ["tournament", "--pursuers", "random", "--evaders", "still", "--games", "3", "--seed", "1"]
+    assert main([*arguments, "--plot", str(tmp_path / "all.png")]) == 0
+    assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    for refused, complaint in (("all.svg", "a .png file"), ("none/all.png", "in a folder that is there")):
+        assert main([*arguments, "--plot", str(tmp_path / refused)]) == 2
+        assert complaint in capsys.readouterr().err
 
 
 def test_the_command_refuses_a_player_before_anything_is_played(capsys):
@@ -102,13 +101,6 @@ def test_the_command_refuses_a_player_before_anything_is_played(capsys):
     assert output == ""
     assert "plays the evader only" in errors
     assert errors.count("\n") == 1
-
-
-def test_from_the_equilibrium_neither_side_gains_by_leaving():
-    payoff = np.random.default_rng(0).uniform(size=(7, 5))
-    found = equilibrium(payoff)
-    assert (payoff @ found.columns).max() == pytest.approx(found.value)
-    assert (found.rows @ payoff).min() == pytest.approx(found.value)
 
 
 def test_a_side_without_players_or_with_one_twice_is_refused(players):

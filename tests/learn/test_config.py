@@ -26,6 +26,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DQNConfig, SMALL | {"replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
         (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
+        (SelfPlayConfig, {"snapshots": 0}, "snapshots = 0 .*from 1 to 100"),
         (RunConfig, {"evaders": ("random",)}, "evaders = random .*stages is 'fixed-target'"),
         (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),

@@ -13,25 +13,28 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import Seated, solo, stack
 from apollonius.errors import InvalidInput
+from apollonius.game.game import reset_batch
 from apollonius.game.record import from_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents
-from apollonius.learn.config import OpponentConfig, SelfPlayConfig
+from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.renewal import renew_opponents
+from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan
+from apollonius.learn.state import Plan, players
+from apollonius.rollout import collect
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 
-SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even")
+SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "league")
 CONFIG = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
 GAMES = DQN.games
 SEAT_GAMES = 8
 """Half of 64 games, shared by two seats of either side."""
 
 
-def networks(count):
-    return [make_network("paper", width=8, depth=1, key=jax.random.key(seed)) for seed in range(count)]
+def networks(count, seed=0):
+    return [make_network("paper", width=8, depth=1, key=jax.random.key(seed + number)) for number in range(count)]
 
 
 def plan_of(config):
@@ -39,8 +42,8 @@ def plan_of(config):
     return Plan(DQN, stage)
 
 
-def archive_of(count, config=CONFIG):
-    first, *later = networks(count)
+def archive_of(count, config=CONFIG, seed=0):
+    first, *later = networks(count, seed)
     archive = opponents.init(first, config)
     for network in later:
         archive = opponents.enter(archive, network, jnp.asarray(True))
@@ -76,7 +79,7 @@ def test_versions_enter_when_due_while_there_is_room():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_seats_follow_the_stated_distribution(scheme):
-    config = replace(CONFIG, scheme=scheme, versions=5)
+    config = replace(CONFIG, scheme=scheme, versions=5, exploiter_seats=1)
     archive = replace(
         archive_of(4, config),
         games=jnp.asarray([8.0, 8.0, 8.0, 0.0, 0.0]),
@@ -85,15 +88,18 @@ def test_seats_follow_the_stated_distribution(scheme):
     )
     w = np.array([0.8, 0.4, 0.1, 0.5])
     quality = np.exp([-1.0, 0.0, 0.5, 0.5])
-    weights = {"uniform": np.ones(4), "latest-80-20": quality, "prioritised-hard": (1 - w) ** 2}
-    weights = weights.get(scheme, w * (1 - w))
+    hard = (1 - w) ** 2
+    weights = {
+        "latest-80-20": quality, "prioritised-hard": hard, "league": hard, "prioritised-even": w * (1 - w)
+    }.get(scheme, np.ones(4))  # fmt: skip
     drawn = jax.jit(jax.vmap(lambda key: opponents.renew(archive, config, key).seats))(
         jax.random.split(jax.random.key(3), 5000)
     )
-    seen = np.bincount(np.asarray(drawn).ravel(), minlength=5)
+    drawn = np.asarray(drawn)[:, : config.version_seats]
+    seen = np.bincount(drawn.ravel(), minlength=5)
     assert seen[4] == 0, "a version that is not there yet"
-    assert chisquare(seen[:4], 10_000 * weights / weights.sum()).pvalue > 0.001
-    assert chisquare(seen[:4], 10_000 * weights[::-1] / weights.sum()).pvalue < 1e-6 or scheme == "uniform"
+    assert chisquare(seen[:4], drawn.size * weights / weights.sum()).pvalue > 0.001
+    assert chisquare(seen[:4], drawn.size * weights[::-1] / weights.sum()).pvalue < 1e-6 or len(set(weights)) == 1
 
 
 def test_those_drawn_sit_down_and_old_games_count_less():
@@ -163,6 +169,21 @@ def test_no_opponent_changes_within_a_game(played):
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
 
+def test_an_opponents_number_is_in_every_transition_of_a_game(played):
+    """Over several games in each place of the batch, which begin and end at different times."""
+    plan, state = plan_of(CONFIG), played[-1]
+    pursuers, evaders = (
+        players(plan, role, side, None, jnp.ones(()))
+        for role, side in ((Role.PURSUER, state.pursuer), (Role.EVADER, state.evader))
+    )
+    starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(GAME, jax.random.key(1), GAMES))
+    _, transitions = collect(GAME, pursuers, evaders, state.games, starts, jax.random.key(2), 200)
+    assert (transitions.terminated | transitions.truncated).sum(axis=0).min() > 1
+    seats = [1] * 8 + [2] * 8
+    for side, expected in ((transitions.pursuer, seats + [0] * 48), (transitions.evader, [0] * 16 + seats + [0] * 32)):
+        assert (side.member == jnp.asarray(expected)[None]).all()
+
+
 def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
     for side in ("pursuer", "evader"):
         before, after = (getattr(state, side).replay for state in played[3:5])
@@ -223,6 +244,9 @@ def test_a_stage_without_opponents_of_the_past_has_no_archive():
         ({"seats": 0}, "seats = 0"),
         ({"versions": 0}, "versions = 0"),
         ({"renewal": 0}, "renewal = 0"),
+        ({"payoff_games": 0}, "payoff_games = 0"),
+        ({"margin": -0.1}, "margin = -0.1"),
+        ({"scheme": "league", "exploiter_seats": 8}, "exploiter_seats = 8 .* less than seats = 8"),
     ],
 )
 def test_impossible_schemes_are_refused(change, complaint):

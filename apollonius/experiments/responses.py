@@ -1,0 +1,134 @@
+"""Responses: opponents that learn to beat one agent, kept as files and not trained twice, and what they win."""
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from apollonius.agents.catalogue import Named, load_network
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import QNetwork
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.errors import require
+from apollonius.evaluate.match import MatchResult, play_match
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.experiments.jobs import ShouldStop
+from apollonius.game.file import find_game
+from apollonius.game.game import Game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Role
+from apollonius.learn.best_response import best_response
+from apollonius.learn.config import DQNConfig, SelfPlayConfig
+from apollonius.learn.state import Plan
+from apollonius.solve.catalogue import find_player
+
+
+@dataclass(frozen=True)
+class Attack:
+    """Whom responses are trained against, and how. Plain data, so that any process can do it.
+
+    Attributes:
+        role: the side that the attacked agent plays.
+        agent: its name or file.
+        game: name or file of the game.
+        env_steps: length of each response's training.
+        first: trained agent that responses go on from; None starts them from random weights.
+        dqn: how they learn.
+    """
+
+    role: Role
+    agent: str
+    game: str = "paper"
+    env_steps: int = 4_000_000
+    first: str | None = None
+    dqn: DQNConfig = field(default_factory=DQNConfig)
+
+    @property
+    def other(self) -> Role:
+        """The side that responses play."""
+        return Role.EVADER if self.role == Role.PURSUER else Role.PURSUER
+
+    @property
+    def plan(self) -> Plan:
+        """How a response learns."""
+        epsilon = 0.2 if self.first else 1.0
+        return Plan(self.dqn, SelfPlayConfig(env_steps=self.env_steps, pursuer_epsilon=epsilon, evader_epsilon=epsilon))
+
+    @cached_property
+    def rules(self) -> Game:
+        """The game that is played."""
+        return find_game(self.game)
+
+    @cached_property
+    def player(self) -> Named:
+        """The attacked agent."""
+        return find_player(self.agent, self.role, self.rules)
+
+    @cached_property
+    def start(self) -> QNetwork | None:
+        """The network that responses go on from."""
+        return load_network(self.first, self.other) if self.first else None
+
+    @cached_property
+    def record(self) -> dict[str, Any]:
+        """What tells its responses from those of another attack."""
+        # Two runs give their agents the same names, so the weights tell whom a response was trained against.
+        leaves = jax.tree.leaves(self.player.policy)
+        weights = sha256(b"".join(np.asarray(leaf).tobytes() for leaf in leaves)).hexdigest()
+        asked = {"against": self.player.name, "weights": weights, "first": self.first}
+        return asked | {"env_steps": self.env_steps, "game": self.game}
+
+
+def response_file(folder: Path, seed: int) -> Path:
+    """Where the response of a seed is kept."""
+    return folder / f"response-{seed}.safetensors"
+
+
+def train_response(attack: Attack, folder: Path, seed: int, should_stop: ShouldStop = lambda: False) -> bool:
+    """Train the response of a seed, unless it lies in the folder already. Returns False if there was no time to begin.
+
+    Raises:
+        InvalidInput: when responses to another agent, or other ones, lie in the folder.
+    """
+    path = response_file(folder, seed)
+    if path.exists():
+        made = {name: load_agent(path).header.training.get(name) for name in attack.record}
+        bound = f"another folder: here lie responses to {made['against']}, or other ones"
+        require(made == attack.record, "--out", folder, bound)
+        return True
+    if should_stop():
+        return False
+    network = best_response(attack.plan, attack.rules, attack.player.policy, attack.other, seed, attack.start)
+    folder.mkdir(parents=True, exist_ok=True)
+    training = {"command": "apollonius exploit", "seed": seed, **attack.record, "stage": asdict(attack.plan.stage)}
+    save_agent(describe(network, attack.other, to_dict(attack.rules), training), path)
+    return True
+
+
+@dataclass(frozen=True)
+class Loss:
+    """How often the attacked agent loses to one opponent: a rate with its Wilson 95 % interval, and the match."""
+
+    rate: float
+    interval: tuple[float, float]
+    match: MatchResult
+
+
+def judge_response(attack: Attack, folder: Path, seed: int, games: int) -> Loss:
+    """How often the agent loses to a kept response. The starts are others than in training."""
+    return judge_opponent(attack, Greedy(load_agent(response_file(folder, seed)).network), games)
+
+
+def judge_opponent(attack: Attack, opponent: AbstractPolicy, games: int) -> Loss:
+    """How often the agent loses to any opponent. A pursuer loses every game that it does not win."""
+    players = [attack.player.policy, opponent]
+    pursuer, evader = players if attack.role == Role.PURSUER else players[::-1]
+    match = play_match(attack.rules, pursuer, evader, games, seed=0, slots=64)
+    won = round(match.pursuer_win_rate * games)
+    lost = games - won if attack.role == Role.PURSUER else won
+    return Loss(lost / games, wilson_interval(lost, games), match)

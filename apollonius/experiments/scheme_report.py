@@ -1,0 +1,101 @@
+"""What the schemes of self-play come to: a table, its numbers, and a figure."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from apollonius.agents.store import write_atomically
+from apollonius.evaluate.statistics import mean_band
+from apollonius.experiments.scheme_measures import ZOO, Effort, ratings
+from apollonius.game.types import Role
+from apollonius.learn.folder import load_config
+from apollonius.show import style
+from apollonius.show.curves import draw_lines
+
+
+def write_results(out: Path, runs: Sequence[Path], effort: Effort) -> str:
+    """Write `schemes.json`, `schemes.md` and `schemes.png`; returns the table.
+
+    Args:
+        runs: folders of runs that were judged, as SCHEME/SEED.
+    """
+    found, env_steps = results(out, runs, effort), load_config(runs[0] / "config.toml").self_play.env_steps
+    record = {"settings": {"env_steps": env_steps, **asdict(effort)}, "schemes": found}
+    write_atomically(out / "schemes.json", json.dumps(record, indent=1).encode())
+    write_atomically(out / "schemes.md", (table(found) + "\n").encode())
+    draw(found, out / "schemes.png", env_steps)
+    return table(found)
+
+
+def results(out: Path, runs: Sequence[Path], effort: Effort) -> dict[str, Any]:
+    """All that was measured, by scheme, a list over seeds each."""
+    rated = ratings(out, runs, effort)
+    by_scheme: dict[str, Any] = {}
+    for index, run in enumerate(runs):
+        judged = json.loads((run / "judged.json").read_text())
+        lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+        row = by_scheme.setdefault(run.parent.name, {"seconds": [], "pursuer": [], "evader": [], "curve": []})
+        row["seconds"].append(lines[-1]["seconds"])
+        row["curve"].append({name: loss["most"] for name, loss in judged.items()})
+        for side, points, reach in (
+            ("pursuer", rated.pursuers, rated.pursuer_reach),
+            ("evader", rated.evaders, rated.evader_reach),
+        ):
+            elo = {"elo": float(points[index]), "elo_reach": float(reach[index])}
+            row[side].append(judged[f"{side}-100"] | elo)
+    return by_scheme
+
+
+def table(by_scheme: dict[str, Any]) -> str:
+    """A row for each scheme: means over seeds, and how far 95 % intervals reach (Student's t over seeds)."""
+    head = ["scheme", "pursuer loses at least", "evader loses at least", "pursuer's Elo", "evader's Elo"]
+    against = {"pursuer": ZOO[Role.EVADER], "evader": ZOO[Role.PURSUER]}
+    head += [f"pursuer wins against {name}" for name in against["pursuer"]]
+    head += [f"evader unbeaten by {name}" for name in against["evader"]]
+    lines = [[*head, "minutes"], ["---"] * (len(head) + 1)]
+    for scheme, row in by_scheme.items():
+        cells = [scheme]
+        cells += [_share([agent["most"] for agent in row[side]]) for side in ("pursuer", "evader")]
+        cells += [_mean([agent["elo"] for agent in row[side]], "{:.0f}") for side in ("pursuer", "evader")]
+        for side in ("pursuer", "evader"):
+            for name in against[side]:
+                cells.append(_share([1 - agent["against"][name]["rate"] for agent in row[side]]))
+        lines.append([*cells, _mean([seconds / 60 for seconds in row["seconds"]], "{:.1f}")])
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _share(values: Sequence[float]) -> str:
+    return _mean([100 * value for value in values], "{:.1f}") + " %"
+
+
+def _mean(values: Sequence[float], form: str) -> str:
+    """The mean, and half its interval where there are several values."""
+    mean = form.format(sum(values) / len(values))
+    if len(values) < 2:
+        return mean
+    low, high = mean_band(np.asarray(values)[:, None])
+    return f"{mean} ± {form.format(float(high[0] - low[0]) / 2)}"
+
+
+def draw(by_scheme: dict[str, Any], path: Path, env_steps: int) -> None:
+    """Both sides' losses against env steps, a line for each scheme: the mean over the seeds that have a curve."""
+    with style.picture(path, columns=2, width=5.2, height=3.4) as panels:
+        for axes, side in zip(panels, ("pursuer", "evader"), strict=True):
+            lines = {}
+            for scheme, row in by_scheme.items():
+                curves = [curve for curve in row["curve"] if len(curve) > 2]
+                if curves:
+                    percents = sorted(int(name.split("-")[1]) for name in curves[0] if name.startswith(side))
+                    losses = [[100 * curve[f"{side}-{percent}"] for percent in percents] for curve in curves]
+                    lines[scheme] = (
+                        [env_steps * percent / 100 for percent in percents],
+                        np.mean(losses, axis=0).tolist(),
+                    )
+            draw_lines(axes, lines)
+            axes.set_title(f"how much the {side} loses at least [% of games]")
+            axes.set_xlabel("env steps")
+        panels[-1].legend(fontsize=7, ncols=2)

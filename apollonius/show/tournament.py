@@ -1,0 +1,59 @@
+"""A tournament as a picture: who beats whom, how strong everyone is, and who is played in equilibrium."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from apollonius.evaluate.tournament import Tournament
+from apollonius.show import palette, style
+
+
+def draw_tournament(tournament: Tournament, path: Path) -> None:
+    """Save three panels: the pursuers' win rates, Elo ratings with 95 % intervals, shares in the equilibrium."""
+    players = len(tournament.pursuers) + len(tournament.evaders)
+    with style.picture(path, columns=3, width=4.6, height=max(3.0, 1.0 + 0.24 * players)) as (table, elo, shares):
+        draw_win_rates(table, tournament)
+        draw_ratings(elo, tournament)
+        mixed = tournament.equilibrium
+        _bars(shares, tournament, 100 * mixed.rows, 100 * mixed.columns)
+        shares.set_title(f"share in equilibrium [%]; the pursuer wins {mixed.value:.1%}")
+
+
+def draw_win_rates(axes: Axes, tournament: Tournament) -> None:
+    """The pursuers' win rates [%], a row each, as colours and figures."""
+    rates = 100 * tournament.win_rates
+    axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
+    axes.set_xticks(range(len(tournament.evaders)), tournament.evaders, rotation=45, ha="right", fontsize=7)
+    axes.set_yticks(range(len(tournament.pursuers)), tournament.pursuers, fontsize=7)
+    axes.grid(visible=False)
+    if rates.size <= 200:
+        for (row, column), value in np.ndenumerate(rates):
+            colour = "white" if abs(value - 50) > 35 else palette.INK
+            axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
+    axes.set_title("the pursuer wins [% of games]")
+
+
+def draw_ratings(axes: Axes, tournament: Tournament) -> None:
+    """Elo ratings of both sides, each with its 95 % interval."""
+    ratings = tournament.ratings
+    for points, reach, first, colour in (
+        (ratings.pursuers, ratings.pursuer_reach, 0, palette.PURSUER),
+        (ratings.evaders, ratings.evader_reach, len(tournament.pursuers), palette.EVADER),
+    ):
+        axes.errorbar(points, first + np.arange(len(points)), xerr=reach, fmt="o", color=colour, markersize=4)
+    _name_players(axes, tournament)
+    axes.set_title("Elo")
+
+
+def _bars(axes: Axes, tournament: Tournament, pursuers: np.ndarray, evaders: np.ndarray) -> None:
+    axes.barh(np.arange(len(pursuers)), pursuers, color=palette.PURSUER)
+    axes.barh(len(pursuers) + np.arange(len(evaders)), evaders, color=palette.EVADER)
+    _name_players(axes, tournament)
+
+
+def _name_players(axes: Axes, tournament: Tournament) -> None:
+    """Every player on a line of their own, the pursuers above."""
+    names = [*tournament.pursuers, *tournament.evaders]
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.invert_yaxis()
