@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo paper test bench lock clean
+.PHONY: demo paper test test-all bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -20,6 +20,10 @@ test: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
+
+# And the tests that take half a minute each.
+test-all: test
+	$(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile -m slow
 
 # Every figure and table of the paper; BUDGET=quick takes minutes.
 BUDGET ?= paper

@@ -192,7 +192,7 @@ def regret_table(pursuer: str, regret: Regret) -> str:
 
 def card_table(agent: str, card: Card) -> str:
     """A regret card as lines of text."""
-    scores = [(f"{agent} against the table", card.agent), ("the table against the table", card.table)]
+    scores = [(f"{agent} against the table", card.agent)]
     if card.response:
         scores.append((f"{agent} against a response", card.response))
     width = max(len(who) for who, _ in scores)
@@ -203,7 +203,9 @@ def card_table(agent: str, card: Card) -> str:
         numbers = f"{score.won:>7.2%}  {score.lost:>7.2%}  {score.payoff:+.3f} ({low:+.3f} to {high:+.3f})"
         lines.append(f"  {who:<{width}}  {numbers}, {score.games:,} games")
     lines.append(f"  the tables say: sure of {card.sure:+.3f}, conceded at most {card.at_most:+.3f}")
-    lines.append(f"  gap to the table {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})")
+    lines.append(
+        f"  gap to what it could be sure of {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
+    )
     lines.append("  gap by where it starts, the arena from above:")
     for row in card.regions:
         lines.append("    " + "  ".join("     -" if gap is None else f"{gap:+.3f}" for gap in row))

@@ -40,7 +40,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Card:
-    """An agent beside the solved game, on the same starts. Payoffs are its side's, discounted by the time they take."""
+    """An agent beside the solved game. Payoffs are its side's, discounted by the time they take."""
 
     role: str
     games: int
@@ -48,12 +48,10 @@ class Card:
     """Mean of what the table says the agent's side can be sure of."""
     at_most: float
     """Mean of what the other side's table says that it concedes at most."""
-    table: Score
-    """The table's player of the agent's side, against that of the other side."""
     agent: Score
     """The agent, against the table's player of the other side."""
     gap: float
-    """Mean over the starts of the table's payoff less the agent's."""
+    """Mean over the starts of what its side can be sure of there, less what the agent got."""
     gap_interval: tuple[float, float]
     response: Score | None
     """The agent against an opponent that looks ahead knowing what the agent does; None if it was not asked for."""
@@ -76,7 +74,7 @@ def measure_card(
     response: AbstractLookahead | None = None,
     response_games: int = 1000,
 ) -> Card:
-    """Play the agent, and its side's table, against the other side's table from the same starts.
+    """Play the agent against the other side's table, and compare with what its own side's table is sure of.
 
     Args:
         tables: the players of the agent's side and of the other one.
@@ -92,12 +90,9 @@ def measure_card(
     same = (own.contest.win, own.contest.lose) == (-other.contest.lose, -other.contest.win)
     require(same, "tables", "of two payoffs", "two that were solved with the same --payoff")
     starts, _ = begin(game, games, seed, viable=False)
-    payoffs = {}
-    results: dict[str, Results] = {}
-    for name, player in (("agent", agent), ("table", own)):
-        results[name] = _play(game, role, player, other, games, seed)
-        payoffs[name] = _payoffs(own, results[name])
-    gaps = payoffs["table"] - payoffs["agent"]
+    results = _play(game, role, agent, other, games, seed)
+    payoffs, sure = _payoffs(own, results), np.asarray(own.best_worth(starts))
+    gaps = sure - payoffs
     answered = None
     if response is not None:
         lost_to = _play(game, role, agent, response, response_games, seed)
@@ -106,15 +101,14 @@ def measure_card(
     return Card(
         role=role.name.lower(),
         games=games,
-        sure=float(jnp.mean(own.best_worth(starts))),
+        sure=float(np.mean(sure)),
         at_most=-float(jnp.mean(other.best_worth(starts))),
-        table=_score(role, results["table"], payoffs["table"]),
-        agent=_score(role, results["agent"], payoffs["agent"]),
+        agent=_score(role, results, payoffs),
         gap=float(np.mean(gaps)),
         gap_interval=_mean_interval(gaps),
         response=answered,
         regions=_by_region(game, np.asarray(own_starts.x), np.asarray(own_starts.y), gaps),
-        worst=_worst(game, starts, results["agent"], gaps),
+        worst=_worst(game, starts, results, gaps),
     )
 
 

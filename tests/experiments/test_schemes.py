@@ -72,6 +72,7 @@ def test_every_scheme_has_the_same_budget_and_start():
     assert rounds >= configs[0].game.max_steps, "a game of a seat comes to its end before the seats are drawn anew"
 
 
+@pytest.mark.slow
 def test_a_judgement_that_was_stopped_goes_on(runs, judged):
     run = runs[0]
     whole = json.loads((run / "judged.json").read_text())
@@ -85,6 +86,7 @@ def test_a_judgement_that_was_stopped_goes_on(runs, judged):
     assert {path: path.stat().st_mtime_ns for path in run.glob("responses/*/*")} == responses
 
 
+@pytest.mark.slow
 def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, judged):
     for run in runs:
         for name, loss in json.loads((run / "judged.json").read_text()).items():
@@ -95,6 +97,7 @@ def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, judged)
             assert header.training["env_steps"] == EFFORT.response_env_steps // (1 if name.endswith("-100") else 2)
 
 
+@pytest.mark.slow
 def test_every_last_agent_meets_every_other_once(runs, judged):
     out, _ = judged
     rows = list((out / "tournament").iterdir())
@@ -108,6 +111,7 @@ def test_every_last_agent_meets_every_other_once(runs, judged):
     assert not play_row(out / "none.json", "still", {"random": "random"}, 1, lambda: True)
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_for_each_scheme_and_the_figure_is_drawn(runs, judged):
     out, table = judged
     assert (out / "schemes.md").read_text() == table + "\n"

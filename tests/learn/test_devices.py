@@ -75,6 +75,7 @@ def lines(run):
     return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_two_processes_train_what_two_devices_of_one_do(runs):
     for name in ("P_shared", "E_shared"):
         one, other = (load_agent(runs / run / "agents" / f"{name}.safetensors") for run in ("devices", "processes"))
@@ -84,6 +85,7 @@ def test_two_processes_train_what_two_devices_of_one_do(runs):
     assert timeless[0] == timeless[1]
 
 
+@pytest.mark.slow
 def test_the_curve_is_that_of_one_device(runs):
     """As many env steps and updates, and shares of outcomes that are as near to those of single devices with four seeds
     as these are to each other.
