@@ -61,7 +61,7 @@ def _decisive(
             possible = survived
             if answers is not None:
                 row = answers[index * columns * rows + place].reshape(slices, columns, rows, 1)
-                possible = jnp.pad(row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8), around)
+                possible = survived & jnp.pad(row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None], around)
             possible = jax.lax.dynamic_slice(possible, (0, x, y, 0), (*window, NUM_ACTIONS))
             near = _pack(contest.role, steps, first.free[index, :, x, y], possible)
             everywhere = jnp.zeros(survived.shape[:3], jnp.uint16)

@@ -112,7 +112,7 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
 
     answered = before_move(other, moved, lanes, known, greatest)
 
-    actions = jnp.arange(NUM_ACTIONS, dtype=jnp.uint16)[:, None, None]
+    actions = jnp.arange(NUM_ACTIONS, dtype=jnp.uint16)[None, :, None, None]
     survived = jnp.sum(own.free.astype(jnp.uint16) << actions, axis=1, dtype=jnp.uint16).reshape(-1)
 
     def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
@@ -120,7 +120,7 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
         decided = tile_of(response.decided, number, lanes)
         seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
         some, all_there_are = decided & _EVERY, jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)
-        certain = some > 0 if contest.role == Role.PURSUER else some == all_there_are
+        certain = some > 0 if contest.role == Role.PURSUER else some == all_there_are[None]
         new = jnp.where(certain, contest.capture * worth_after(seconds), answered(number))
         return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
 
