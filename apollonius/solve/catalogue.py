@@ -8,7 +8,7 @@ from apollonius.agents.catalogue import SHIELDED, Named, find_agent
 from apollonius.agents.shield import shielded
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
-from apollonius.game.record import to_dict
+from apollonius.game.record import from_dict, to_dict
 from apollonius.game.types import Role
 from apollonius.solve.contest import Contest, make_contest
 from apollonius.solve.grid import Grid, make_grid
@@ -45,9 +45,10 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
         InvalidInput: when the file is missing, bad, or of another problem or game.
     """
     solution = load_solution(path)
-    problem, asked = solution.problem, to_dict(game)
+    problem = solution.problem
+    solved_for, asked = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
     require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
-    if any(problem.game[part] != asked[part] for part in _PHYSICS):
+    if any(solved_for[part] != asked[part] for part in _PHYSICS):
         raise InvalidInput(f"'{path}' was solved for another game: solve this one with apollonius solve game.")
     return SaddlePolicy(contest_of(problem, game), jnp.asarray(solution.table))
 

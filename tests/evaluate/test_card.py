@@ -15,7 +15,8 @@ from apollonius.game.types import Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
-from apollonius.solve.players import ResponsePolicy, SaddlePolicy
+from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.response import responders
 from tests.solve.small import BODY, SMALL
 
 QUICK = replace(SMALL, max_steps=150)
@@ -64,7 +65,7 @@ def test_the_gap_is_what_it_could_be_sure_of_more_than_it_gets(card, tables):
 
 def test_a_response_to_a_still_evader_captures_it(tables):
     pursuer, evader = tables
-    response = ResponsePolicy(pursuer.contest, pursuer.table, Still())
+    response = responders(pursuer, Still())["best response on the grid"]
     still = measure_card(QUICK, Still(), (evader, pursuer), GAMES, 0, response, response_games=40)
     assert still.response is not None
     assert still.response.games == 40
