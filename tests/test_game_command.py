@@ -1,0 +1,108 @@
+"""`apollonius solve game` and what its files are good for: to play, to judge by, to attack with."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from apollonius.replay import load_replay
+from apollonius.solve.store import load_solution
+from tests.test_cli import assert_refused, run_main
+
+GRID = ("--grid", "4x4x2x4", "--hold", "10")
+"""Too coarse for anything but the commands themselves."""
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    """The files of both sides, and what was printed about them."""
+    folder = tmp_path_factory.mktemp("tables")
+    paths = {role: folder / f"{role}.npz" for role in ("pursuer", "evader")}
+    for role, path in paths.items():
+        assert run_main("solve", "game", "--role", role, *GRID, "--out", str(path)) == 0
+    return {role: str(path) for role, path in paths.items()}
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run_json(capsys, *arguments):
+    capsys.readouterr()
+    assert run_main(*arguments, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
+    solution = load_solution(Path(tables["evader"]))
+    assert (solution.problem.kind, solution.problem.role, solution.problem.payoff) == ("game", "evader", "win")
+    monkeypatch.setattr("apollonius.solve.guarantee.solve_duel", None)
+    facts = run_json(capsys, "solve", "game", "--role", "evader", *GRID, "--out", tables["evader"])
+    assert (facts["grid"], facts["hold [s]"], facts["sweeps"]) == ("4x4x2x4", 1.0, solution.sweeps)
+    assert -1 <= facts["at the worst"] <= facts["the evader is sure of, on average over starts"] <= 1
+    assert_refused(
+        capsys, "solve", "game", "--role", "evader", "--payoff", "time", *GRID, "--out", tables["evader"],
+        naming=("evader.npz", "another problem", "--force"),
+    )  # fmt: skip
+
+
+def test_its_file_is_a_player(capsys, tables):
+    match = run_json(capsys, "evaluate", tables["pursuer"], "random", "--games", "20")
+    assert match["pursuer"] == "pursuer"
+    assert match["pursuer_win_rate"] > match["evader_win_rate"]
+    assert_refused(
+        capsys, "evaluate", tables["evader"], "random", naming=("pursuer = ", "evader.npz", "--role pursuer")
+    )
+
+
+@pytest.mark.slow
+def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
+    files = ("--tables", tables["evader"], tables["pursuer"])
+    options = ("--games", "12", "--response-games", "3", "--record", "2", "--replays", "lost")
+    card = run_json(capsys, "regret", "random", *files, "--role", "evader", *options)
+    assert (card["role"], card["agent"]["games"], card["response"]["games"]) == ("evader", 12, 3)
+    assert card["gap"] == pytest.approx(card["sure"] - card["agent"]["payoff"], abs=1e-6)
+    kept = [load_replay(path) for path in Path("lost").iterdir()]
+    assert {replay.index for replay in kept} == {game["game"] for game in card["worst"][:2]}
+    assert {(replay.pursuer, replay.evader) for replay in kept} == {("pursuer", "random")}
+    assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
+    assert "gap to what it could be sure of" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_grid_attacks(capsys, tables):
+    found = run_json(
+        capsys, "exploit", "evader", "still", "--by", "grid", "--table", tables["pursuer"], "--games", "10"
+    )
+    assert set(found["responses"]) == {"sure of the table", "best response on the grid"}
+    worst = max(response["agent_loses"] for response in found["responses"].values())
+    assert found["agent_loses_at_least"] == worst
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("solve", "safety", "--payoff", "win"), ("--payoff", "left out but for game")),
+        (("solve", "game", "--target", "1", "2"), ("--target", "left out otherwise")),
+        (("regret", "P_stage1", "--role", "pursuer"), ("--role", "without --tables")),
+        (("regret", "P_stage1", "--record", "2"), ("--record", "without --tables")),
+        (("exploit", "pursuer", "P_stage1", "--by", "grid"), ("--table", "missing")),
+        (("exploit", "pursuer", "P_stage1", "--table", "t.npz"), ("--table", "--by grid")),
+        (("exploit", "pursuer", "P_stage1", "--by", "grid", "--table", "t.npz"), ("there is no solution", "t.npz")),
+    ],
+)
+def test_what_does_not_go_together_is_refused(capsys, arguments, words):
+    assert_refused(capsys, *arguments, naming=words)
+
+
+def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
+    twice = ("--tables", tables["evader"], tables["evader"])
+    assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
+    both = ("--tables", tables["pursuer"], tables["evader"])
+    assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "left out with --tables"))
+    assert_refused(capsys, "regret", "random", *both, "--record", "11", naming=("--record", "from 0 to 10"))
+    assert_refused(
+        capsys, "exploit", "evader", "still", "--by", "grid", "--table", tables["evader"],
+        naming=("--table", "the other side's; this is the evader's"),
+    )  # fmt: skip
