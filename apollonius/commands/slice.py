@@ -1,4 +1,4 @@
-"""`apollonius slice`: what a trained agent values and does, all over the arena."""
+"""`apollonius slice`: what a trained agent, or a solved game, values and does all over the arena."""
 
 import argparse
 from math import radians
@@ -11,8 +11,8 @@ from apollonius.errors import require
 
 def add_slice(subparsers: Any) -> None:
     """The parser of `slice`."""
-    parser = subparsers.add_parser("slice", help="a trained agent's action values and actions over the arena")
-    parser.add_argument("agent", metavar="AGENT", help="a zoo agent or a .safetensors file")
+    parser = subparsers.add_parser("slice", help="an agent's action values and actions over the arena")
+    parser.add_argument("agent", metavar="AGENT", help="a zoo agent, a .safetensors file, or a .npz file of solve game")
     parser.add_argument(
         "--opponent", type=float, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
     )
@@ -32,8 +32,10 @@ def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
     from apollonius.agents.catalogue import find_trained
+    from apollonius.agents.greedy import Greedy
     from apollonius.game.file import find_game
-    from apollonius.game.types import RobotState
+    from apollonius.game.types import RobotState, Role
+    from apollonius.solve.catalogue import SUFFIX, table_player
 
     with plots():
         from apollonius.show.slices import save_slice
@@ -42,7 +44,13 @@ def run_slice(options: argparse.Namespace) -> int:
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
-    agent, path = find_trained(options.agent)
-    save_slice(agent, path.stem, find_game(options.game), own, opponent, options.out)
+    game = find_game(options.game)
+    if options.agent.endswith(SUFFIX):
+        path, player = Path(options.agent), table_player(Path(options.agent), game)
+        role = player.contest.role
+    else:
+        agent, path = find_trained(options.agent)
+        player, role = Greedy(agent.network), Role[agent.header.role.upper()]
+    save_slice(player, role, path.stem, game, own, opponent, options.out)
     print(f"{options.agent} over the arena; {options.out}")
     return 0

@@ -1,4 +1,4 @@
-"""What a trained agent thinks of every place in the arena: the value of its best action there, and which action it is.
+"""What an agent or a solved game says of every place in the arena: the value of the best action, and which it is.
 
 Everything but its own position is held fixed, so the pictures are slices of a function of eight numbers.
 """
@@ -15,13 +15,13 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from apollonius.agents.network import QNetwork
-from apollonius.agents.store import Agent
+from apollonius.agents.policy import AbstractValued
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
+from apollonius.solve.players import AbstractLookahead
 
 CELLS = 200
 """Cells of a slice along each side of the arena."""
@@ -34,12 +34,13 @@ _GEARS = {"brake": "_", "hold": ".", "speed up": "+"}
 
 
 class Slice(eqx.Module):
-    """Where a robot might stand, and what its network says there.
+    """Where a robot might stand, and what it is worth there.
 
     Attributes:
         x, y: of the cells' centres [m].
-        values: of the nine actions at each of them: discounted reward to come, in the units of its training; NaN
-            where the robot's body touches a disc or a wall by more than a cell.
+        values: of the nine actions at each of them: a network's discounted reward to come, in the units of its
+            training, or a solved game's discounted payoff; NaN where the robot's body touches an obstacle or a wall by
+            more than a cell.
     """
 
     x: Float[np.ndarray, " columns"]
@@ -48,12 +49,12 @@ class Slice(eqx.Module):
 
 
 def slice_values(
-    network: QNetwork, game: Game, role: Role, own: tuple[float, float], opponent: RobotState, cells: int = CELLS
+    player: AbstractValued, game: Game, role: Role, own: tuple[float, float], opponent: RobotState, cells: int = CELLS
 ) -> Slice:
     """The values of all actions over the arena.
 
     Args:
-        role: the side that the network plays.
+        role: the side that the player plays.
         own: speed [m/s] and heading [rad] of its robot, the same everywhere.
         opponent: the other robot's state.
         cells: along each side of the arena.
@@ -74,7 +75,7 @@ def slice_values(
         def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
             robots = (RobotState(own_x, own_y, speed, heading), opponent)
             state = GameState(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
-            values = network(game.observe(state, role, network.observation))
+            values = player.values(game.observe(state, role, player.observation))
             return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
 
         return cell(jnp.asarray(x))
@@ -82,18 +83,29 @@ def slice_values(
     return Slice(x, y, np.asarray(row(jnp.asarray(y))))
 
 
-def save_slice(agent: Agent, name: str, game: Game, own: tuple[float, float], opponent: RobotState, path: Path) -> None:
-    """Two maps of the arena as PNG: the value of an agent's best action, and that action.
+def save_slice(
+    player: AbstractValued,
+    role: Role,
+    name: str,
+    game: Game,
+    own: tuple[float, float],
+    opponent: RobotState,
+    path: Path,
+) -> None:
+    """Two maps of the arena as PNG: the value of a player's best action, and that action.
+
+    Of a solved game the first one shows the barrier too: the line where its side can be sure of neither winning nor
+    losing.
 
     Args:
-        name: what the agent is called.
+        role: the side that it plays.
+        name: what it is called.
         own: speed [m/s] and heading [rad] of its robot.
         opponent: the other robot's state.
 
     Raises:
         InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
     """
-    role = Role[agent.header.role.upper()]
     bodies = (game.pursuer, game.evader) if role == Role.PURSUER else (game.evader, game.pursuer)
     for option, speed, body in (("--speed", own[0], bodies[0]), ("--opponent-speed", float(opponent.v), bodies[1])):
         slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)  # as precise as the speeds themselves
@@ -104,9 +116,9 @@ def save_slice(agent: Agent, name: str, game: Game, own: tuple[float, float], op
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
-    found = slice_values(agent.network, game, role, own, opponent)
+    found = slice_values(player, game, role, own, opponent)
     with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
-        _draw_values(left, found)
+        _draw_values(left, found, solved=isinstance(player, AbstractLookahead))
         _draw_actions(right, found)
         for axes in (left, right):
             draw_arena(axes, game.arena)
@@ -121,12 +133,16 @@ def _motion(speed: float, heading: float) -> str:
     return f"{speed:.3g} m/s, heading {np.degrees(heading):.0f}°"
 
 
-def _draw_values(axes: Axes, found: Slice) -> None:
+def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
     """The highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
     best = found.values.max(axis=-1)
     mesh = axes.pcolormesh(found.x, found.y, best, cmap="viridis", rasterized=True)
+    label = "what it is sure of [discounted payoff]" if solved else "value [discounted reward to come]"
     below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
-    axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label="value [discounted reward to come]")
+    axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label=label)
+    if solved and np.nanmin(best) < 0 < np.nanmax(best):
+        barrier = axes.contour(found.x, found.y, best, levels=[0.0], colors=palette.PAPER, linewidths=1.4)
+        axes.clabel(barrier, fmt="barrier", fontsize="small")
 
 
 def _draw_actions(axes: Axes, found: Slice) -> None:

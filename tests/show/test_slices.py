@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.store import describe
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
@@ -24,7 +24,7 @@ def network(request):
 @pytest.mark.parametrize("role", Role)
 def test_every_cell_has_the_networks_values_there(network, role):
     game = make_game("paper")
-    found = slice_values(network, game, role, OWN, OPPONENT, cells=8)
+    found = slice_values(Greedy(network), game, role, OWN, OPPONENT, cells=8)
     np.testing.assert_allclose(found.x, np.arange(8) * 1.25 + 0.625)
     assert found.values.shape == (8, 8, 9)
     for row, column in ((0, 0), (2, 5), (7, 1)):
@@ -36,7 +36,7 @@ def test_every_cell_has_the_networks_values_there(network, role):
 
 def test_there_is_no_value_where_the_body_cannot_be(network):
     game = make_game("robot")
-    found = slice_values(network, game, Role.PURSUER, OWN, OPPONENT, cells=200)
+    found = slice_values(Greedy(network), game, Role.PURSUER, OWN, OPPONENT, cells=200)
     missing = np.isnan(found.values[..., 0])
     x, y = np.meshgrid(found.x, found.y)
     for disc in game.arena.discs:
@@ -49,8 +49,7 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
 
 @pytest.mark.parametrize("role", Role)
 def test_a_slice_is_drawn(network, role, tmp_path):
-    agent = describe(network, role, {}, {})
-    save_slice(agent, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
+    save_slice(Greedy(network), role, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
     assert (tmp_path / "slice.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -67,7 +66,7 @@ def test_a_slice_is_drawn(network, role, tmp_path):
     ],
 )
 def test_states_that_cannot_be_are_refused(network, own, opponent, naming, tmp_path):
-    agent = describe(network, Role.PURSUER, {}, {})
     with pytest.raises(InvalidInput, match=naming):
-        save_slice(agent, "x", make_game("paper"), own, RobotState(*map(jnp.float32, opponent)), tmp_path / "x.png")
+        state = RobotState(*map(jnp.float32, opponent))
+        save_slice(Greedy(network), Role.PURSUER, "x", make_game("paper"), own, state, tmp_path / "x.png")
     assert not list(tmp_path.iterdir())
