@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from apollonius.agents.shield import shielded as shielded
     from apollonius.agents.store import load_agent as load_agent
     from apollonius.agents.store import save_agent as save_agent
+    from apollonius.evaluate.card import measure_card as measure_card
     from apollonius.evaluate.match import play_match as play_match
     from apollonius.evaluate.match import record_game as record_game
     from apollonius.evaluate.regret import measure_regret as measure_regret
@@ -38,8 +39,14 @@ if TYPE_CHECKING:
     from apollonius.replay import save_replay as save_replay
     from apollonius.rollout import collect as collect
     from apollonius.rollout import play_out as play_out
+    from apollonius.solve.catalogue import find_player as find_player
+    from apollonius.solve.contest import make_contest as make_contest
+    from apollonius.solve.guarantee import make_duel as make_duel
+    from apollonius.solve.guarantee import solve_duel as solve_duel
+    from apollonius.solve.players import SaddlePolicy as SaddlePolicy
     from apollonius.solve.reach import make_chase as make_chase
     from apollonius.solve.reach import solve_reach as solve_reach
+    from apollonius.solve.reference import joint_grid as joint_grid
     from apollonius.solve.reference import reference_grid as reference_grid
     from apollonius.solve.safety import kernel_shielded as kernel_shielded
     from apollonius.solve.safety import solve_safety as solve_safety
@@ -53,6 +60,7 @@ _HOMES = {
     "agents.policy": ("AbstractPolicy", "solo", "stack"),
     "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
+    "evaluate.card": ("measure_card",),
     "evaluate.match": ("play_match", "record_game"),
     "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
@@ -66,8 +74,12 @@ _HOMES = {
     "game.types": ("GameState", "Outcome", "RobotState", "Role"),
     "replay": ("load_replay", "save_replay"),
     "rollout": ("collect", "play_out"),
+    "solve.catalogue": ("find_player",),
+    "solve.contest": ("make_contest",),
+    "solve.guarantee": ("make_duel", "solve_duel"),
+    "solve.players": ("SaddlePolicy",),
     "solve.reach": ("make_chase", "solve_reach"),
-    "solve.reference": ("reference_grid",),
+    "solve.reference": ("joint_grid", "reference_grid"),
     "solve.safety": ("kernel_shielded", "solve_safety"),
     "solve.store": ("load_solution",),
     "solve.table_policy": ("TablePolicy",),

@@ -66,7 +66,7 @@ def test_a_slice_is_drawn(network, role, tmp_path):
     ],
 )
 def test_states_that_cannot_be_are_refused(network, own, opponent, naming, tmp_path):
+    state = RobotState(*map(jnp.float32, opponent))
     with pytest.raises(InvalidInput, match=naming):
-        state = RobotState(*map(jnp.float32, opponent))
         save_slice(Greedy(network), Role.PURSUER, "x", make_game("paper"), own, state, tmp_path / "x.png")
     assert not list(tmp_path.iterdir())
