@@ -38,6 +38,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/page.py
 	$(BIN)/python benchmarks/animations.py
 	$(BIN)/python benchmarks/occupancy_map.py
+	taskset -c 0 $(BIN)/python benchmarks/solver.py
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

@@ -1,0 +1,77 @@
+"""Backups a second of the solver on one core: one action at one node, of one robot's grid or of a grid of two.
+
+    python benchmarks/solver.py
+    python benchmarks/solver.py --grid 17x17x5x8 --solve     # and how long the whole game of two takes, from both sides
+
+Pin it to one core (`taskset -c 0`) to measure one; medians of five runs of sweeps, in CPU time of the process.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from statistics import median
+
+import jax
+import jax.numpy as jnp
+
+import apollonius
+from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.solve.catalogue import joint_grids
+from apollonius.solve.contest import make_contest
+from apollonius.solve.grid import parse_counts
+from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
+from apollonius.solve.joint import lanes_of
+from apollonius.solve.safety import solve_safety
+
+_RUNS = 5
+
+
+def seconds(run: Callable[[], object]) -> float:
+    """Median CPU time of a run [s]; the first one, which compiles, does not count."""
+    jax.block_until_ready(run())
+    taken = []
+    for _ in range(_RUNS):
+        begun = time.process_time()
+        jax.block_until_ready(run())
+        taken.append(time.process_time() - begun)
+    return median(taken)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--grid", default="11x11x5x8", help="of the game of two (default: %(default)s)")
+    parser.add_argument("--hold", type=int, default=10)
+    parser.add_argument("--solve", action="store_true", help="solve the whole game of two as well")
+    options = parser.parse_args()
+    game = apollonius.make_game("paper")
+
+    grid, hold = apollonius.reference_grid(game, Role.PURSUER)
+    begun = time.process_time()
+    sweeps = solve_safety(game, Role.PURSUER, grid, hold).sweeps
+    first = time.process_time() - begun
+    begun = time.process_time()
+    solve_safety(game, Role.PURSUER, grid, hold)
+    again = time.process_time() - begun
+    print(f"safety on {grid.name}: {sweeps} sweeps, {again:.2f} s of CPU time ({first:.2f} s with compiling), ", end="")
+    print(f"{sweeps * grid.size * NUM_ACTIONS / again / 1e6:,.0f} M backups/s, all else included")
+
+    grids = joint_grids(game, list(parse_counts(options.grid)))
+    duel = make_duel(make_contest(game, grids, options.hold, Role.PURSUER, "win"))
+    lanes = lanes_of(duel.first.grid)
+    table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
+    pairs = table.size
+    half = seconds(lambda: guarantee(duel, table))
+    print(f"pairs of {options.grid}: {pairs / 1e6:,.1f} M; one side's backups of them ", end="")
+    print(f"{half:.3f} s of CPU time, {pairs * NUM_ACTIONS / half / 1e6:,.0f} M backups/s")
+    del duel, table
+    if options.solve:
+        for role in Role:
+            begun = time.perf_counter()
+            solved = solve_duel(make_duel(make_contest(game, grids, options.hold, role, "win")))
+            print(f"{role.name.lower()}: {time.perf_counter() - begun:,.0f} s, {solved.sweeps} sweeps, ", end="")
+            print(f"residual {solved.residual:.1e}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
