@@ -97,8 +97,8 @@ def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str
     what it has left in its files: all machines must see the same folders.
     """
     try:
-        import ray
-        from ray.exceptions import RayError
+        import ray  # pyright: ignore[reportMissingImports]
+        from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
         raise InvalidInput("this needs Ray: pip install 'apollonius[ray]'.") from error
     ours = not ray.is_initialized()
