@@ -54,6 +54,7 @@ SHORTER = {
 }
 
 
+@pytest.mark.slow
 def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypatch, capsys):
     """Every command of the walk-through, with less training, fewer and shorter games."""
     monkeypatch.chdir(tmp_path)

@@ -47,6 +47,7 @@ def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_its_file_is_a_player(capsys, tables):
     match = run_json(capsys, "evaluate", tables["pursuer"], "random", "--games", "20")
     assert match["pursuer"] == "pursuer"

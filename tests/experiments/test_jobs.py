@@ -16,6 +16,8 @@ from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from tests.learn.tiny import CHUNK, RUN
 
+pytestmark = pytest.mark.slow
+
 
 def write_down(path, should_stop):
     assert not should_stop()

@@ -9,6 +9,8 @@ from apollonius.experiments.sensitivity import table, variants
 from apollonius.game.record import to_dict
 from apollonius.learn.config import PRESETS
 
+pytestmark = pytest.mark.slow
+
 QUICK = PRESETS["quick"]
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import jax
 import numpy as np
+import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
@@ -29,6 +30,7 @@ PLAN = Plan(
 )
 
 
+@pytest.mark.slow
 def test_an_evader_that_cannot_stop_learns_not_to_crash():
     """The pursuer stays, so all that the evader loses it loses by itself."""
     game = replace(GAME, pursuer=Unicycle(), evader=Unicycle(v_min=0.6))
@@ -49,6 +51,7 @@ def test_the_network_it_goes_on_from_is_kept():
     assert jax.tree.all(jax.tree.map(np.array_equal, first, before))
 
 
+@pytest.mark.slow
 def test_seeds_differ_and_repeat():
     one, again, other = (best_response(PLAN, GAME, Still(), Role.PURSUER, seed) for seed in (0, 0, 1))
     same = jax.tree.map(np.array_equal, one, again)

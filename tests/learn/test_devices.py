@@ -99,6 +99,7 @@ def test_the_curve_is_that_of_one_device(runs):
     assert ((low - (high - low) < shared + 0.01) & (shared < high + (high - low) + 0.01)).all()
 
 
+@pytest.mark.slow
 def test_half_the_batch_on_each_of_two_devices_is_one_update_on_the_whole():
     key = jax.random.key(0)
     learner = dqn.init(DQN, key)

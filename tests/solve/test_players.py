@@ -21,6 +21,8 @@ from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from tests.solve.small import SMALL
 
+pytestmark = pytest.mark.slow
+
 HOLD = 10
 GAME = replace(SMALL, max_steps=150)
 GRID = make_grid(GAME.arena, GAME.pursuer, (7, 9, 3, 8))

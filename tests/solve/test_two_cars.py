@@ -10,6 +10,8 @@ from apollonius.game.types import Role
 from tests.oracle import hj_air3d
 from tests.solve.two_cars import FINER, SPEEDS, Setting, captured, cells_apart, truth
 
+pytestmark = pytest.mark.slow
+
 SETTING = Setting(size=12.25, places=15, headings=12, holds=3)
 TRUTH = cache(truth)
 
