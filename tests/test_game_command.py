@@ -34,6 +34,7 @@ def run_json(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
     solution = load_solution(Path(tables["evader"]))
     assert (solution.problem.kind, solution.problem.role, solution.problem.payoff) == ("game", "evader", "win")
@@ -97,6 +98,7 @@ def test_what_does_not_go_together_is_refused(capsys, arguments, words):
     assert_refused(capsys, *arguments, naming=words)
 
 
+@pytest.mark.slow
 def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
     twice = ("--tables", tables["evader"], tables["evader"])
     assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))

@@ -117,7 +117,15 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
     assert_same_end(folder, uninterrupted)
 
 
-@pytest.mark.parametrize("scheme", ["prioritised-hard", "gated", "psro", "league"])
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        "prioritised-hard",
+        pytest.param("gated", marks=pytest.mark.slow),
+        "psro",
+        pytest.param("league", marks=pytest.mark.slow),
+    ],
+)
 def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path, scheme):
     past = OpponentConfig(
         scheme=scheme, versions=4, seats=2, renewal=CHUNK, payoff_games=8, margin=0.0, exploiter_seats=1

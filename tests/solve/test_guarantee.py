@@ -58,7 +58,7 @@ def captures(robot):
     return steps
 
 
-@pytest.mark.parametrize("payoff", ["win", "time"])
+@pytest.mark.parametrize("payoff", ["win", pytest.param("time", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("role", list(Role))
 def test_the_table_is_that_of_brute_force(robot, captures, role, payoff):
     told = []
@@ -86,6 +86,7 @@ def test_the_upper_value_is_nowhere_less_than_the_lower(bounds):
     assert np.any(upper < -0.5)
 
 
+@pytest.mark.slow
 def test_the_time_to_a_win_is_not_longer_where_a_loss_does_not_count(bounds):
     in_time, _, _ = solved(SMALL, Role.PURSUER, MORE, payoff="time")
     assert np.all(in_time >= bounds[0] - 5e-3)
