@@ -1,16 +1,16 @@
 """The two-robot game as one side sees it: what outcomes are worth to it, and what happens while actions are held."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from apollonius.errors import require
-from apollonius.game.game import Game, judge
+from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
-from apollonius.game.types import GameState, Outcome, Real, RobotState, Role
+from apollonius.game.types import Real, RobotState, Role
+from apollonius.solve.event import first_event
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import Motion, ends, motion_of, worth_after
+from apollonius.solve.motion import Motion, motion_of, worth_after
 
 PAYOFFS = {"win": (1.0, -1.0), "time": (1.0, 0.0)}
 """What winning and losing is worth to the pursuer, times `worth_after` the seconds until then; all else is worth 0."""
@@ -44,17 +44,8 @@ class Contest(eqx.Module):
 
     def event(self, own: RobotState, other: RobotState) -> tuple[Bool[Array, ""], Float[Array, ""]]:
         """Whether the rules end the game along two courses (leaves `[steps + 1]`), and what that is worth."""
-        start = jnp.zeros((), jnp.int32)
-
-        def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Array:
-            return judge(self.game, GameState(*before, start), GameState(*after, start))
-
-        before, after = zip(*(ends(course) for course in self.pair(own, other)), strict=True)
-        outcomes = jax.vmap(one_step)(before, after)
-        over = outcomes != Outcome.ONGOING
-        first = jnp.argmax(over)
-        seconds = (first + 1).astype(jnp.float32) * self.game.dt
-        return over[first], self.payoff_of(outcomes[first], seconds)
+        over, outcome, seconds = first_event(self.game, *self.pair(own, other))
+        return over, self.payoff_of(outcome, seconds)
 
     def payoff_of(self, outcome: Array, seconds: Float[Array, ""]) -> Float[Array, ""]:
         """What an outcome after so many seconds is worth to this side."""

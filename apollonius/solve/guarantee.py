@@ -28,7 +28,7 @@ from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.contest import Contest
 from apollonius.solve.image import greatest, least
 from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
-from apollonius.solve.joint import JointTable, before_move, lanes_of
+from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed
 from apollonius.solve.motion import worth_after
 from apollonius.solve.side import Side, make_side
 
@@ -120,12 +120,4 @@ def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
     ) -> Float[Array, "x y lanes"]:
         return jnp.where(second.free[index, action][..., None], later, duel.contest.win)
 
-    answered = before_move(second, guarantee(duel, table), table.shape[2], worth, least)
-
-    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
-        number, old = tile
-        new = answered(number)
-        return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
-
-    residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
-    return after, residual
+    return refreshed(table, before_move(second, guarantee(duel, table), table.shape[2], worth, least))

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.types import RobotState
+from apollonius.game.types import RobotState, Scalar
 from apollonius.solve.grid import Grid
 from apollonius.solve.image import Choice
 from apollonius.solve.side import Side
@@ -58,6 +58,20 @@ def before_move(
         return side.image.backup(values, partial(worth, tile), choose).reshape(-1, lanes)
 
     return tile_before
+
+
+def refreshed(
+    table: JointTable, tile_before: Callable[[Int[Array, ""]], Float[Array, "moving lanes"]]
+) -> tuple[JointTable, Scalar]:
+    """The table of new tiles, and the largest change of a value."""
+
+    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
+        number, old = tile
+        new = tile_before(number)
+        return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
+
+    residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
+    return after, residual
 
 
 def as_matrix(table: Shaped[Array, "tiles moving lanes"]) -> Shaped[Array, "moving waiting"]:

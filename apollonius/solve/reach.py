@@ -21,11 +21,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.errors import require
-from apollonius.game.game import Game, judge
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role, Scalar
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, Outcome, RobotState, Role, Scalar
+from apollonius.solve.event import first_event
 from apollonius.solve.grid import Grid
 from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
-from apollonius.solve.motion import HORIZON, Motion, ends, last, worth_after
+from apollonius.solve.motion import HORIZON, Motion, last, worth_after
 from apollonius.solve.side import Side, make_side
 
 BYTES_PER_NODE = 4 * (9 + 6) + 9
@@ -130,17 +131,10 @@ def _sweep(
 
 def _event(game: Game, course: RobotState, x: Scalar, y: Scalar) -> tuple[Bool[Array, ""], Scalar]:
     """Whether the rules end the game along a course, and what that is worth."""
-    nothing, start = jnp.zeros((), jnp.float32), jnp.zeros((), jnp.int32)
-    target = RobotState(x, y, nothing, nothing)
-
-    def outcome(before: RobotState, after: RobotState) -> Int[Array, ""]:
-        return judge(game, GameState(before, target, start), GameState(after, target, start))
-
-    outcomes = jax.vmap(outcome)(*ends(course))
-    over = outcomes != Outcome.ONGOING
-    first = jnp.argmax(over)
-    seconds = (first + 1).astype(jnp.float32) * game.dt
-    return over[first], jnp.where(outcomes[first] == Outcome.CAPTURED, worth_after(seconds), 0.0)
+    still = jnp.zeros_like(course.v)
+    target = jax.tree.map(lambda place: place + still, RobotState(x, y, jnp.zeros_like(x), jnp.zeros_like(x)))
+    over, outcome, seconds = first_event(game, course, target)
+    return over, jnp.where(outcome == Outcome.CAPTURED, worth_after(seconds), 0.0)
 
 
 @eqx.filter_jit

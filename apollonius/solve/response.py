@@ -18,14 +18,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt8
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.game.types import NUM_ACTIONS, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.contest import Contest
 from apollonius.solve.grid import Grid
 from apollonius.solve.guarantee import TOLERANCE, make_sides
 from apollonius.solve.image import greatest
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
-from apollonius.solve.joint import JointTable, before_move, lanes_of, tile_of
+from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
 from apollonius.solve.motion import worth_after
 from apollonius.solve.players import ResponsePolicy, SaddlePolicy, answer_of
 from apollonius.solve.side import Side
@@ -115,20 +115,17 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
     actions = jnp.arange(NUM_ACTIONS, dtype=jnp.uint16)[None, :, None, None]
     survived = jnp.sum(own.free.astype(jnp.uint16) << actions, axis=1, dtype=jnp.uint16).reshape(-1)
 
-    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
-        number, old = tile
+    def judged(number: Int[Array, ""]) -> Float[Array, "moving lanes"]:
         decided = tile_of(response.decided, number, lanes)
         seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
         some, all_there_are = decided & _EVERY, jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)
         certain = some > 0 if contest.role == Role.PURSUER else some == all_there_are[None]
-        new = jnp.where(certain, contest.capture * worth_after(seconds), answered(number))
-        return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
+        return jnp.where(certain, contest.capture * worth_after(seconds), answered(number))
 
-    residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
-    return after, residual
+    return refreshed(table, judged)
 
 
-def _node(grid: Grid, index: Int[Array, ""]):
+def _node(grid: Grid, index: Int[Array, ""]) -> RobotState:
     return grid.node(*jnp.unravel_index(index, grid.shape))
 
 
