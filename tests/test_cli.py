@@ -202,6 +202,8 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["train", "--stage", "fixed-target", "--evader", "nobody"], ["nobody", "random", "still"]),
         (["train", "--stage", "fixed-target", "--evader", "random", "still"], ["random, still", "trained agents"]),
         (["train", "--evader", "random"], ["evaders = random", "fixed-target"]),
+        (["train", "--stage", "self-play", "--evader", "E_scratch", "random"], ["E_scratch, random", "one agent"]),
+        (["train", "--stage", "self-play", "--evader", "random"], ["no agent is called 'random'", "E_scratch"]),
         (["train", "--seed", "-1"], ["seed = -1", "0"]),
         (["train", "--seed", "one"], ["one"]),
         (["train", "--config", "nowhere.toml"], ["nowhere.toml"]),

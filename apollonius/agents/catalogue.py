@@ -77,7 +77,7 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
         side = role.name.lower()
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {sides[0].name.lower()} only")
         return Named(name, kind.for_side(_known(game, name), role))
-    agent, path = _load(name, role)
+    agent, path = _load(name, role, [*BUILT_IN, *CLASSICAL, *zoo_names()])
     return Named(path.stem, Greedy(agent.network), agent.header)
 
 
@@ -116,7 +116,7 @@ def load_network(name: str, role: Role) -> QNetwork:
     Raises:
         InvalidInput: as `find_agent`.
     """
-    return _load(name, role)[0].network
+    return _load(name, role, zoo_names())[0].network
 
 
 def player_names(role: Role, game: Game) -> list[str]:
@@ -140,8 +140,8 @@ def find_trained(name: str) -> tuple[Agent, Path]:
     return _find(name, zoo_names())
 
 
-def _load(name: str, role: Role) -> tuple[Agent, Path]:
-    agent, path = _find(name, [*BUILT_IN, *CLASSICAL, *zoo_names()])
+def _load(name: str, role: Role, known: Sequence[str]) -> tuple[Agent, Path]:
+    agent, path = _find(name, known)
     if agent.header.role != role.name.lower():
         raise InvalidInput(
             f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "

@@ -34,7 +34,10 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
     parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
     parser.add_argument(
-        "--evader", nargs="+", help="players that the pursuer of --stage fixed-target learns to catch (default: still)"
+        "--evader",
+        nargs="+",
+        help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
+        "evader of --stage self-play goes on from (default: none)",
     )
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
@@ -56,13 +59,14 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.agents.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
-    from apollonius.learn.run import load_first_pursuer
+    from apollonius.learn.run import load_first
 
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
     find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
-    load_first_pursuer(config)
+    for role in Role:
+        load_first(config, role)
     create_run(config, folder, force=options.force)
     return _train_and_judge(config, folder)
 
@@ -89,11 +93,15 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     self_play = config.self_play
     if options.opponents:
         self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
+    evaders: list[str] = options.evader or []
+    goes_on = (options.stage or config.stages) == "self-play"
+    require(not goes_on or len(evaders) < 2, "--evader", ", ".join(evaders), "one agent where --stage is self-play")
     changes: dict[str, Any] = {
         "self_play": self_play,
         "stages": options.stage,
         "seed": options.seed,
-        "evaders": tuple(options.evader) if options.evader else None,
+        "evaders": tuple(evaders) if evaders and not goes_on else None,
+        "evader": evaders[0] if evaders and goes_on else None,
         "pursuer": options.pursuer,
         "dqn": PROFILES.get(options.profile),
         "game": find_game(options.game) if options.game else None,

@@ -34,7 +34,7 @@ from apollonius.learn.devices import (
     start_shared,
 )
 from apollonius.learn.folder import agent_file, create_run, load_config
-from apollonius.learn.run import load_first_pursuer
+from apollonius.learn.run import load_first
 from apollonius.learn.state import Plan
 
 
@@ -50,7 +50,7 @@ def train_shared(config: RunConfig, folder: Path) -> None:
     if leads:
         create_run(config, folder)
     game, key = plan.stage.rewarded(config.game), jax.random.key(config.seed)
-    state = start_shared(mesh, plan, game, key, load_first_pursuer(config))
+    state = start_shared(mesh, plan, game, key, *(load_first(config, role) for role in Role))
     began = time.monotonic()
     for chunk in range(plan.chunks):
         if plan.renews_after(chunk):

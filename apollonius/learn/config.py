@@ -194,6 +194,8 @@ class RunConfig:
     meets one."""
     pursuer: str | None = None
     """Agent that the pursuer of a lone stage goes on from; None is from scratch."""
+    evader: str | None = None
+    """Agent that the evader of a lone self-play goes on from; None is from scratch, as in Algorithm 2."""
 
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
@@ -203,6 +205,10 @@ class RunConfig:
         require(
             self.pursuer is None or self.stages != "both", "pursuer", self.pursuer,
             "left out unless stages is one stage: the curriculum trains the pursuer from scratch",
+        )  # fmt: skip
+        require(
+            self.evader is None or self.stages == "self-play", "evader", self.evader,
+            "left out unless stages is 'self-play': no other stage has an evader that goes on from an agent",
         )  # fmt: skip
         require(
             self.evaders == ("still",) or self.stages == "fixed-target", "evaders", ", ".join(self.evaders),

@@ -60,15 +60,17 @@ def share(plan: Plan, devices: int) -> Plan:
 
 
 @functools.partial(jax.jit, static_argnames=("mesh", "plan"))
-def start_shared(mesh: Mesh, plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:
+def start_shared(
+    mesh: Mesh, plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None, evader: QNetwork | None
+) -> TrainState:
     """The state before the first step: that of every device, on a leading axis. Arguments as `start_self_play`, the
     plan being one device's share.
     """
 
-    def one(game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:
-        return _with_axis(start_self_play(plan, game, key, pursuer, jax.lax.axis_index(DEVICES)))
+    def one(game: Game, key: PRNGKeyArray, pursuer: QNetwork | None, evader: QNetwork | None) -> TrainState:
+        return _with_axis(start_self_play(plan, game, key, pursuer, evader, jax.lax.axis_index(DEVICES)))
 
-    return _on(mesh, one, (_ALL, _ALL, _ALL), _EACH)(game, key, pursuer)
+    return _on(mesh, one, (_ALL, _ALL, _ALL, _ALL), _EACH)(game, key, pursuer, evader)
 
 
 @functools.partial(jax.jit, static_argnames=("mesh", "plan"), donate_argnames="state")

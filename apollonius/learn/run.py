@@ -93,9 +93,11 @@ class Run:
         for stage in self.stages[done:]:
             plan = self._plan(stage)
             here = progress if progress and progress["stage"] == stage else None
-            if self.config.pursuer and not here:
-                best = load_first_pursuer(self.config)
-            train = self._start(stage, plan, best)
+            evader: QNetwork | None = None
+            if not here:
+                best = load_first(self.config, Role.PURSUER) or best
+                evader = load_first(self.config, Role.EVADER)
+            train = self._start(stage, plan, best, evader)
             saved = Saved(train, _copy(_pursuer(train)) if stage == FIXED_TARGET else None)
             if here:
                 saved = load_checkpoint(self.checkpoint, saved)
@@ -111,11 +113,11 @@ class Run:
     def _plan(self, stage: str) -> Plan:
         return Plan(self.config.dqn, self.config.fixed_target if stage == FIXED_TARGET else self.config.self_play)
 
-    def _start(self, stage: str, plan: Plan, best: QNetwork | None) -> TrainState:
+    def _start(self, stage: str, plan: Plan, best: QNetwork | None, evader: QNetwork | None) -> TrainState:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
             return start_fixed_target(plan, self.config.game, key, self.evaders, best)
-        return start_self_play(plan, self.config.game, key, best)
+        return start_self_play(plan, self.config.game, key, best, evader)
 
     def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
@@ -192,19 +194,20 @@ class Run:
         save_agent(agent, agent_file(self.folder, name, percent))
 
 
-def load_first_pursuer(config: RunConfig) -> QNetwork | None:
-    """The network that the pursuer goes on from, if the config names one.
+def load_first(config: RunConfig, role: Role) -> QNetwork | None:
+    """The network that a side goes on from, if the config names one.
 
     Raises:
         InvalidInput: when there is no such agent, or its network is not of the kind that the config trains.
     """
-    if config.pursuer is None:
+    name = config.pursuer if role == Role.PURSUER else config.evader
+    if name is None:
         return None
-    network, dqn = load_network(config.pursuer, Role.PURSUER), config.dqn
+    network, dqn = load_network(name, role), config.dqn
     made_for = (network.observation, len(network.layers) - 1, network.layers[0].out_features)
     wanted = (dqn.observation, dqn.depth, dqn.width)
     bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
-    require(made_for == wanted, "--pursuer", config.pursuer, bound)
+    require(made_for == wanted, f"--{role.name.lower()}", name, bound)
     return network
 
 

@@ -240,13 +240,13 @@ def test_a_full_disk_spares_the_last_checkpoint(uninterrupted, tmp_path, monkeyp
 
 @pytest.fixture
 def self_play_starts(monkeypatch):
-    """The pursuer's network with which each self-play began."""
+    """The pursuer's and the evader's network with which each self-play began."""
     networks = []
     start_self_play = run_module.start_self_play
 
-    def recorded(plan, game, key, pursuer):
-        networks.append(jax.tree.map(jnp.copy, pursuer))
-        return start_self_play(plan, game, key, pursuer)
+    def recorded(plan, game, key, pursuer, evader):
+        networks.append(jax.tree.map(jnp.copy, (pursuer, evader)))
+        return start_self_play(plan, game, key, pursuer, evader)
 
     monkeypatch.setattr(run_module, "start_self_play", recorded)
     return networks
@@ -271,7 +271,7 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
     assert best.header.training["outcomes"]["captured"] == 9
     assert eqx.tree_equal(best.network, evaluated[2])
     assert not eqx.tree_equal(best.network, evaluated[3])
-    assert eqx.tree_equal(self_play_starts, [best.network])
+    assert eqx.tree_equal(self_play_starts, [(best.network, None)])
 
 
 def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkeypatch):
@@ -343,15 +343,21 @@ def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uni
         assert eqx.tree_equal(mine.network, theirs.network)
 
 
-def test_self_play_resumes_without_the_file_of_its_first_pursuer(uninterrupted, tmp_path):
-    borrowed = tmp_path / "P.safetensors"
-    borrowed.write_bytes(agents(uninterrupted)["P_stage1"])
-    config = replace(RUN, stages="self-play", pursuer=str(borrowed))
-    folder = begin(tmp_path / "run", config)
+def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uninterrupted, self_play_starts, tmp_path):
+    first = tmp_path / "P.safetensors", tmp_path / "E.safetensors"
+    for path, name in zip(first, ("P_stage1", "E_curriculum"), strict=True):
+        path.write_bytes(agents(uninterrupted)[name])
+    networks = tuple(load_agent(path).network for path in first)
+    config = replace(RUN, stages="self-play", pursuer=str(first[0]), evader=str(first[1]))
+    whole, folder = begin(tmp_path / "whole", config), begin(tmp_path / "run", config)
+    assert Run(config, whole).execute()
+    assert eqx.tree_equal(self_play_starts, [networks])
+    assert metrics(whole) != metrics(uninterrupted)[4:]
     assert not Run(config, folder, should_stop=stop_after(2)).execute()
-    borrowed.unlink()
+    for path in first:
+        path.unlink()
     assert Run(config, folder).execute()
-    assert metrics(folder) == metrics(uninterrupted)[4:]
+    assert metrics(folder) == metrics(whole)
 
 
 @pytest.mark.parametrize(
@@ -363,14 +369,14 @@ def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_p
     path = tmp_path / "P.safetensors"
     save_agent(describe(make_network(*network, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*{named}"):
-        run_module.load_first_pursuer(replace(RUN, stages="self-play", pursuer=str(path)))
+        run_module.load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
     config = replace(RUN, stages="self-play")
     folder = begin(tmp_path / "run", config)
     assert Run(config, folder).execute()
-    assert self_play_starts == [None]
+    assert self_play_starts == [(None, None)]
     assert sorted(agents(folder)) == [name.replace("curriculum", "scratch") for name in CURRICULUM]
     assert metrics(folder) != metrics(uninterrupted)[4:]
 
