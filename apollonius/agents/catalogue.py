@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
 from apollonius.agents.classical import AbstractClassical, Still
@@ -49,6 +51,12 @@ class Named:
     name: str
     policy: AbstractPolicy
     header: AgentHeader | None = None
+
+
+def fingerprint(policy: AbstractPolicy) -> str:
+    """What tells a player from others of its name: its kind, and a hash of all its numbers."""
+    leaves = jax.tree.leaves(policy)
+    return f"{type(policy).__name__} {sha256(b''.join(np.asarray(leaf).tobytes() for leaf in leaves)).hexdigest()}"
 
 
 def zoo_names() -> list[str]:

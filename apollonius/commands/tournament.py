@@ -24,6 +24,9 @@ def add_tournament(subparsers: Any) -> None:
     parser.add_argument("--evaders", nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})")
     parser.add_argument("--games", type=int, default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
+    parser.add_argument(
+        "--keep", type=Path, metavar="DIR", help="keep matches in this folder, and do not play again what lies there"
+    )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw win rates, ratings and equilibrium as .png")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_tournament)
@@ -43,6 +46,8 @@ def run_tournament(options: argparse.Namespace) -> int:
         require(options.plot.suffix == ".png", "--plot", options.plot, "a .png file")
         require(options.plot.parent.is_dir(), "--plot", options.plot, "in a folder that is there; make it first")
         _drawing()
+    if options.keep:
+        require(not options.keep.is_file(), "--keep", options.keep, "a folder")
     game = requested_game(options)
     pursuers, evaders = (
         [find_player(name, role, game) for name in names or player_names(role, game)]
@@ -53,7 +58,8 @@ def run_tournament(options: argparse.Namespace) -> int:
         if not options.json:
             print(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}", file=sys.stderr, flush=True)
 
-    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell)
+    viable = options.starts == "viable"
+    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep)
     if options.plot:
         _drawing()(tournament, options.plot)
     if options.json:

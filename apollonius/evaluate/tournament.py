@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from jaxtyping import Float
 
 from apollonius.agents.catalogue import Named
 from apollonius.errors import require
+from apollonius.evaluate.kept import kept_match
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.evaluate.ratings import Ratings, rate
 from apollonius.game.game import Game
@@ -109,15 +111,19 @@ def play_tournament(
     games: int,
     seed: int,
     on_match: Callable[[str, str, MatchResult], None] = lambda pursuer, evader, result: None,
+    viable: bool = False,
+    keep: Path | None = None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader. All matches have the same starts.
 
     Args:
         games: in each match.
         on_match: called after each.
+        viable: as in `play_match`.
+        keep: folder for the matches; those that lie there already are not played again.
 
     Raises:
-        InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
+        InvalidInput: unless there is a player on either side, no name twice; and as `play_match` and `kept_match`.
     """
     for side, players in (("pursuers", pursuers), ("evaders", evaders)):
         names = [player.name for player in players]
@@ -126,7 +132,10 @@ def play_tournament(
     for pursuer in pursuers:
         row = []
         for evader in evaders:
-            row.append(play_match(game, pursuer.policy, evader.policy, games, seed))
+            if keep is None:
+                row.append(play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable))
+            else:
+                row.append(kept_match(keep, game, pursuer, evader, games, seed, viable))
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))

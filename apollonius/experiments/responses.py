@@ -2,14 +2,10 @@
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import jax
-import numpy as np
-
-from apollonius.agents.catalogue import Named, load_network
+from apollonius.agents.catalogue import Named, fingerprint, load_network
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy
@@ -78,9 +74,7 @@ class Attack:
     def record(self) -> dict[str, Any]:
         """What tells its responses from those of another attack."""
         # Two runs give their agents the same names, so the weights tell whom a response was trained against.
-        leaves = jax.tree.leaves(self.player.policy)
-        weights = sha256(b"".join(np.asarray(leaf).tobytes() for leaf in leaves)).hexdigest()
-        asked = {"against": self.player.name, "weights": weights, "first": self.first}
+        asked = {"against": self.player.name, "fingerprint": fingerprint(self.player.policy), "first": self.first}
         return asked | {"env_steps": self.env_steps, "game": self.game}
 
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from apollonius.agents.catalogue import find_agent
+from apollonius.agents.catalogue import Named, find_agent
 from apollonius.agents.store import write_atomically
-from apollonius.evaluate.match import play_match
-from apollonius.evaluate.ratings import Ratings, rate
+from apollonius.evaluate.kept import kept_match, match_file
+from apollonius.evaluate.ratings import Ratings
+from apollonius.evaluate.tournament import play_tournament
 from apollonius.experiments.jobs import Job, ShouldStop
 from apollonius.experiments.responses import Attack, Loss, judge_opponent, judge_response, train_response
 from apollonius.game.presets import make_game
@@ -21,6 +20,8 @@ from apollonius.learn.folder import agent_file, load_config
 
 ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch")}
 """The paper's agents of either side."""
+KEPT, RATING_SEED = "tournament", 2
+"""Folder of the matches of the tournament of all last agents, and the seed of their starts."""
 FIRST: dict[Role, str | None] = {role: names[0] for role, names in ZOO.items()}
 """The agents that responses go on from."""
 QUICK = DQNConfig(averaging=3e-3, games=256, replay_capacity=262_144)
@@ -89,12 +90,12 @@ def last_agent(run: Path, role: Role) -> str:
 
 
 def rating_jobs(out: Path, runs: Sequence[Path], effort: Effort) -> list[Job]:
-    """The tournament of all runs' last agents and the paper's, a job for each pursuer."""
+    """The matches of the tournament of all runs' last agents and the paper's, a job for each pursuer."""
     pursuers, evaders = entrants(runs, Role.PURSUER), entrants(runs, Role.EVADER)
     return [
-        Job(f"the matches of {name}", play_row, (row_file(out, name), player, evaders, effort.rating_games))
+        Job(f"the matches of {name}", play_row, (out, (name, player), evaders, effort.rating_games))
         for name, player in pursuers.items()
-        if not row_file(out, name).exists()
+        if not all(match_file(out / KEPT, name, evader).exists() for evader in evaders)
     ]
 
 
@@ -104,27 +105,22 @@ def entrants(runs: Sequence[Path], role: Role) -> dict[str, str]:
     return own | {name: name for name in ZOO[role]}
 
 
-def row_file(out: Path, name: str) -> Path:
-    """Where the wins of one pursuer of the tournament are kept."""
-    return out / "tournament" / f"{name.replace('/', '-')}.json"
-
-
-def play_row(path: Path, pursuer: str, evaders: dict[str, str], games: int, should_stop: ShouldStop) -> bool:
-    """Write the wins of one pursuer against every evader, all on the same starts."""
-    game, chasing = make_game("paper"), find_agent(pursuer, Role.PURSUER).policy
-    wins = {}
-    for name, evader in evaders.items():
+def play_row(out: Path, pursuer: tuple[str, str], evaders: dict[str, str], games: int, should_stop: ShouldStop) -> bool:
+    """Play and keep the matches of one pursuer against every evader, all on the same starts."""
+    chasing = _named(*pursuer, Role.PURSUER)
+    for evader in evaders.items():
         if should_stop():
             return False
-        match = play_match(game, chasing, find_agent(evader, Role.EVADER).policy, games, seed=2, slots=64)
-        wins[name] = round(match.pursuer_win_rate * games)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, json.dumps(wins, indent=1).encode())
+        kept_match(out / KEPT, make_game("paper"), chasing, _named(*evader, Role.EVADER), games, RATING_SEED)
     return True
 
 
 def ratings(out: Path, runs: Sequence[Path], effort: Effort) -> Ratings:
     """Elo ratings of everyone in the tournament, in the order of `entrants`."""
-    rows = [json.loads(row_file(out, name).read_text()) for name in entrants(runs, Role.PURSUER)]
-    wins = np.array([[row[name] for name in entrants(runs, Role.EVADER)] for row in rows], float)
-    return rate(wins, effort.rating_games)
+    pursuers, evaders = ([_named(*entrant, role) for entrant in entrants(runs, role).items()] for role in Role)
+    keep = out / KEPT
+    return play_tournament(make_game("paper"), pursuers, evaders, effort.rating_games, RATING_SEED, keep=keep).ratings
+
+
+def _named(name: str, agent: str, role: Role) -> Named:
+    return Named(name, find_agent(agent, role).policy)

@@ -10,7 +10,7 @@ import pytest
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.experiments import scheme_measures, schemes
-from apollonius.experiments.scheme_measures import Effort, entrants, judge_run, play_row, rating_jobs, row_file
+from apollonius.experiments.scheme_measures import KEPT, Effort, entrants, judge_run, play_row, rating_jobs, ratings
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train
 from apollonius.game.record import to_dict
@@ -100,15 +100,14 @@ def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, judged)
 @pytest.mark.slow
 def test_every_last_agent_meets_every_other_once(runs, judged):
     out, _ = judged
-    rows = list((out / "tournament").iterdir())
-    assert len(rows) == 2 + 1
-    for name, player in entrants(runs, Role.PURSUER).items():
-        wins = json.loads(row_file(out, name).read_text())
-        assert list(wins) == ["latest/seed-0", "uniform/seed-0", "random"]
-        assert all(0 <= won <= EFFORT.rating_games for won in wins.values())
-        assert player.endswith(".safetensors") or player == name
+    matches = {path: path.stat().st_mtime_ns for path in (out / KEPT).iterdir()}
+    assert len(matches) == (2 + 1) * (2 + 1)
+    assert list(entrants(runs, Role.PURSUER)) == ["latest/seed-0", "uniform/seed-0", "still"]
     assert rating_jobs(out, runs, EFFORT) == []
-    assert not play_row(out / "none.json", "still", {"random": "random"}, 1, lambda: True)
+    assert ratings(out, runs, EFFORT).evaders.shape == (3,)
+    assert {path: path.stat().st_mtime_ns for path in (out / KEPT).iterdir()} == matches
+    assert not play_row(out / "none", ("still", "still"), {"random": "random"}, 1, lambda: True)
+    assert not (out / "none").exists()
 
 
 @pytest.mark.slow

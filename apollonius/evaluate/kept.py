@@ -1,0 +1,64 @@
+"""Matches kept as files, so that a tournament that was stopped goes on where it was."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from apollonius.agents.catalogue import Named, fingerprint
+from apollonius.agents.store import write_atomically
+from apollonius.errors import InvalidInput, require
+from apollonius.evaluate.match import MatchResult, play_match
+from apollonius.game.game import Game
+from apollonius.game.record import from_dict, to_dict
+
+
+@dataclass(frozen=True)
+class KeptMatch:
+    """A match, and all that its result depends on. Players are kept by their fingerprints: two may share a name."""
+
+    pursuer: str
+    evader: str
+    game: dict
+    games: int
+    seed: int
+    viable: bool
+    result: MatchResult | None = None
+
+
+def match_file(folder: Path, pursuer: str, evader: str) -> Path:
+    """Where the match of two players is kept."""
+    return folder / f"{pursuer}--{evader}.json".replace("/", "-").replace(":", "-")
+
+
+def kept_match(
+    folder: Path, game: Game, pursuer: Named, evader: Named, games: int, seed: int, viable: bool = False
+) -> MatchResult:
+    """The match of two players, as `play_match`: read from the folder if it lies there, or else played and kept there.
+
+    Raises:
+        InvalidInput: when the file is bad, or of a match of other players, rules, starts or length; as `play_match`.
+    """
+    path = match_file(folder, pursuer.name, evader.name)
+    asked = KeptMatch(fingerprint(pursuer.policy), fingerprint(evader.policy), to_dict(game), games, seed, viable)
+    if path.exists():
+        kept = _read(path)
+        same = replace(kept, result=None) == asked
+        require(same, "--keep", folder, f"another folder: '{path.name}' is of another match")
+        assert kept.result is not None
+        return kept.result
+    result = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, json.dumps(to_dict(replace(asked, result=result)), indent=1).encode())
+    return result
+
+
+def _read(path: Path) -> KeptMatch:
+    remedy = f"'{path}' is no match that was kept (remove it, and it is played again)"
+    try:
+        record = json.loads(path.read_text())
+    except ValueError as error:
+        raise InvalidInput(f"{remedy}.") from error
+    kept = from_dict(KeptMatch, record if isinstance(record, dict) else {}, remedy)
+    if kept.result is None:
+        raise InvalidInput(f"{remedy}.")
+    return kept

@@ -1,0 +1,105 @@
+"""Matches that are kept are read back whole, and only where they are the ones that were asked for."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from apollonius.agents.catalogue import Named, find_agent, fingerprint
+from apollonius.agents.chasing import PurePursuit
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.evaluate import kept
+from apollonius.evaluate.kept import kept_match, match_file
+from apollonius.evaluate.match import play_match
+from apollonius.evaluate.tournament import play_tournament
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+
+GAME = replace(make_game("paper"), max_steps=40)
+PURSUER = find_agent("pure-pursuit", Role.PURSUER, GAME)
+EVADER = find_agent("flee", Role.EVADER, GAME)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder where one match lies."""
+    kept_match(tmp_path / "kept", GAME, PURSUER, EVADER, 30, 1)
+    return tmp_path / "kept"
+
+
+def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
+    played = play_match(GAME, PURSUER.policy, EVADER.policy, 30, 1)
+    monkeypatch.setattr(kept, "play_match", None)
+    assert kept_match(folder, GAME, PURSUER, EVADER, 30, 1) == played
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"game": replace(GAME, dt=0.2)},
+        {"games": 31},
+        {"seed": 2},
+        {"viable": True},
+        {"pursuer": find_agent("pure-pursuit", Role.PURSUER, replace(GAME, pursuer=Unicycle(u1_max=0.2)))},
+    ],
+    ids=lambda other: next(iter(other)),
+)
+def test_another_match_in_its_place_is_refused_and_stays(folder, other):
+    path = match_file(folder, "pure-pursuit", "flee")
+    before = path.read_bytes()
+    asked = {"game": GAME, "pursuer": PURSUER, "evader": EVADER, "games": 30, "seed": 1} | other
+    with pytest.raises(InvalidInput, match=r"--keep.*another match"):
+        kept_match(folder, **asked)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"asked": {}, "result": {}}', '{"asked": {}, "result": 3}'])
+def test_a_bad_file_is_refused_with_its_remedy(folder, content):
+    path = match_file(folder, "pure-pursuit", "flee")
+    path.write_text(content)
+    with pytest.raises(InvalidInput, match="remove it"):
+        kept_match(folder, GAME, PURSUER, EVADER, 30, 1)
+    assert path.read_text() == content
+
+
+def test_fingerprints_tell_players_apart():
+    same = find_agent("pure-pursuit", Role.PURSUER, GAME).policy
+    assert isinstance(same, PurePursuit)
+    assert fingerprint(same) == fingerprint(PURSUER.policy)
+    others = [find_agent(name, Role.PURSUER, GAME).policy for name in ("intercept", "P_stage1", "P_curriculum")]
+    assert len({fingerprint(policy) for policy in (same, *others)}) == 4
+
+
+def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
+    players = [PURSUER, find_agent("intercept", Role.PURSUER, GAME)], [EVADER]
+    whole = play_tournament(GAME, *players, games=30, seed=1)
+    played = []
+
+    def counted(game, pursuer, *rest, **options):
+        played.append(type(pursuer).__name__)
+        return play_match(game, pursuer, *rest, **options)
+
+    monkeypatch.setattr(kept, "play_match", counted)
+    assert play_tournament(GAME, *players, games=30, seed=1, keep=folder) == whole
+    assert played == ["Intercept"]
+
+
+def test_names_of_shielded_players_and_runs_make_files(tmp_path):
+    odd = Named("latest/seed-0", PURSUER.policy), Named("shielded:flee", EVADER.policy)
+    kept_match(tmp_path, GAME, *odd, 5, 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["latest-seed-0--shielded-flee.json"]
+
+
+def test_the_command_keeps_its_matches_and_refuses_a_file(tmp_path, capsys):
+    command = ["tournament", "--pursuers", "random", "--evaders", "still", "--games", "20", "--json"]
+    assert main([*command, "--keep", str(tmp_path / "kept")]) == 0
+    first = json.loads(capsys.readouterr().out)
+    path = match_file(tmp_path / "kept", "random", "still")
+    written = path.stat().st_mtime_ns
+    assert main([*command, "--keep", str(tmp_path / "kept")]) == 0
+    assert json.loads(capsys.readouterr().out) == first
+    assert path.stat().st_mtime_ns == written
+    assert main([*command, "--keep", str(path)]) == 2
+    assert "--keep" in capsys.readouterr().err
