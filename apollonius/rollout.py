@@ -5,6 +5,8 @@
 """
 
 import functools
+from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,7 +29,7 @@ class Side(eqx.Module):
     """
 
     observation: Float[Array, "*batch size"]
-    action: Int[Array, "*batch"]
+    action: Int[Array, "*batch"] | Float[Array, "*batch 2"]
     reward: Float[Array, "*batch"]
     next_observation: Float[Array, "*batch size"]
     episode_return: Float[Array, "*batch"]
@@ -152,16 +154,35 @@ def random_words(
     return jax.vmap(draw)(index, step).T
 
 
+class AbstractWatcher(eqx.Module):
+    """What else is to be known of games than how they end. One game at a time; batching is the caller's `vmap`."""
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """What is known of a game before its first step: arrays."""
+
+    @abstractmethod
+    def follow(self, known: Any, transition: Transition) -> Any:
+        """The same after a step."""
+
+
 class Results(eqx.Module):
-    """How games ended: outcome and length [steps] of each."""
+    """How games ended: outcome and length [steps] of each, and what a watcher knows of it, leaves `[games, ...]`."""
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
+    watched: Any = None
 
 
 @functools.partial(jax.jit, static_argnames="slots")
 def play_out(
-    game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, slots: int = 256
+    game: Game,
+    pursuer: Pool,
+    evader: Pool,
+    starts: GameState,
+    key: PRNGKeyArray,
+    slots: int = 256,
+    watcher: AbstractWatcher | None = None,
 ) -> Results:
     """Play each of the given starts to its end, once.
 
@@ -171,35 +192,45 @@ def play_out(
     Args:
         starts: initial states, leaves `[games]`.
         key: consumed.
+        watcher: follows every game.
     """
     count = jax.tree.leaves(starts)[0].shape[0]
     slots = min(slots, count)
+    unwatched = watcher.begin() if watcher else None
 
     def load(index: Int[Array, " slots"]) -> Games:
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
         return begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
 
-    def unfinished(carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
-        return jnp.any(carry[1] < count)
+    def unfinished(carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
+        return jnp.any(carry[2] < count)
 
     def one_step(
-        carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results],
-    ) -> tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]:
-        games, index, upcoming, results = carry
+        carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results],
+    ) -> tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]:
+        games, watched, index, upcoming, results = carry
         words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
         over = transition.terminated | transition.truncated
+        watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         record = jnp.where(over, index, count)
-        results = Results(
-            results.outcome.at[record].set(transition.outcome, mode="drop"),
-            results.steps.at[record].set(after.state.steps, mode="drop"),
-        )
+        ended = Results(transition.outcome, after.state.steps, watched)
+        results = jax.tree.map(lambda all_, new: all_.at[record].set(new, mode="drop"), results, ended)
+        watched = jax.vmap(_anew, in_axes=(0, None, 0))(over, unwatched, watched)
         taken = jnp.cumsum(over.astype(jnp.int32))
         next_index = jnp.where(over, upcoming + taken - 1, index)
         games = jax.tree.map(lambda new, old: jnp.where(over, new, old), load(next_index), after)
-        return games, next_index, upcoming + taken[-1], results
+        return games, watched, next_index, upcoming + taken[-1], results
 
     first = jnp.arange(slots)
-    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32))
-    *_, results = jax.lax.while_loop(unfinished, one_step, (load(first), first, jnp.asarray(slots), nothing))
-    return results
+    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32), _repeated(unwatched, count))
+    begun = (load(first), _repeated(unwatched, slots), first, jnp.asarray(slots), nothing)
+    return jax.lax.while_loop(unfinished, one_step, begun)[-1]
+
+
+def _anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+    return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)
+
+
+def _repeated(tree: Any, times: int) -> Any:
+    return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), tree)

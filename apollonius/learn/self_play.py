@@ -3,18 +3,17 @@
 import jax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.game.game import Game
-from apollonius.learn import dqn
-from apollonius.learn.state import Plan, TrainState, start
+from apollonius.learn.state import Plan, TrainState, first_learner, start
 
 
 def start_self_play(
     plan: Plan,
     game: Game,
     key: PRNGKeyArray,
-    pursuer: QNetwork | None,
-    evader: QNetwork | None = None,
+    pursuer: Network | None,
+    evader: Network | None = None,
     device: Int[Array, ""] | None = None,
 ) -> TrainState:
     """The state before the first step. The key is consumed.
@@ -28,6 +27,5 @@ def start_self_play(
     pursuer_key, evader_key, stage_key = jax.random.split(key, 3)
     if device is not None:
         stage_key = jax.random.fold_in(stage_key, device)
-    chaser = dqn.init(plan.dqn, pursuer_key) if pursuer is None else dqn.start_from(pursuer)
-    runner = dqn.init(plan.dqn, evader_key) if evader is None else dqn.start_from(evader)
+    chaser, runner = first_learner(plan, pursuer_key, pursuer), first_learner(plan, evader_key, evader)
     return start(plan, game, stage_key, chaser, runner)
