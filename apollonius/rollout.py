@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
+from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap
 from apollonius.agents.policy import Pool, Seated
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Outcome, Role
+from apollonius.game.types import GameState, Outcome, Role, Timestep
 
 Players = Pool | Seated
 """All who play one side of a batch of games."""
@@ -49,6 +50,7 @@ class Player(eqx.Module):
 
     member: Int[Array, " games"]
     episode_return: Float[Array, " games"]
+    handicap: Handicap | None = None
 
 
 class Games(eqx.Module):
@@ -59,26 +61,42 @@ class Games(eqx.Module):
     evader: Player
 
 
-def begin(starts: GameState, pursuer: Players, evader: Players, words: UInt32[Array, "2 games"]) -> Games:
+def begin(
+    starts: GameState,
+    pursuer: Players,
+    evader: Players,
+    words: UInt32[Array, "2 games"],
+    disturbance: Disturbance = NONE,
+) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    return Games(starts, _seat(pursuer, words[0]), _seat(evader, words[1]))
+    return Games(starts, _seat(pursuer, words[0], disturbance), _seat(evader, words[1], disturbance))
 
 
-def _seat(players: Players, words: UInt32[Array, " games"]) -> Player:
-    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32))
+def _seat(players: Players, words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
+    handicap = None if disturbance == NONE else jax.vmap(functools.partial(draw_handicap, disturbance))(words)
+    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32), handicap)
 
 
 def step_games(
-    game: Game, pursuer: Players, evader: Players, games: Games, words: UInt32[Array, "2 games"]
+    game: Game,
+    pursuer: Players,
+    evader: Players,
+    games: Games,
+    words: UInt32[Array, "2 games"],
+    disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
-    sees = jax.vmap(game.observe, in_axes=(0, None, None))
+
+    def sees(state: GameState, role: Role, profile: str, word_of: UInt32[Array, "2 games"]) -> Float[Array, "games _"]:
+        seen = jax.vmap(functools.partial(blurred, disturbance))(state, word_of[role])
+        return jax.vmap(game.observe, in_axes=(0, None, None))(seen, role, profile)
+
     state = games.state
-    pursuer_sees = sees(state, Role.PURSUER, pursuer.observation)
-    evader_sees = sees(state, Role.EVADER, evader.observation)
+    pursuer_sees = sees(state, Role.PURSUER, pursuer.observation, words)
+    evader_sees = sees(state, Role.EVADER, evader.observation, words)
     pursuer_action = pursuer.act(games.pursuer.member, pursuer_sees, words[0])
     evader_action = evader.act(games.evader.member, evader_sees, words[1])
-    after = jax.vmap(game.step)(state, pursuer_action, evader_action)
+    after, pursuer_handicap, evader_handicap = _move(game, games, pursuer_action, evader_action)
     pursuer_return = games.pursuer.episode_return + after.pursuer_reward
     evader_return = games.evader.episode_return + after.evader_reward
     transition = Transition(
@@ -86,7 +104,7 @@ def step_games(
             pursuer_sees,
             pursuer_action,
             after.pursuer_reward,
-            sees(after.state, Role.PURSUER, pursuer.observation),
+            sees(after.state, Role.PURSUER, pursuer.observation, ~words),
             pursuer_return,
             games.pursuer.member,
         ),
@@ -94,7 +112,7 @@ def step_games(
             evader_sees,
             evader_action,
             after.evader_reward,
-            sees(after.state, Role.EVADER, evader.observation),
+            sees(after.state, Role.EVADER, evader.observation, ~words),
             evader_return,
             games.evader.member,
         ),
@@ -103,12 +121,34 @@ def step_games(
         truncated=after.truncated,
     )
     return Games(
-        after.state, Player(games.pursuer.member, pursuer_return), Player(games.evader.member, evader_return)
+        after.state,
+        Player(games.pursuer.member, pursuer_return, pursuer_handicap),
+        Player(games.evader.member, evader_return, evader_handicap),
     ), transition
 
 
+def _move(
+    game: Game, games: Games, pursuer_action: Int[Array, " games"], evader_action: Int[Array, " games"]
+) -> tuple[Timestep, Handicap | None, Handicap | None]:
+    """Where actions lead by the rules or, with handicaps, by the controls that these make of them."""
+    state, pursuer, evader = games.state, games.pursuer.handicap, games.evader.handicap
+    if pursuer is None or evader is None:
+        return jax.vmap(game.step)(state, pursuer_action, evader_action), None, None
+    responds = jax.vmap(Handicap.respond, in_axes=(0, None, 0, 0, None))
+    pursuer_controls, pursuer = responds(pursuer, game.pursuer, state.pursuer, pursuer_action, game.dt)
+    evader_controls, evader = responds(evader, game.evader, state.evader, evader_action, game.dt)
+    return jax.vmap(game.step_controls)(state, pursuer_controls, evader_controls), pursuer, evader
+
+
 def collect(
-    game: Game, pursuer: Players, evader: Players, games: Games, starts: GameState, key: PRNGKeyArray, steps: int
+    game: Game,
+    pursuer: Players,
+    evader: Players,
+    games: Games,
+    starts: GameState,
+    key: PRNGKeyArray,
+    steps: int,
+    disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
@@ -117,6 +157,7 @@ def collect(
             row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
         key: consumed.
         steps: how many steps each game plays.
+        disturbance: how the robots depart from those of the rules; the games must have begun with the same.
 
     Returns:
         The games as they then stand, and the transitions, leaves `[steps, games]`.
@@ -132,13 +173,17 @@ def collect(
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         words, fresh_words = draw(jax.random.fold_in(key, step))
-        after, transition = step_games(game, pursuer, evader, games, words)
+        after, transition = step_games(game, pursuer, evader, games, words, disturbance)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(fresh_state, pursuer, evader, fresh_words)
-        return jax.tree.map(lambda new, old: jnp.where(over, new, old), fresh, after), transition
+        fresh = begin(fresh_state, pursuer, evader, fresh_words, disturbance)
+        return jax.tree.map(functools.partial(_where, over), fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
+
+
+def _where(over: Bool[Array, " games"], new: Array, old: Array) -> Array:
+    return jnp.where(over.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def random_words(
