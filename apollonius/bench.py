@@ -21,8 +21,9 @@ from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState
 from apollonius.learn import dqn
-from apollonius.learn.config import DQNConfig, StageConfig
+from apollonius.learn.config import StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay import Batch
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
@@ -120,7 +121,7 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
     size = OBSERVATION_SIZES[config.observation]
     observation, after = jax.random.normal(jax.random.key(1), (2, _BARE_BATCHES, config.batch, size))
     flat = observation[:, :, 0]
-    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
+    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat, after)
 
     @jax.jit
     def run(learner: dqn.Learner) -> dqn.Learner:

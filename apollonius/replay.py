@@ -14,25 +14,31 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float32, Int, PRNGKeyArray
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.policy import Pool
 from apollonius.agents.store import write_atomically
 from apollonius.errors import InvalidInput, require
+from apollonius.game.dynamics import gears, is_continuous
 from apollonius.game.game import Game
 from apollonius.game.record import from_dict, to_dict
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState
+from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
 from apollonius.rollout import begin, random_words, step_games
 
 FORMAT = 1
 """Version of the file format."""
 
 
+BothActions = Int[Array, "steps 2"] | Float[Array, "steps 2 2"]
+"""Actions of the pursuer and the evader in every step: 0..8, or the gears of both where one side's are continuous. A
+discrete action moves a robot by its gears to the same bits."""
+
+
 class Trajectory(eqx.Module):
     """One game: its states, leaves `[steps + 1]`, both sides' actions, and how it ended."""
 
     states: GameState
-    actions: Int[Array, "steps 2"]
+    actions: BothActions
     outcome: Int[Array, ""]
 
 
@@ -54,26 +60,33 @@ def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGK
 @functools.partial(jax.jit, static_argnames="length")
 def _actions(
     game: Game, pursuer: Pool, evader: Pool, start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
-) -> Int[Array, "length 2"]:
+) -> Int[Array, "length 2"] | Float[Array, "length 2 2"]:
     """Both sides' actions in a game of `play_out`; it never stops."""
     state = jax.tree.map(lambda leaf: leaf[None], start)
     games = begin(state, pursuer, evader, random_words(key, index, jnp.full(1, -1)))
 
-    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"]]:
+    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"] | Float[Array, "2 2"]]:
         words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
-        return after, jnp.stack([transition.pursuer.action[0], transition.evader.action[0]])
+        return after, together(transition.pursuer.action[0], transition.evader.action[0])
 
     return jax.lax.scan(one_step, games, None, length)[1]
 
 
+def together(pursuer: Action, evader: Action) -> Int[Array, "2"] | Float[Array, "2 2"]:
+    """Both sides' actions as one array: gears, where one of them is continuous."""
+    if is_continuous(pursuer) or is_continuous(evader):
+        return jnp.stack([jnp.stack(gears(action)) for action in (pursuer, evader)])
+    return jnp.stack([pursuer, evader])
+
+
 @jax.jit
-def play_actions(
-    game: Game, start: GameState, actions: Int[Array, "steps 2"]
-) -> tuple[GameState, Int[Array, " steps"]]:
+def play_actions(game: Game, start: GameState, actions: BothActions) -> tuple[GameState, Int[Array, " steps"]]:
     """States before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
 
-    def one_step(state: GameState, action: Int[Array, "2"]) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
+    def one_step(
+        state: GameState, action: Shaped[Array, "2 ..."]
+    ) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
         after = game.step(state, action[0], action[1])
         return after.state, (after.state, after.outcome)
 
@@ -90,7 +103,7 @@ class Replay:
         pursuer, evader: what the players are called.
         seed, games, index: the match, and which of its games this is.
         states: of both robots, x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader.
-        actions: of the pursuer and the evader, 0..8.
+        actions: of the pursuer and the evader, 0..8; or the gears of both, where one side's are continuous.
         outcome: how it ended.
         tolerance: how far [m, m/s, rad] states may be from those of the game played again: 0 where these very rules
             recorded it, more where a program did that rounds otherwise.
@@ -103,7 +116,7 @@ class Replay:
     games: int
     index: int
     states: Float32[np.ndarray, "rows 8"]
-    actions: Int[np.ndarray, "steps 2"]
+    actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
     outcome: Outcome
     tolerance: float = 0.0
 
@@ -172,11 +185,14 @@ def load_replay(path: Path) -> Replay:
         data = json.loads(path.read_text())
         require(data["format"] == FORMAT, f"'{path}': format", data["format"], f"{FORMAT}, as this version reads")
         states = np.asarray(data["states"], np.float32)
-        actions = np.asarray(data["actions"], np.int32)
-        fits = states.ndim == 2 and states.shape == (len(actions) + 1, 8) and actions.shape == (len(actions), 2)
+        discrete = np.ndim(data["actions"]) < 3
+        actions = np.asarray(data["actions"], np.int32 if discrete else np.float32)
+        shape = (len(actions), 2) if discrete else (len(actions), 2, 2)
+        fits = states.ndim == 2 and states.shape == (len(actions) + 1, 8) and actions.shape == shape
         require(fits and len(actions), f"'{path}': states", states.shape, "a row of 8 more than actions")
-        known = (actions >= 0).all() and (actions < NUM_ACTIONS).all() and np.isfinite(states).all()
-        require(known, f"'{path}': actions, states", "some", f"from 0 to {NUM_ACTIONS - 1}, and finite")
+        least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+        known = (actions >= least).all() and (actions <= most).all() and np.isfinite(states).all()
+        require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and finite")
         return Replay(
             game=from_dict(Game, data["game"], f"'{path}'"),
             pursuer=str(data["pursuer"]),

@@ -5,16 +5,18 @@
 """
 
 import functools
+from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap
+from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
 from apollonius.agents.policy import Pool, Seated
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Outcome, Role, Timestep
+from apollonius.game.types import GameState, Outcome, Role
 
 Players = Pool | Seated
 """All who play one side of a batch of games."""
@@ -28,7 +30,7 @@ class Side(eqx.Module):
     """
 
     observation: Float[Array, "*batch size"]
-    action: Int[Array, "*batch"]
+    action: Int[Array, "*batch"] | Float[Array, "*batch 2"]
     reward: Float[Array, "*batch"]
     next_observation: Float[Array, "*batch size"]
     episode_return: Float[Array, "*batch"]
@@ -73,7 +75,7 @@ def begin(
 
 
 def _seat(players: Players, words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
-    handicap = None if disturbance == NONE else jax.vmap(functools.partial(draw_handicap, disturbance))(words)
+    handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(words, disturbance)
     return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32), handicap)
 
 
@@ -87,57 +89,28 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
 
-    def sees(state: GameState, role: Role, profile: str, word_of: UInt32[Array, "2 games"]) -> Float[Array, "games _"]:
-        seen = jax.vmap(functools.partial(blurred, disturbance))(state, word_of[role])
-        return jax.vmap(game.observe, in_axes=(0, None, None))(seen, role, profile)
+    both = ((Role.PURSUER, pursuer, games.pursuer), (Role.EVADER, evader, games.evader))
 
-    state = games.state
-    pursuer_sees = sees(state, Role.PURSUER, pursuer.observation, words)
-    evader_sees = sees(state, Role.EVADER, evader.observation, words)
-    pursuer_action = pursuer.act(games.pursuer.member, pursuer_sees, words[0])
-    evader_action = evader.act(games.evader.member, evader_sees, words[1])
-    after, pursuer_handicap, evader_handicap = _move(game, games, pursuer_action, evader_action)
-    pursuer_return = games.pursuer.episode_return + after.pursuer_reward
-    evader_return = games.evader.episode_return + after.evader_reward
-    transition = Transition(
-        pursuer=Side(
-            pursuer_sees,
-            pursuer_action,
-            after.pursuer_reward,
-            sees(after.state, Role.PURSUER, pursuer.observation, ~words),
-            pursuer_return,
-            games.pursuer.member,
-        ),
-        evader=Side(
-            evader_sees,
-            evader_action,
-            after.evader_reward,
-            sees(after.state, Role.EVADER, evader.observation, ~words),
-            evader_return,
-            games.evader.member,
-        ),
-        outcome=after.outcome,
-        terminated=after.terminated,
-        truncated=after.truncated,
+    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> list[Float[Array, "games _"]]:
+        blurs, looks = (0, 0, None), (0, None, None)
+        seen = [jax.vmap(blurred, in_axes=blurs)(state, words[role], disturbance) for role, *_ in both]
+        return [jax.vmap(game.observe, in_axes=looks)(seen[role], role, side.observation) for role, side, _ in both]
+
+    seen = sees(games.state, words)
+    actions = [side.act(player.member, seen[role], words[role]) for role, side, player in both]
+    handicaps = games.pursuer.handicap, games.evader.handicap
+    after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(
+        game, games.state, handicaps, (actions[0], actions[1])
     )
-    return Games(
-        after.state,
-        Player(games.pursuer.member, pursuer_return, pursuer_handicap),
-        Player(games.evader.member, evader_return, evader_handicap),
-    ), transition
-
-
-def _move(
-    game: Game, games: Games, pursuer_action: Int[Array, " games"], evader_action: Int[Array, " games"]
-) -> tuple[Timestep, Handicap | None, Handicap | None]:
-    """Where actions lead by the rules or, with handicaps, by the controls that these make of them."""
-    state, pursuer, evader = games.state, games.pursuer.handicap, games.evader.handicap
-    if pursuer is None or evader is None:
-        return jax.vmap(game.step)(state, pursuer_action, evader_action), None, None
-    responds = jax.vmap(Handicap.respond, in_axes=(0, None, 0, 0, None))
-    pursuer_controls, pursuer = responds(pursuer, game.pursuer, state.pursuer, pursuer_action, game.dt)
-    evader_controls, evader = responds(evader, game.evader, state.evader, evader_action, game.dt)
-    return jax.vmap(game.step_controls)(state, pursuer_controls, evader_controls), pursuer, evader
+    rewards, next_seen = (after.pursuer_reward, after.evader_reward), sees(after.state, ~words)
+    returns = [player.episode_return + rewards[role] for role, _, player in both]
+    sides = [
+        Side(seen[role], actions[role], rewards[role], next_seen[role], returns[role], player.member)
+        for role, _, player in both
+    ]
+    players = [Player(player.member, returns[role], handicaps[role]) for role, _, player in both]
+    transition = Transition(*sides, outcome=after.outcome, terminated=after.terminated, truncated=after.truncated)
+    return Games(after.state, *players), transition
 
 
 def collect(
@@ -177,13 +150,9 @@ def collect(
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
         fresh = begin(fresh_state, pursuer, evader, fresh_words, disturbance)
-        return jax.tree.map(functools.partial(_where, over), fresh, after), transition
+        return jax.vmap(_anew)(over, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
-
-
-def _where(over: Bool[Array, " games"], new: Array, old: Array) -> Array:
-    return jnp.where(over.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def random_words(
@@ -197,16 +166,35 @@ def random_words(
     return jax.vmap(draw)(index, step).T
 
 
+class AbstractWatcher(eqx.Module):
+    """What else is to be known of games than how they end. One game at a time; batching is the caller's `vmap`."""
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """What is known of a game before its first step: arrays."""
+
+    @abstractmethod
+    def follow(self, known: Any, transition: Transition) -> Any:
+        """The same after a step."""
+
+
 class Results(eqx.Module):
-    """How games ended: outcome and length [steps] of each."""
+    """How games ended: outcome and length [steps] of each, and what a watcher knows of it, leaves `[games, ...]`."""
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
+    watched: Any = None
 
 
 @functools.partial(jax.jit, static_argnames="slots")
 def play_out(
-    game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, slots: int = 256
+    game: Game,
+    pursuer: Pool,
+    evader: Pool,
+    starts: GameState,
+    key: PRNGKeyArray,
+    slots: int = 256,
+    watcher: AbstractWatcher | None = None,
 ) -> Results:
     """Play each of the given starts to its end, once.
 
@@ -216,35 +204,45 @@ def play_out(
     Args:
         starts: initial states, leaves `[games]`.
         key: consumed.
+        watcher: follows every game.
     """
     count = jax.tree.leaves(starts)[0].shape[0]
     slots = min(slots, count)
+    unwatched = watcher.begin() if watcher else None
 
     def load(index: Int[Array, " slots"]) -> Games:
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
         return begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
 
-    def unfinished(carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
-        return jnp.any(carry[1] < count)
+    def unfinished(carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
+        return jnp.any(carry[2] < count)
 
     def one_step(
-        carry: tuple[Games, Int[Array, " slots"], Int[Array, ""], Results],
-    ) -> tuple[Games, Int[Array, " slots"], Int[Array, ""], Results]:
-        games, index, upcoming, results = carry
+        carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results],
+    ) -> tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]:
+        games, watched, index, upcoming, results = carry
         words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
         over = transition.terminated | transition.truncated
+        watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         record = jnp.where(over, index, count)
-        results = Results(
-            results.outcome.at[record].set(transition.outcome, mode="drop"),
-            results.steps.at[record].set(after.state.steps, mode="drop"),
-        )
+        ended = Results(transition.outcome, after.state.steps, watched)
+        results = jax.tree.map(lambda all_, new: all_.at[record].set(new, mode="drop"), results, ended)
+        watched = jax.vmap(_anew, in_axes=(0, None, 0))(over, unwatched, watched)
         taken = jnp.cumsum(over.astype(jnp.int32))
         next_index = jnp.where(over, upcoming + taken - 1, index)
-        games = jax.tree.map(lambda new, old: jnp.where(over, new, old), load(next_index), after)
-        return games, next_index, upcoming + taken[-1], results
+        games = jax.vmap(_anew)(over, load(next_index), after)
+        return games, watched, next_index, upcoming + taken[-1], results
 
     first = jnp.arange(slots)
-    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32))
-    *_, results = jax.lax.while_loop(unfinished, one_step, (load(first), first, jnp.asarray(slots), nothing))
-    return results
+    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32), _repeated(unwatched, count))
+    begun = (load(first), _repeated(unwatched, slots), first, jnp.asarray(slots), nothing)
+    return jax.lax.while_loop(unfinished, one_step, begun)[-1]
+
+
+def _anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+    return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)
+
+
+def _repeated(tree: Any, times: int) -> Any:
+    return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), tree)

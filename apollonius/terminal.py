@@ -105,6 +105,16 @@ def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
         lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
     lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
     lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
+    if result.mean_capture_steps is not None and result.capture_steps_deviation is not None:
+        lines.append(
+            f"  {'mean capture steps':<{width}}  {result.mean_capture_steps:>7.1f}  "
+            f"standard deviation {result.capture_steps_deviation:.1f}"
+        )
+    for side, change in (("pursuer", result.pursuer_change), ("evader", result.evader_change)):
+        if change is not None:
+            name = f"{side}'s change of u"
+            parts = f"u1 {change[0]:.3f}, u2 {change[1]:.3f} of the largest, per step"
+            lines.append(f"  {name:<{width}}  {sum(change) / 2:>7.3f}  {parts}")
     lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
     return "\n".join(lines)
 

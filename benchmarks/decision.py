@@ -20,7 +20,7 @@ from apollonius.adapters.export import c, onnx
 from apollonius.adapters.export import numpy as numpy_file
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import Decide, compare, microseconds
-from apollonius.agents.catalogue import find_trained
+from apollonius.agents.catalogue import find_valued
 from apollonius.agents.greedy import Greedy
 from apollonius.evaluate.decisions import decisions
 from apollonius.game.game import Game
@@ -71,8 +71,8 @@ def main() -> None:
     parser.add_argument("--game", default="paper")
     parser.add_argument("--calls", type=int, default=20_000)
     options = parser.parse_args()
-    agent, path = find_trained(options.agent)
-    game, role, player = make_game(options.game), Role[agent.header.role.upper()], Greedy(agent.network)
+    player, agent, path = find_valued(options.agent)
+    game, role = make_game(options.game), Role[agent.header.role.upper()]
     blueprint = make_blueprint(path.stem, agent, game)
     played = decisions(game, player, role, STATES)
     deciders = {"jax": in_jax(game, role, player), **exported(blueprint)}

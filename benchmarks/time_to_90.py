@@ -29,8 +29,9 @@ from apollonius.agents.policy import solo
 from apollonius.evaluate.match import play_match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.config import PROFILES, StageConfig
+from apollonius.learn.config import StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.learner_config import PROFILES
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
 

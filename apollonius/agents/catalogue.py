@@ -10,13 +10,15 @@ import jax.numpy as jnp
 from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
 from apollonius.agents.classical import AbstractClassical, Still
 from apollonius.agents.fleeing import Circle, Flee, FleeAware
-from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.greedy import Greedy
 from apollonius.agents.guarding import Territory
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
 from apollonius.agents.potential import PotentialField
 from apollonius.agents.shield import shielded
+from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.store import Agent, AgentHeader, load_agent
+from apollonius.agents.trained import at_best, exploring
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
@@ -78,7 +80,7 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {sides[0].name.lower()} only")
         return Named(name, kind.for_side(_known(game, name), role))
     agent, path = _load(name, role)
-    return Named(path.stem, Greedy(agent.network), agent.header)
+    return Named(path.stem, at_best(agent.network), agent.header)
 
 
 def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
@@ -94,23 +96,26 @@ def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Poo
     policies = [find_agent(name, role, game).policy for name in names]
     if len(policies) == 1:
         return solo(policies[0])
-    networks = [policy.network for policy in policies if isinstance(policy, Greedy)]
-    bound = "one player, or trained agents with networks of one shape and random"
-    together = all(isinstance(policy, Greedy | Uniform) for policy in policies)
+    networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
+    bound = "one player, or trained agents with networks of one shape, and random beside discrete ones"
+    together = all(isinstance(policy, Greedy | SquashedMean | Uniform) for policy in policies)
     alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
     require(together and alike, side, listed, bound)
+    if not any(isinstance(policy, Uniform) for policy in policies):
+        return stack([exploring(network, jnp.asarray(0.0)) for network in networks])
+    require(isinstance(networks[0], QNetwork), side, listed, bound)
     # One structure for all: whoever explores always is random, whatever its network.
     return stack(
         [
-            EpsilonGreedy(policy.network, jnp.asarray(0.0))
+            exploring(policy.network, jnp.asarray(0.0))
             if isinstance(policy, Greedy)
-            else EpsilonGreedy(networks[0], jnp.asarray(1.0))
+            else exploring(networks[0], jnp.asarray(1.0))
             for policy in policies
         ]
     )
 
 
-def load_network(name: str, role: Role) -> QNetwork:
+def load_network(name: str, role: Role) -> Network:
     """The network of a trained agent, by its name in the zoo or its file.
 
     Raises:
@@ -138,6 +143,19 @@ def find_trained(name: str) -> tuple[Agent, Path]:
         InvalidInput: when there is none, or its file is bad.
     """
     return _find(name, zoo_names())
+
+
+def find_valued(name: str) -> tuple[Greedy, Agent, Path]:
+    """The player of a trained agent that values the nine actions, the agent and its file.
+
+    Raises:
+        InvalidInput: as `find_trained`, and for one whose actions are continuous.
+    """
+    agent, path = find_trained(name)
+    player = at_best(agent.network)
+    if not isinstance(player, Greedy):
+        raise InvalidInput(f"'{name}' has continuous actions and values none: name an agent trained by DQN.")
+    return player, agent, path
 
 
 def _load(name: str, role: Role) -> tuple[Agent, Path]:

@@ -14,7 +14,8 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.errors import require
 from apollonius.game.dynamics import Unicycle, wrap_angle
-from apollonius.game.types import GameState, Real, RobotState, Scalar
+from apollonius.game.game import Game
+from apollonius.game.types import Action, GameState, Real, RobotState, Scalar, Timestep
 
 _HANDICAP, _NOISE = 1, 2
 """What a random word is used for besides the player's own use of it."""
@@ -72,7 +73,7 @@ class Handicap(eqx.Module):
     pending: Float[Array, "*batch delay 2"]
 
     def respond(
-        self, body: Unicycle, robot: RobotState, action: Int[Array, ""], dt: Real
+        self, body: Unicycle, robot: RobotState, action: Action, dt: Real
     ) -> tuple[tuple[Scalar, Scalar], "Handicap"]:
         """The controls that an action comes to in this step: those that move the rules' robot as this one moves.
 
@@ -88,7 +89,7 @@ class Handicap(eqx.Module):
         return (u1, mean), replace(self, turn_rate=self.turn_rate + made, pending=known[: self.pending.shape[0]])
 
 
-def draw_handicap(disturbance: Disturbance, word: UInt32[Array, ""]) -> Handicap:
+def draw_handicap(word: UInt32[Array, ""], disturbance: Disturbance) -> Handicap:
     """A robot's handicap for a game that begins, from a random word. Its past is one at rest."""
     shares = jax.random.uniform(jax.random.fold_in(jax.random.key(word), _HANDICAP), (5,))
     spread = disturbance.limits * (2 * shares[:3] - 1)
@@ -101,7 +102,7 @@ def draw_handicap(disturbance: Disturbance, word: UInt32[Array, ""]) -> Handicap
     )
 
 
-def blurred(disturbance: Disturbance, state: GameState, word: UInt32[Array, ""]) -> GameState:
+def blurred(state: GameState, word: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
     """A state as one side sees it: both robots with errors of their own, from a random word."""
     if not disturbance.blurs:
         return state
@@ -116,3 +117,15 @@ def blurred(disturbance: Disturbance, state: GameState, word: UInt32[Array, ""])
         )
 
     return replace(state, pursuer=seen(state.pursuer, errors[0]), evader=seen(state.evader, errors[1]))
+
+
+def step_disturbed(
+    game: Game, state: GameState, handicaps: tuple[Handicap | None, Handicap | None], actions: tuple[Action, Action]
+) -> tuple[Timestep, tuple[Handicap | None, Handicap | None]]:
+    """Where both sides' actions lead: by the rules or, with handicaps, by the controls that these make of them."""
+    pursuer, evader = handicaps
+    if pursuer is None or evader is None:
+        return game.step(state, *actions), handicaps
+    pursuer_controls, pursuer = pursuer.respond(game.pursuer, state.pursuer, actions[0], game.dt)
+    evader_controls, evader = evader.respond(game.evader, state.evader, actions[1], game.dt)
+    return game.step_controls(state, pursuer_controls, evader_controls), (pursuer, evader)

@@ -1,4 +1,6 @@
-"""The action-value network (Fig. 3): an observation in, one value per action out."""
+"""Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of gears."""
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -8,26 +10,73 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS
 
+Layers = tuple[eqx.nn.Linear, ...]
+"""Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of 256 units)."""
+
 
 class QNetwork(eqx.Module):
-    """Fully connected layers with ReLU (section III-D of the paper: four hidden layers of 256 units)."""
+    """The value of each of the 9 actions (Fig. 3)."""
 
-    layers: tuple[eqx.nn.Linear, ...]
+    layers: Layers
     observation: str = eqx.field(static=True)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """The values of the 9 actions for one observation in the network's profile."""
-        hidden = observation
-        for layer in self.layers[:-1]:
-            hidden = jax.nn.relu(layer(hidden))
-        return self.layers[-1](hidden)
+        return apply(self.layers, observation)
 
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
         """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
-        hidden = observations
-        for layer in self.layers[:-1]:
-            hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
-        return _affine(self.layers[-1].weight, self.layers[-1].bias, hidden)
+        return apply_to_batch(self.layers, observations)
+
+
+class GaussianActor(eqx.Module):
+    """A normal distribution for either gear, before `tanh` makes numbers in [-1, 1] of them.
+
+    Haarnoja et al., "Soft actor-critic" (2018), appendix C.
+    """
+
+    layers: Layers
+    observation: str = eqx.field(static=True)
+
+    def __call__(self, observation: Float[Array, " size"]) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+        """Means and standard deviations for one observation in the network's profile."""
+        mean, spread = jnp.split(apply(self.layers, observation), 2)
+        return mean, _deviation(spread)
+
+    def batch(
+        self, observations: Float[Array, "batch size"]
+    ) -> tuple[Float[Array, "batch 2"], Float[Array, "batch 2"]]:
+        """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+        mean, spread = jnp.split(apply_to_batch(self.layers, observations), 2, axis=1)
+        return mean, _deviation(spread)
+
+
+Network = QNetwork | GaussianActor
+"""What a trained agent plays by."""
+_LOG_DEVIATION = (-5.0, 1.0)
+"""Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones never explore."""
+
+
+def _deviation(spread: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
+    """Standard deviations from what the last layer says, which is free of bounds."""
+    least, most = _LOG_DEVIATION
+    return jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
+
+
+def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
+    """What the layers make of one input."""
+    hidden = inputs
+    for layer in layers[:-1]:
+        hidden = jax.nn.relu(layer(hidden))
+    return layers[-1](hidden)
+
+
+def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
+    """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+    hidden = inputs
+    for layer in layers[:-1]:
+        hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
+    return _affine(layers[-1].weight, layers[-1].bias, hidden)
 
 
 @jax.custom_vjp
@@ -58,6 +107,17 @@ def _affine_backward(
 _affine.defvjp(_affine_forward, _affine_backward)
 
 
+def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
+    """Layers with random weights, `sizes` being their numbers of inputs and at the end that of outputs. The key is
+    consumed.
+    """
+    keys = jax.random.split(key, len(sizes) - 1)
+    return tuple(
+        eqx.nn.Linear(fan_in, fan_out, key=layer_key)
+        for fan_in, fan_out, layer_key in zip(sizes, sizes[1:], keys, strict=False)
+    )
+
+
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
     """A network with random weights. The key is consumed.
 
@@ -66,10 +126,9 @@ def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) ->
         width: units of each hidden layer.
         depth: number of hidden layers.
     """
-    sizes = [OBSERVATION_SIZES[observation], *[width] * depth, NUM_ACTIONS]
-    keys = jax.random.split(key, depth + 1)
-    layers = tuple(
-        eqx.nn.Linear(fan_in, fan_out, key=layer_key)
-        for fan_in, fan_out, layer_key in zip(sizes, sizes[1:], keys, strict=False)
-    )
-    return QNetwork(layers, observation)
+    return QNetwork(make_layers([OBSERVATION_SIZES[observation], *[width] * depth, NUM_ACTIONS], key), observation)
+
+
+def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:
+    """The same for pairs of gears."""
+    return GaussianActor(make_layers([OBSERVATION_SIZES[observation], *[width] * depth, 4], key), observation)

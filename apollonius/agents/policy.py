@@ -7,6 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+from apollonius.game.dynamics import gears, is_continuous
+from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, Scalar
+
 
 class AbstractPolicy(eqx.Module):
     """A player of one side. Unbatched; batching is the caller's `vmap`."""
@@ -17,8 +21,8 @@ class AbstractPolicy(eqx.Module):
         """Profile of the observation it expects (`apollonius.game.observation`)."""
 
     @abstractmethod
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        """The action (0..8) for an observation.
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Action:
+        """The action for an observation; always of the same kind.
 
         Args:
             observation: what the player's side sees, in the policy's profile.
@@ -29,7 +33,7 @@ class AbstractPolicy(eqx.Module):
     def act_among(
         self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
     ) -> Int[Array, ""]:
-        """The action where only some are allowed: the player's own, or else the allowed one of lowest index."""
+        """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
         action = self(observation, word)
         return jnp.where(allowed[action], action, jnp.argmax(allowed)).astype(jnp.int32)
 
@@ -49,6 +53,32 @@ class AbstractValued(AbstractPolicy):
     ) -> Int[Array, ""]:
         """The allowed action of highest value."""
         return jnp.argmax(jnp.where(allowed, self.values(observation), -jnp.inf)).astype(jnp.int32)
+
+
+class AbstractContinuous(AbstractPolicy):
+    """A player whose actions are two gears in [-1, 1]."""
+
+    @abstractmethod
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+        """The two gears for an observation."""
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The allowed discrete action whose gears are nearest to the player's own."""
+        own = gears(self(observation, word))
+
+        def away(action: Int[Array, ""]) -> Scalar:
+            gear_u1, gear_u2 = gears(action)
+            return (gear_u1 - own[0]) ** 2 + (gear_u2 - own[1]) ** 2
+
+        return jnp.argmin(jnp.where(allowed, jax.vmap(away)(jnp.arange(NUM_ACTIONS)), jnp.inf)).astype(jnp.int32)
+
+
+def acts_continuously(policy: AbstractPolicy) -> bool:
+    """Whether a player's actions are pairs of gears; it is not asked for any."""
+    seen = jax.ShapeDtypeStruct((OBSERVATION_SIZES[policy.observation],), jnp.float32)
+    return is_continuous(eqx.filter_eval_shape(policy, seen, jax.ShapeDtypeStruct((), jnp.uint32)))
 
 
 class Pool(eqx.Module):
@@ -83,10 +113,13 @@ class Pool(eqx.Module):
         member: Int[Array, " games"],
         observation: Float[Array, "games size"],
         word: UInt32[Array, " games"],
-    ) -> Int[Array, " games"]:
+    ) -> Actions:
         """Each game's action, by the member of this pool that it meets."""
         everyone = jax.vmap(lambda policy: jax.vmap(policy)(observation, word), axis_size=self.size)(self.members)
-        return everyone[0] if self.size == 1 else jnp.take_along_axis(everyone, member[None], axis=0)[0]
+        if self.size == 1:
+            return everyone[0]
+        theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
+        return jnp.take_along_axis(everyone, theirs, axis=0)[0]
 
 
 class Seated(eqx.Module):
@@ -129,7 +162,7 @@ class Seated(eqx.Module):
         member: Int[Array, " games"],
         observation: Float[Array, "games size"],
         word: UInt32[Array, " games"],
-    ) -> Int[Array, " games"]:
+    ) -> Actions:
         """Each game's action, by the player whose it is."""
         end = self.first + self.seats * self.games
         seats = (self.seats, self.games)
@@ -140,7 +173,7 @@ class Seated(eqx.Module):
         )
         beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (observation, word)]
         own = jax.vmap(self.at_large)(*beside)
-        return jnp.concatenate([own[: self.first], others.reshape(-1), own[self.first :]])
+        return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
 
 
 def solo(policy: AbstractPolicy) -> Pool:

@@ -8,13 +8,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, acts_continuously
 from apollonius.errors import require
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game
 from apollonius.game.observation import own_state
-from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Role, Scalar
 
 MARGIN = 1e-3
 """Room [m] that must be left: many times what is lost when a state is read from an observation."""
@@ -61,12 +61,12 @@ class Backup(eqx.Module):
         ends, _ = jax.lax.scan(one_step, [(robot, here)] * len(self.manoeuvres), None, self.steps)
         return jnp.max(jnp.stack([least for _, least in ends])) - self.body.radius
 
-    def room_after(self, robot: RobotState, action: Int[Array, ""]) -> Scalar:
+    def room_after(self, robot: RobotState, action: Action) -> Scalar:
         """The same, for the way that begins with one step of an action."""
         after = self._hold(robot, action)
         return jnp.minimum(self.arena.clearance_along(robot, after) - self.body.radius, self.room(after))
 
-    def _hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+    def _hold(self, robot: RobotState, action: Action) -> RobotState:
         return self.body.move(robot, *self.body.controls(action), self.dt)
 
 
@@ -77,6 +77,9 @@ class Shielded(AbstractPolicy):
     that manoeuvre is then allowed in the next step, and so on; so from rest, or from any state from which one of the
     manoeuvres is free, the robot never fails. This is a safety filter with backup manoeuvres (Hobbs et al., "Runtime
     assurance for safety-critical systems", 2023): what it calls safe is a part of the viability kernel.
+
+    A player with continuous actions keeps its own where that is allowed, and otherwise has the allowed discrete action
+    nearest to it.
 
     Attributes:
         policy: the player behind the shield.
@@ -91,12 +94,16 @@ class Shielded(AbstractPolicy):
         """What the player behind the shield sees."""
         return self.policy.observation
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Action:
         own = own_state(self.observation, self.backup.arena, self.backup.body, observation)
         room = jax.vmap(lambda action: self.backup.room_after(own, action))(jnp.arange(NUM_ACTIONS))
         allowed = room > MARGIN
-        action = self.policy.act_among(allowed, observation, word)
-        return jnp.where(jnp.any(allowed), action, jnp.argmax(room)).astype(jnp.int32)
+        among = self.policy.act_among(allowed, observation, word)
+        safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
+        if not acts_continuously(self.policy):
+            return safest
+        wanted = self.policy(observation, word)
+        return jnp.where(self.backup.room_after(own, wanted) > MARGIN, wanted, jnp.stack(gears(safest)))
 
 
 def brakes(game: Game, role: Role) -> Backup:

@@ -13,13 +13,14 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from apollonius.agents.network import QNetwork, make_network
+from apollonius.agents.network import Network, QNetwork, make_actor, make_network
 from apollonius.errors import InvalidInput
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS, Role
 
 FORMAT = "apollonius-agent"
 FORMAT_VERSION = 1
+_MAKE = {"values": make_network, "gaussian": make_actor}
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,9 @@ class AgentHeader:
     training: dict[str, Any] = field(default_factory=dict)
     """How it was trained: command, seed, stage, env steps, episodes, evaluation."""
     num_actions: int = NUM_ACTIONS
-    """Actions it chooses between."""
+    """Actions it chooses between; 0 of one whose actions are pairs of gears."""
+    network: str = "values"
+    """What its network says: the `values` of the actions, or the `gaussian` of the gears."""
     format: str = FORMAT
     version: int = FORMAT_VERSION
 
@@ -50,11 +53,11 @@ class AgentHeader:
 class Agent:
     """A trained network with its header."""
 
-    network: QNetwork
+    network: Network
     header: AgentHeader
 
 
-def describe(network: QNetwork, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
+def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
     """An agent from a network, with a header that fits it."""
     header = AgentHeader(
         role=role.name.lower(),
@@ -64,6 +67,8 @@ def describe(network: QNetwork, role: Role, game: dict[str, Any], training: dict
         depth=len(network.layers) - 1,
         game=game,
         training=training,
+        num_actions=NUM_ACTIONS if isinstance(network, QNetwork) else 0,
+        network="values" if isinstance(network, QNetwork) else "gaussian",
     )
     return Agent(network, header)
 
@@ -113,7 +118,9 @@ def load_agent(path: Path) -> Agent:
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"'{path}' is not a whole safetensors file ({error}): copy or train it again.") from error
     header = _read_header(path, metadata)
-    template = eqx.filter_eval_shape(make_network, header.observation, header.width, header.depth, jax.random.key(0))
+    template = eqx.filter_eval_shape(
+        _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)
+    )
     return Agent(_fill(path, template, arrays), header)
 
 
@@ -131,6 +138,10 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
         header = AgentHeader(**fields)
     except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise InvalidInput(foreign) from error
+    if header.network not in _MAKE:
+        raise InvalidInput(
+            f"'{path}' has a network of the kind {header.network}, this program reads {', '.join(_MAKE)}: update it."
+        )
     size = OBSERVATION_SIZES.get(header.observation)
     if size != header.observation_size:
         known = ", ".join(f"{name} ({size})" for name, size in OBSERVATION_SIZES.items())
@@ -141,7 +152,7 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
     return header
 
 
-def _fill(path: Path, template: QNetwork, arrays: dict[str, np.ndarray]) -> QNetwork:
+def _fill(path: Path, template: Network, arrays: dict[str, np.ndarray]) -> Network:
     expected = named_leaves(template)
     if kinds_of(arrays) != kinds_of(expected):
         raise InvalidInput(f"'{path}' has weights that do not fit its header: copy or train it again.")

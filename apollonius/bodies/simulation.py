@@ -13,7 +13,7 @@ from apollonius.bodies.drive import Drive, References
 from apollonius.bodies.physics import Physics
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
-from apollonius.replay import Replay, as_rows, as_state
+from apollonius.replay import Replay, as_rows, as_state, together
 from apollonius.rollout import Results, random_words
 
 
@@ -25,7 +25,7 @@ class Simulated:
         results: how the games ended.
         index: which game each step belongs to; the steps of a game are in order.
         states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuer, then evader.
-        actions: of both sides in each step.
+        actions: of both sides in each step, as in a `Replay`.
         after: the states that each step led to.
         ideal: those that it would have led to by the rules, from the same state with the same actions.
     """
@@ -33,11 +33,13 @@ class Simulated:
     results: Results
     index: Int[np.ndarray, " steps"]
     states: Float32[np.ndarray, "steps 8"]
-    actions: Int[np.ndarray, "steps 2"]
+    actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
     after: Float32[np.ndarray, "steps 8"]
     ideal: Float32[np.ndarray, "steps 8"]
 
-    def course(self, game: int) -> tuple[Float32[np.ndarray, "rows 8"], Int[np.ndarray, "steps 2"]]:
+    def course(
+        self, game: int
+    ) -> tuple[Float32[np.ndarray, "rows 8"], Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]]:
         """The states and actions of one game."""
         own = self.index == game
         return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
@@ -46,7 +48,7 @@ class Simulated:
 class Choice(eqx.Module):
     """What both sides do in a step: actions, controls (u1 [m/s^2], u2 [rad/s]), and where the rules say it leads."""
 
-    actions: Int[Array, "games 2"]
+    actions: Int[Array, "games 2"] | Float[Array, "games 2 2"]
     controls: Float[Array, "games 2 2"]
     ideal: Float[Array, "games 8"]
 
@@ -128,7 +130,7 @@ def _choose(
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
     ideal = jax.vmap(game.step)(state, *actions).state
     return Choice(
-        actions=jnp.stack(actions, axis=-1),
+        actions=jax.vmap(together)(*actions),
         controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
         ideal=jnp.stack(jax.tree.leaves((ideal.pursuer, ideal.evader)), axis=-1),
     )

@@ -26,7 +26,7 @@ def run_bench(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from apollonius.bench import CLASSIC, bench_env, bench_train
-    from apollonius.learn.config import PROFILES
+    from apollonius.learn.learner_config import PROFILES
 
     if options.what == "env":
         result = bench_env(4096 if options.games is None else options.games)

@@ -36,8 +36,7 @@ def run_export(options: argparse.Namespace) -> int:
     from importlib import import_module
 
     from apollonius.adapters.export.blueprint import make_blueprint
-    from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_trained
-    from apollonius.agents.greedy import Greedy
+    from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_valued
     from apollonius.agents.store import write_atomically
     from apollonius.game.file import find_game
     from apollonius.game.game import Game
@@ -57,7 +56,7 @@ def run_export(options: argparse.Namespace) -> int:
         raise InvalidInput("writing ONNX needs a library: pip install 'apollonius[export]'.") from error
     out: Path = options.out
     require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
-    agent, path = find_trained(name)
+    player, agent, path = find_valued(name)
     require(
         options.game or agent.header.game, "--game", None, f"given, since '{name}' does not say what it was made for"
     )
@@ -67,7 +66,7 @@ def run_export(options: argparse.Namespace) -> int:
         files = format_.make_files(blueprint, Path(folder) / out.name)
         for file, content in files.items():
             file.write_bytes(content)
-        checked = _check(blueprint, Greedy(agent.network), lambda: format_.load(Path(folder) / out.name))
+        checked = _check(blueprint, player, lambda: format_.load(Path(folder) / out.name))
     out.parent.mkdir(parents=True, exist_ok=True)
     for file, content in files.items():
         write_atomically(out.with_name(file.name), content)

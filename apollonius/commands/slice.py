@@ -31,8 +31,7 @@ def run_slice(options: argparse.Namespace) -> int:
     """Draw the slice."""
     import jax.numpy as jnp
 
-    from apollonius.agents.catalogue import find_trained
-    from apollonius.agents.greedy import Greedy
+    from apollonius.agents.catalogue import find_valued
     from apollonius.game.file import find_game
     from apollonius.game.types import RobotState, Role
     from apollonius.solve.catalogue import SUFFIX, table_player
@@ -49,8 +48,8 @@ def run_slice(options: argparse.Namespace) -> int:
         path, player = Path(options.agent), table_player(Path(options.agent), game)
         role = player.contest.role
     else:
-        agent, path = find_trained(options.agent)
-        player, role = Greedy(agent.network), Role[agent.header.role.upper()]
+        player, agent, path = find_valued(options.agent)
+        role = Role[agent.header.role.upper()]
     save_slice(player, role, path.stem, game, own, opponent, options.out)
     print(f"{options.agent} over the arena; {options.out}")
     return 0

@@ -14,6 +14,7 @@ from apollonius.errors import require
 if TYPE_CHECKING:
     from apollonius.learn.config import RunConfig
 
+ALGORITHMS = ("dqn", "sac")
 STAGES = ("fixed-target", "self-play", "both")
 SCHEMES = (
     "latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "psro",
@@ -28,7 +29,10 @@ def add_train(subparsers: Any) -> None:
         "--preset", default="quick", help="length of training: quick (minutes, default), standard or paper"
     )
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
-    parser.add_argument("--profile", help="how to learn: fast (default) or paper (plain DQN as printed)")
+    parser.add_argument(
+        "--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones, smooth motion"
+    )
+    parser.add_argument("--profile", help="how DQN learns: fast (default) or paper (plain DQN as printed)")
     parser.add_argument("--game", help="name of the game, or its .toml file (default: paper)")
     parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
@@ -80,12 +84,17 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from dataclasses import replace
 
     from apollonius.game.file import find_game
-    from apollonius.learn.config import PRESETS, PROFILES
+    from apollonius.learn.config import PRESETS
     from apollonius.learn.folder import load_config
+    from apollonius.learn.learner_config import PROFILES, SACConfig
 
     require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
     require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
     config = load_config(options.config) if options.config else PRESETS[options.preset]
+    algorithm = options.algorithm or ("sac" if config.sac else "dqn")
+    bound = "left out with --algorithm sac, whose numbers a --config says"
+    require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)
+    config = replace(config, sac=(config.sac or SACConfig()) if algorithm == "sac" else None)
     self_play = config.self_play
     if options.opponents:
         self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
@@ -95,7 +104,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
         "seed": options.seed,
         "evaders": tuple(options.evader) if options.evader else None,
         "pursuer": options.pursuer,
-        "dqn": PROFILES.get(options.profile),
+        "dqn": PROFILES[options.profile] if options.profile else None,
         "game": find_game(options.game) if options.game else None,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})

@@ -12,7 +12,7 @@ from apollonius.agents.policy import AbstractPolicy, Pool, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Role
+from apollonius.game.types import Actions, Role
 from apollonius.rollout import begin, collect
 
 _GAMES = 100
@@ -27,12 +27,12 @@ class Decisions:
     Attributes:
         states: x [m], y [m], v [m/s], heading [rad] of the side's own robot, then of its opponent.
         observations: the same in the player's profile.
-        actions: what the player did, 0..8.
+        actions: what the player did: 0..8, or two gears.
     """
 
     states: Float32[np.ndarray, "count 8"]
     observations: Float32[np.ndarray, "count size"]
-    actions: Int[np.ndarray, " count"]
+    actions: Int[np.ndarray, " count"] | Float32[np.ndarray, "count 2"]
 
 
 def decisions(game: Game, player: AbstractPolicy, role: Role, count: int, seed: int = 0) -> Decisions:
@@ -53,7 +53,7 @@ def decisions(game: Game, player: AbstractPolicy, role: Role, count: int, seed: 
 @functools.partial(jax.jit, static_argnames=("role", "rows"))
 def _play(
     game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
-) -> tuple[Float[Array, "decisions 8"], Float[Array, "decisions size"], Int[Array, " decisions"]]:
+) -> tuple[Float[Array, "decisions 8"], Float[Array, "decisions size"], Actions]:
     start_key, word_key, play_key = jax.random.split(key, 3)
     sides = (player, solo(Uniform())) if role == Role.PURSUER else (solo(Uniform()), player)
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))

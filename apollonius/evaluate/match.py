@@ -11,6 +11,7 @@ from jaxtyping import PRNGKeyArray
 from apollonius.agents.catalogue import Named
 from apollonius.agents.policy import AbstractPolicy, solo
 from apollonius.errors import require
+from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
@@ -42,6 +43,12 @@ class MatchResult:
     """Over the captured games; None if there are none."""
     doomed_start_rate: float
     """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`)."""
+    capture_steps_deviation: float | None = None
+    """Standard deviation of the length of the captured games; None if there are none."""
+    pursuer_change: tuple[float, float] | None = None
+    """Mean |change of u1| and of u2 per step, as shares of their largest values; None where it was not measured."""
+    evader_change: tuple[float, float] | None = None
+    """The same of the evader."""
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-like data."""
@@ -82,7 +89,7 @@ def play_games(
 ) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
     starts, key = begin(game, games, seed, viable)
-    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots)
+    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots, watcher=Changes())
 
 
 def replay_game(
@@ -139,6 +146,7 @@ def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
     evader_won = int(jnp.sum(evader_wins(results.outcome, game.reward.time_limit_wins)))
     both_failed = int(np.sum(outcome == Outcome.BOTH_FAILED))
     captured = outcome == Outcome.CAPTURED
+    pursuer_change, evader_change = mean_change(results).tolist() if results.watched is not None else (None, None)
     return MatchResult(
         games=games,
         outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
@@ -150,6 +158,9 @@ def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
         doomed_start_rate=0.0 if viable or _starts_at_rest(game) else doomed_start_rate(game, solve_viability(game)),
+        capture_steps_deviation=float(np.std(steps[captured])) if captured.any() else None,
+        pursuer_change=pursuer_change and tuple(pursuer_change),
+        evader_change=evader_change and tuple(evader_change),
     )
 
 

@@ -10,10 +10,10 @@ import jax
 import numpy as np
 
 from apollonius.agents.catalogue import Named, load_network
-from apollonius.agents.greedy import Greedy
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.trained import at_best
 from apollonius.errors import require
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.evaluate.statistics import wilson_interval
@@ -22,8 +22,10 @@ from apollonius.game.file import find_game
 from apollonius.game.game import Game
 from apollonius.game.record import to_dict
 from apollonius.game.types import Role
+from apollonius.learn.algorithm import require_fitting
 from apollonius.learn.best_response import best_response
-from apollonius.learn.config import DQNConfig, SelfPlayConfig
+from apollonius.learn.config import SelfPlayConfig
+from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.state import Plan
 from apollonius.solve.catalogue import find_player
 
@@ -70,9 +72,13 @@ class Attack:
         return find_player(self.agent, self.role, self.rules)
 
     @cached_property
-    def start(self) -> QNetwork | None:
+    def start(self) -> Network | None:
         """The network that responses go on from."""
-        return load_network(self.first, self.other) if self.first else None
+        if self.first is None:
+            return None
+        network = load_network(self.first, self.other)
+        require_fitting(network, self.dqn, "the agent that responses go on from", self.first)
+        return network
 
     @cached_property
     def record(self) -> dict[str, Any]:
@@ -121,7 +127,7 @@ class Loss:
 
 def judge_response(attack: Attack, folder: Path, seed: int, games: int) -> Loss:
     """How often the agent loses to a kept response. The starts are others than in training."""
-    return judge_opponent(attack, Greedy(load_agent(response_file(folder, seed)).network), games)
+    return judge_opponent(attack, at_best(load_agent(response_file(folder, seed)).network), games)
 
 
 def judge_opponent(attack: Attack, opponent: AbstractPolicy, games: int) -> Loss:

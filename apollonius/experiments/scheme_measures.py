@@ -16,8 +16,8 @@ from apollonius.experiments.jobs import Job, ShouldStop
 from apollonius.experiments.responses import Attack, Loss, judge_opponent, judge_response, train_response
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.config import DQNConfig
 from apollonius.learn.folder import agent_file, load_config
+from apollonius.learn.learner_config import DQNConfig
 
 ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch")}
 """The paper's agents of either side."""

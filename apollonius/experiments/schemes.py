@@ -18,7 +18,8 @@ from apollonius.experiments.jobs import ENGINES, STOPPED, Job, available_cores, 
 from apollonius.experiments.scheme_measures import Effort, judge_run, rating_jobs
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train_runs
-from apollonius.learn.config import DQNConfig, RunConfig, SelfPlayConfig
+from apollonius.learn.config import RunConfig, SelfPlayConfig
+from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.scheme import OpponentConfig, Scheme
 
 SCHEMES: tuple[Scheme, ...] = get_args(Scheme)

@@ -15,7 +15,8 @@ from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
 from apollonius.game.presets import make_game
-from apollonius.learn.config import PRESETS, PROFILES, RunConfig
+from apollonius.learn.config import PRESETS, RunConfig
+from apollonius.learn.learner_config import PROFILES
 
 JUDGES = (figure4, figure6, table2, table3)
 """The experiments that make claims of the paper."""

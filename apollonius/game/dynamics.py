@@ -1,10 +1,11 @@
 """How a robot moves: a unicycle driven by acceleration and turn rate, within speed limits (Eq. 1)."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Int, Shaped
 
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import Action, Real, RobotState, Scalar
 
 
 def wrap_angle(angle: Scalar) -> Scalar:
@@ -38,6 +39,29 @@ def _horner(x: Scalar, *coefficients: float) -> Scalar:
     return value
 
 
+def gears(action: Action) -> tuple[Scalar, Scalar]:
+    """The shares of u1_max and of u2_max that an action asks for: of a discrete one -1, 0 or 1 each; others are clipped
+    to [-1, 1].
+    """
+    if is_continuous(action):
+        share_u1, share_u2 = jnp.clip(action, -1.0, 1.0)
+        return share_u1, share_u2
+    return (action // 3 - 1).astype(jnp.float32), (action % 3 - 1).astype(jnp.float32)
+
+
+def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
+    """Whether actions, or what they will be, are pairs of gears; known before anything runs."""
+    return jnp.issubdtype(action.dtype, jnp.floating)
+
+
+def nearest_action(action: Action) -> Int[Array, ""]:
+    """The discrete action with the nearest gears; a discrete one is its own."""
+    if not is_continuous(action):
+        return action
+    gear_u1, gear_u2 = (jnp.round(gear).astype(jnp.int32) for gear in gears(action))
+    return 3 * (gear_u1 + 1) + gear_u2 + 1
+
+
 class Unicycle(eqx.Module):
     """One robot's body and limits. Knows no opponent and no arena.
 
@@ -59,18 +83,10 @@ class Unicycle(eqx.Module):
         """Whether full braking ends at rest, neither driving on nor backwards."""
         return bool(self.v_min == 0 and self.u1_max > 0)
 
-    def controls(self, action: Int[Array, ""]) -> tuple[Scalar, Scalar]:
-        """The control inputs of a discrete action (Eq. 4, 5).
-
-        Args:
-            action: index `3 * i_u1 + i_u2` in 0..8, each gear in {-max, 0, +max}.
-
-        Returns:
-            Acceleration u1 [m/s^2] and turn rate u2 [rad/s].
-        """
-        gear_u1 = action // 3 - 1
-        gear_u2 = action % 3 - 1
-        return gear_u1.astype(jnp.float32) * self.u1_max, gear_u2.astype(jnp.float32) * self.u2_max
+    def controls(self, action: Action) -> tuple[Scalar, Scalar]:
+        """The control inputs of an action: acceleration u1 [m/s^2] and turn rate u2 [rad/s] (Eq. 4, 5)."""
+        gear_u1, gear_u2 = gears(action)
+        return gear_u1 * self.u1_max, gear_u2 * self.u2_max
 
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
         """The robot after holding its controls for `dt` (Eq. 1).

@@ -12,7 +12,7 @@ from apollonius.game.observation import observe
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
-from apollonius.game.types import GameState, Outcome, Real, Role, Scalar, Timestep
+from apollonius.game.types import Action, GameState, Outcome, Real, Role, Scalar, Timestep
 from apollonius.game.validation import check_game
 
 
@@ -51,8 +51,8 @@ class Game(eqx.Module):
         """An initial state from the game's distribution of starts. The key is consumed."""
         return self.starts.draw(key, self.arena, self.pursuer, self.evader)
 
-    def step(self, state: GameState, pursuer_action: Int[Array, ""], evader_action: Int[Array, ""]) -> Timestep:
-        """Both robots hold their discrete actions (0..8, Eq. 5) for `dt`; then the rules judge the step."""
+    def step(self, state: GameState, pursuer_action: Action, evader_action: Action) -> Timestep:
+        """Both robots hold their actions for `dt`; then the rules judge the step."""
         return self.step_controls(state, self.pursuer.controls(pursuer_action), self.evader.controls(evader_action))
 
     def step_controls(

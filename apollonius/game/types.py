@@ -14,6 +14,14 @@ Real = float | int | Array
 NUM_ACTIONS = 9
 """3 accelerations x 3 turn rates (Eq. 5)."""
 
+Action = Int[Array, ""] | Float[Array, "2"]
+"""What a robot does in a step: one of the nine actions of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two gears in [-1, 1],
+the shares of its largest acceleration and of its largest turn rate. Which of the two is known by number type and shape,
+so before anything runs; a player does always the one or always the other, and both kinds may meet."""
+
+Actions = Int[Array, " games"] | Float[Array, "games 2"]
+"""Actions of one side of a batch of games."""
+
 
 class Role(IntEnum):
     """The two sides of the game."""

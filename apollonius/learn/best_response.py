@@ -2,18 +2,17 @@
 
 import jax
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.agents.policy import AbstractPolicy, solo
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.learn import dqn
 from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan, start
+from apollonius.learn.state import Plan, first_learner, start
 
 
 def best_response(
-    plan: Plan, game: Game, opponent: AbstractPolicy, role: Role, seed: int, first: QNetwork | None = None
-) -> QNetwork:
+    plan: Plan, game: Game, opponent: AbstractPolicy, role: Role, seed: int, first: Network | None = None
+) -> Network:
     """The network, averaged, that one side has learned after a stage against a fixed player.
 
     What it wins is a lower bound of what a best response could: learning need not find one.
@@ -26,7 +25,7 @@ def best_response(
         first: the network to go on from; None starts from random weights.
     """
     network_key, stage_key = jax.random.split(jax.random.key(seed))
-    learner = dqn.init(plan.dqn, network_key) if first is None else dqn.start_from(first)
+    learner = first_learner(plan, network_key, first)
     fixed, rewarded = solo(opponent), plan.stage.rewarded(game)
     if role == Role.PURSUER:
         state = start(plan, game, stage_key, learner, fixed)

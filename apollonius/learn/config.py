@@ -8,113 +8,8 @@ from apollonius.agents.disturbance import Disturbance
 from apollonius.errors import require, require_positive
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.scheme import OpponentConfig
-
-
-@dataclass(frozen=True)
-class DQNConfig:
-    """How one side learns (section II-B). Intervals are in environment steps: one step of one game."""
-
-    observation: Literal["paper", "encoded"] = "encoded"
-    """What the network reads: the 8 numbers of Eq. 7, or the encoded profile."""
-    width: int = 256
-    """Units of each hidden layer (Fig. 3)."""
-    depth: int = 4
-    """Number of hidden layers (Fig. 3)."""
-    gamma: float = 0.99
-    """Discount of a step (section IV)."""
-    double: bool = True
-    """Let the online network choose and the target network value the next action (double Q-learning)."""
-    n_step: int = 16
-    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
-    final_n_step: int = 4
-    """The same at the end of a stage, reached in a straight line: less noise, and the best action is taken for granted
-    rather than the one that was explored (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
-    learning_rate: float = 5e-4
-    """Adam's step size at the start of a stage."""
-    final_learning_rate: float = 2e-5
-    """Adam's step size at the end of a stage, reached in a straight line."""
-    averaging: float = 3e-4
-    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
-    batch: int = 256
-    """Transitions in an update."""
-    env_steps_per_update: int = 512
-    """Env steps between two updates of each learner."""
-    target_period: int = 128_000
-    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
-    games: int = 512
-    """Games played at a time."""
-    replay_capacity: int = 524_288
-    """Transitions kept."""
-    learning_starts: int = 40_000
-    """Env steps before the first update."""
-    final_epsilon: float = 0.02
-    """Share of random actions once exploration has settled."""
-    exploration_fraction: float = 0.2
-    """Part of a stage over which the share of random actions falls to its final value."""
-
-    def __post_init__(self) -> None:
-        require_positive(
-            self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
-        )
-        require_positive(self, "target_period", "games", "replay_capacity")
-        require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
-        require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
-        require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
-        require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
-        require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
-        rates = 0 < self.final_learning_rate <= self.learning_rate < 1
-        require(rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1")
-        shape = (self.games, self.env_steps_per_update)
-        require(
-            max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
-            f"a multiple or a divisor of games = {self.games}",
-        )  # fmt: skip
-        require(
-            self.rows >= 2 * (self.n_step + self.steps_per_iteration), "replay_capacity", self.replay_capacity,
-            f"at least {2 * (self.n_step + self.steps_per_iteration) * self.games} for these games and n_step",
-        )  # fmt: skip
-
-    @property
-    def steps_per_iteration(self) -> int:
-        """Steps every game plays between two rounds of updates."""
-        return max(1, self.env_steps_per_update // self.games)
-
-    @property
-    def updates_per_iteration(self) -> int:
-        """Updates in a round."""
-        return max(1, self.games // self.env_steps_per_update)
-
-    @property
-    def env_steps_per_iteration(self) -> int:
-        """Env steps of all games between two rounds of updates."""
-        return self.steps_per_iteration * self.games
-
-    @property
-    def rows(self) -> int:
-        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
-        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
-
-
-PROFILES: dict[str, DQNConfig] = {
-    "fast": DQNConfig(),
-    "paper": DQNConfig(
-        observation="paper",
-        double=False,
-        n_step=1,
-        final_n_step=1,
-        learning_rate=1e-4,
-        final_learning_rate=1e-4,
-        batch=32,
-        env_steps_per_update=1,
-        averaging=1.0,
-        target_period=1_000,
-        games=1,
-        learning_starts=10_000,
-        final_epsilon=0.05,
-    ),
-}
-"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2)."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +82,9 @@ class RunConfig:
     game: Game = field(default_factory=lambda: make_game("paper"))
     """The game, number by number."""
     dqn: DQNConfig = field(default_factory=DQNConfig)
-    """How each side learns."""
+    """How each side learns, by deep Q-learning, unless `sac` is given."""
+    sac: SACConfig | None = None
+    """How each side learns by soft actor-critic, so that its actions are continuous; None where it does not."""
     fixed_target: StageConfig = field(default_factory=StageConfig)
     """Stage 1: the pursuer against evaders that do not learn."""
     self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
@@ -200,7 +97,7 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
-        past, games = self.self_play.opponents, self.dqn.games
+        past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
         require(
@@ -211,6 +108,11 @@ class RunConfig:
             self.evaders == ("still",) or self.stages == "fixed-target", "evaders", ", ".join(self.evaders),
             "left out unless stages is 'fixed-target': the pursuer of the curriculum begins with one that stays",
         )  # fmt: skip
+
+    @property
+    def learner(self) -> LearnerConfig:
+        """How each side learns."""
+        return self.sac or self.dqn
 
 
 PRESETS: dict[str, RunConfig] = {

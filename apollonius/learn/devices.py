@@ -15,7 +15,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PRNGKeyArray
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.learn import opponents
@@ -27,9 +27,7 @@ from apollonius.learn.state import DEVICES, Learning, Plan, TrainState
 
 T = TypeVar("T")
 _EACH, _ALL = PartitionSpec(DEVICES), PartitionSpec()
-_DQN_SHARES = (
-    "games", "batch", "env_steps_per_update", "replay_capacity", "learning_starts", "target_period",
-)  # fmt: skip
+_SHARES = ("games", "batch", "env_steps_per_update", "replay_capacity", "learning_starts", "target_period")
 """What of a stage is counted in games, transitions or env steps, and shared out between devices."""
 
 
@@ -44,15 +42,16 @@ def share(plan: Plan, devices: int) -> Plan:
     Raises:
         InvalidInput: when a number cannot be shared out evenly.
     """
-    for name in _DQN_SHARES:
-        value = getattr(plan.dqn, name)
+    shared_out = [name for name in _SHARES if hasattr(plan.learner, name)]
+    for name in shared_out:
+        value = getattr(plan.learner, name)
         require(value % devices == 0, name, value, f"a multiple of {devices} devices")
     assert isinstance(plan.stage, SelfPlayConfig), "both sides learn"
     past = plan.stage.opponents
-    own = replace(plan.dqn, **{name: getattr(plan.dqn, name) // devices for name in _DQN_SHARES})
+    own = replace(plan.learner, **{name: getattr(plan.learner, name) // devices for name in shared_out})
     enough = past.share == 0 or int(past.share * own.games) >= 2 * past.seats
     require(
-        enough, "games", plan.dqn.games, f"more, so that {past.scheme} has games for its seats on {devices} devices"
+        enough, "games", plan.learner.games, f"more, so that {past.scheme} has games for its seats on {devices} devices"
     )
     rarer = replace(past, renewal=max(1, past.renewal // devices))
     stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices), opponents=rarer)
@@ -60,12 +59,12 @@ def share(plan: Plan, devices: int) -> Plan:
 
 
 @functools.partial(jax.jit, static_argnames=("mesh", "plan"))
-def start_shared(mesh: Mesh, plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:
+def start_shared(mesh: Mesh, plan: Plan, game: Game, key: PRNGKeyArray, pursuer: Network | None) -> TrainState:
     """The state before the first step: that of every device, on a leading axis. Arguments as `start_self_play`, the
     plan being one device's share.
     """
 
-    def one(game: Game, key: PRNGKeyArray, pursuer: QNetwork | None) -> TrainState:
+    def one(game: Game, key: PRNGKeyArray, pursuer: Network | None) -> TrainState:
         return _with_axis(start_self_play(plan, game, key, pursuer, jax.lax.axis_index(DEVICES)))
 
     return _on(mesh, one, (_ALL, _ALL, _ALL), _EACH)(game, key, pursuer)

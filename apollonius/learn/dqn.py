@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import QNetwork, make_network
 from apollonius.game.types import Scalar
-from apollonius.learn.config import DQNConfig
+from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay import Batch
 
 

@@ -3,15 +3,14 @@
 import jax
 from jaxtyping import PRNGKeyArray
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.agents.policy import Pool
 from apollonius.game.game import Game
-from apollonius.learn import dqn
-from apollonius.learn.state import Plan, TrainState, start
+from apollonius.learn.state import Plan, TrainState, first_learner, start
 
 
 def start_fixed_target(
-    plan: Plan, game: Game, key: PRNGKeyArray, evaders: Pool, pursuer: QNetwork | None = None
+    plan: Plan, game: Game, key: PRNGKeyArray, evaders: Pool, pursuer: Network | None = None
 ) -> TrainState:
     """The state before the first step. The key is consumed.
 
@@ -20,5 +19,4 @@ def start_fixed_target(
         pursuer: the network to go on from; None starts from scratch (Algorithm 1, line 2).
     """
     network_key, stage_key = jax.random.split(key)
-    chaser = dqn.init(plan.dqn, network_key) if pursuer is None else dqn.start_from(pursuer)
-    return start(plan, game, stage_key, chaser, evaders)
+    return start(plan, game, stage_key, first_learner(plan, network_key, pursuer), evaders)

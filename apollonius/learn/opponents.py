@@ -13,11 +13,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.greedy import EpsilonGreedy, Greedy
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.agents.policy import Seated
+from apollonius.agents.trained import at_best, exploring
 from apollonius.game.outcome import pursuer_wins
-from apollonius.game.types import Role
+from apollonius.game.types import Role, Scalar
 from apollonius.learn.scheme import OpponentConfig
 
 FORGETTING = 0.5
@@ -37,20 +37,20 @@ class Archive(eqx.Module):
         seated: the networks of the seats, leaves with a leading axis of length `seats`.
     """
 
-    networks: QNetwork
+    networks: Network
     count: Int[Array, ""]
     games: Float[Array, " versions"]
     lost: Float[Array, " versions"]
     quality: Float[Array, " versions"]
     seats: Int[Array, " seats"]
-    seated: QNetwork
+    seated: Network
 
 
-def init(network: QNetwork, config: OpponentConfig) -> Archive:
+def init(network: Network, config: OpponentConfig) -> Archive:
     """An archive of one version, which has all seats."""
     nothing = jnp.zeros(config.versions, jnp.float32)
 
-    def repeated(times: int) -> QNetwork:
+    def repeated(times: int) -> Network:
         return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), network)
 
     return Archive(
@@ -64,7 +64,7 @@ def init(network: QNetwork, config: OpponentConfig) -> Archive:
     )
 
 
-def enter(archive: Archive, network: QNetwork, due: Bool[Array, ""]) -> Archive:
+def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     """The archive with one more version, where that is due and there is room. It begins with the best quality."""
     due = due & (archive.count < archive.games.shape[0])
     place = jnp.minimum(archive.count, archive.games.shape[0] - 1)
@@ -83,7 +83,7 @@ def enter(archive: Archive, network: QNetwork, due: Bool[Array, ""]) -> Archive:
     )
 
 
-def version(archive: Archive, number: Int[Array, ""]) -> QNetwork:
+def version(archive: Archive, number: Int[Array, ""]) -> Network:
     """One of the kept networks."""
     return jax.tree.map(lambda leaf: leaf[number], archive.networks)
 
@@ -181,22 +181,24 @@ def seat(
     archive: Archive,
     config: OpponentConfig,
     role: Role,
-    learner: EpsilonGreedy,
+    learner: Network,
+    amount: Scalar,
     games: int,
-    exploiter: QNetwork | None = None,
+    exploiter: Network | None = None,
 ) -> Seated:
     """All who play one side of a batch of games: its learner, and in the seats its earlier versions.
 
     Args:
+        amount: how much the learner explores (`agents.trained.exploring`).
         exploiter: who has the last seats, exploring as much as the learner; None where there is none.
     """
-    seated = Greedy(archive.seated)
+    seated = at_best(archive.seated)
     if exploiter is not None:
         theirs = jnp.arange(config.seats) >= config.version_seats
         networks = jax.tree.map(lambda all_, one: all_.at[config.version_seats :].set(one), archive.seated, exploiter)
-        seated = jax.vmap(EpsilonGreedy)(networks, jnp.where(theirs, learner.epsilon, 0.0))
+        seated = jax.vmap(exploring)(networks, jnp.where(theirs, amount, 0.0))
     return Seated(
-        at_large=learner,
+        at_large=exploring(learner, amount),
         seated=seated,
         seats=config.seats,
         first=first_game(config, role, games),

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.greedy import Greedy
 from apollonius.agents.policy import solo
+from apollonius.agents.trained import at_best
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Scalar
@@ -42,7 +42,7 @@ def play_missing(
         row, column = jnp.divmod(index, payoffs.shape[1])
 
         def play() -> Scalar:
-            chasing, fleeing = Greedy(version(pursuers, row)), Greedy(version(evaders, column))
+            chasing, fleeing = at_best(version(pursuers, row)), at_best(version(evaders, column))
             results = play_out(game, solo(chasing), solo(fleeing), starts, play_key, slots=games)
             return jnp.mean(pursuer_wins(results.outcome).astype(jnp.float32))
 

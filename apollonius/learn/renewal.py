@@ -9,7 +9,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Scalar
-from apollonius.learn import dqn, opponents, payoffs
+from apollonius.learn import opponents, payoffs
+from apollonius.learn.algorithm import algorithm_of
 from apollonius.learn.replay import cut
 from apollonius.learn.state import Learning, Plan, TrainState
 from apollonius.rollout import Games, Player
@@ -44,7 +45,7 @@ def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     config = plan.opponents
     interval = max(1, config.entrants * plan.stage.env_steps // config.versions)
     due = state.env_steps // interval > (state.env_steps - config.renewal) // interval
-    pursuer, evader = _enter(state.pursuer, due), _enter(state.evader, due)
+    pursuer, evader = _enter(plan, state.pursuer, due), _enter(plan, state.evader, due)
     if state.payoffs is None:
         return replace(state, pursuer=pursuer, evader=evader)
     chasing, fleeing = _archive(pursuer), _archive(evader)
@@ -69,7 +70,7 @@ def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     )
 
 
-def _enter(side: Learning | None, due: Bool[Array, ""]) -> Learning:
+def _enter(plan: Plan, side: Learning | None, due: Bool[Array, ""]) -> Learning:
     """A side whose learner, and whose exploiter if it has one, has entered its archive where that is due. The exploiter
     then begins anew, as a copy of the learner.
     """
@@ -78,7 +79,7 @@ def _enter(side: Learning | None, due: Bool[Array, ""]) -> Learning:
     if side.exploiter is None:
         return replace(side, archive=archive)
     archive = opponents.enter(archive, side.exploiter.average, due)
-    fresh = dqn.start_from(side.learner.average)
+    fresh = algorithm_of(plan.learner).branch(side.learner)
     exploiter = jax.tree.map(lambda new, old: jnp.where(due, new, old), fresh, side.exploiter)
     return replace(side, archive=archive, exploiter=exploiter)
 
@@ -88,8 +89,8 @@ def reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, M
     """Who sits is drawn anew, and the games of seats begin anew."""
     config = plan.opponents
     start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
-    seated = opponents.has_seat(config, plan.dqn.games)
-    fresh = reset_batch(game, start_key, plan.dqn.games)
+    seated = opponents.has_seat(config, plan.learner.games)
+    fresh = reset_batch(game, start_key, plan.learner.games)
 
     def renewed(side: Learning | None, key: PRNGKeyArray, mixture: Mixture | None) -> Learning:
         assert side is not None, "both sides learn"

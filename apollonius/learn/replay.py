@@ -11,12 +11,15 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.game.types import Scalar
 
+DISCRETE, CONTINUOUS = jax.ShapeDtypeStruct((), jnp.int32), jax.ShapeDtypeStruct((2,), jnp.float32)
+"""What one action of either kind takes."""
+
 
 class Row(eqx.Module):
     """Transitions of one side at one or more time steps of every game."""
 
     observation: Float[Array, "*steps games size"]
-    action: Int[Array, "*steps games"]
+    action: Int[Array, "*steps games"] | Float[Array, "*steps games 2"]
     reward: Float[Array, "*steps games"]
     next_observation: Float[Array, "*steps games size"]
     terminated: Bool[Array, "*steps games"]
@@ -35,18 +38,20 @@ class Batch(eqx.Module):
     """n-step transitions: where they begin, what they are paid, and where they are valued.
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` what the value of
-    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game.
+    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game. `following` is
+    what was seen one step after `observation`.
     """
 
     observation: Float[Array, "batch size"]
-    action: Int[Array, " batch"]
+    action: Int[Array, " batch"] | Float[Array, "batch 2"]
     reward: Float[Array, " batch"]
     next_observation: Float[Array, "batch size"]
     discount: Float[Array, " batch"]
+    following: Float[Array, "batch size"]
 
 
-def init(rows: int, games: int, size: int) -> Replay:
-    """An empty ring for `rows` steps of `games` games with observations of `size` numbers."""
+def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> Replay:
+    """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one."""
 
     def observations() -> Float[Array, "rows games size"]:
         return jnp.zeros((rows, games, size), jnp.float32)
@@ -56,7 +61,7 @@ def init(rows: int, games: int, size: int) -> Replay:
 
     empty = Row(
         observation=observations(),
-        action=jnp.zeros((rows, games), jnp.int32),
+        action=jnp.zeros((rows, games, *action.shape), action.dtype),
         reward=jnp.zeros((rows, games), jnp.float32),
         next_observation=observations(),
         terminated=flags(),
@@ -122,6 +127,7 @@ def sample(
         reward=reward,
         next_observation=replay.rows.next_observation[last, game],
         discount=discount,
+        following=replay.rows.next_observation[first, game],
     )
 
 

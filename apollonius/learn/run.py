@@ -15,15 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.catalogue import find_pool, load_network
-from apollonius.agents.greedy import Greedy
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.agents.policy import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.errors import InvalidInput, require
+from apollonius.agents.trained import at_best
+from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
+from apollonius.learn.algorithm import require_fitting
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
 from apollonius.learn.config import RunConfig
 from apollonius.learn.fixed_target import start_fixed_target
@@ -47,7 +48,7 @@ class Saved(eqx.Module):
     """What a checkpoint holds: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
 
     train: TrainState
-    best: QNetwork | None
+    best: Network | None
 
 
 class Run:
@@ -89,7 +90,7 @@ class Run:
         elif progress["stage"] not in self.stages:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
         done = self.stages.index(progress["stage"]) if progress else 0
-        best: QNetwork | None = None
+        best: Network | None = None
         for stage in self.stages[done:]:
             plan = self._plan(stage)
             here = progress if progress and progress["stage"] == stage else None
@@ -109,9 +110,9 @@ class Run:
         return True
 
     def _plan(self, stage: str) -> Plan:
-        return Plan(self.config.dqn, self.config.fixed_target if stage == FIXED_TARGET else self.config.self_play)
+        return Plan(self.config.learner, self.config.fixed_target if stage == FIXED_TARGET else self.config.self_play)
 
-    def _start(self, stage: str, plan: Plan, best: QNetwork | None) -> TrainState:
+    def _start(self, stage: str, plan: Plan, best: Network | None) -> TrainState:
         key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
         if stage == FIXED_TARGET:
             return start_fixed_target(plan, self.config.game, key, self.evaders, best)
@@ -150,8 +151,8 @@ class Run:
         return Saved(train, best), True
 
     def _evaluate(
-        self, stage: str, plan: Plan, train: TrainState, best: QNetwork | None, here: dict[str, Any]
-    ) -> QNetwork | None:
+        self, stage: str, plan: Plan, train: TrainState, best: Network | None, here: dict[str, Any]
+    ) -> Network | None:
         """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
@@ -160,8 +161,8 @@ class Run:
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
-        evader = self.evaders if train.evader is None else solo(Greedy(train.evader.learner.average))
-        results = play_out(self.config.game, solo(Greedy(_pursuer(train))), evader, starts, play_key)
+        evader = self.evaders if train.evader is None else solo(at_best(train.evader.learner.average))
+        results = play_out(self.config.game, solo(at_best(_pursuer(train))), evader, starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
         if stage != FIXED_TARGET:
@@ -183,7 +184,7 @@ class Run:
                 self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}", record, stage, percent)
 
     def _save_agent(
-        self, network: QNetwork, role: Role, name: str, record: dict[str, Any], stage: str, percent: int = 100
+        self, network: Network, role: Role, name: str, record: dict[str, Any], stage: str, percent: int = 100
     ) -> None:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
@@ -192,7 +193,7 @@ class Run:
         save_agent(agent, agent_file(self.folder, name, percent))
 
 
-def load_first_pursuer(config: RunConfig) -> QNetwork | None:
+def load_first_pursuer(config: RunConfig) -> Network | None:
     """The network that the pursuer goes on from, if the config names one.
 
     Raises:
@@ -200,11 +201,8 @@ def load_first_pursuer(config: RunConfig) -> QNetwork | None:
     """
     if config.pursuer is None:
         return None
-    network, dqn = load_network(config.pursuer, Role.PURSUER), config.dqn
-    made_for = (network.observation, len(network.layers) - 1, network.layers[0].out_features)
-    wanted = (dqn.observation, dqn.depth, dqn.width)
-    bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
-    require(made_for == wanted, "--pursuer", config.pursuer, bound)
+    network = load_network(config.pursuer, Role.PURSUER)
+    require_fitting(network, config.learner, "--pursuer", config.pursuer)
     return network
 
 
@@ -215,12 +213,12 @@ def _stage1_name(evaders: tuple[str, ...]) -> str:
     return f"P_{Path(evaders[0]).stem}" if len(evaders) == 1 else "P_pool"
 
 
-def _pursuer(train: TrainState) -> QNetwork:
+def _pursuer(train: TrainState) -> Network:
     assert train.pursuer is not None, "every stage trains a pursuer"
     return train.pursuer.learner.average
 
 
-def _copy(network: QNetwork) -> QNetwork:
+def _copy(network: Network) -> Network:
     """The same weights in other memory: a chunk consumes the state it is given."""
     return jax.tree.map(jnp.copy, network)
 

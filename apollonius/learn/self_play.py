@@ -3,14 +3,13 @@
 import jax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import Network
 from apollonius.game.game import Game
-from apollonius.learn import dqn
-from apollonius.learn.state import Plan, TrainState, start
+from apollonius.learn.state import Plan, TrainState, first_learner, start
 
 
 def start_self_play(
-    plan: Plan, game: Game, key: PRNGKeyArray, pursuer: QNetwork | None, device: Int[Array, ""] | None = None
+    plan: Plan, game: Game, key: PRNGKeyArray, pursuer: Network | None, device: Int[Array, ""] | None = None
 ) -> TrainState:
     """The state before the first step. The key is consumed.
 
@@ -23,5 +22,5 @@ def start_self_play(
     pursuer_key, evader_key, stage_key = jax.random.split(key, 3)
     if device is not None:
         stage_key = jax.random.fold_in(stage_key, device)
-    chaser = dqn.init(plan.dqn, pursuer_key) if pursuer is None else dqn.start_from(pursuer)
-    return start(plan, game, stage_key, chaser, dqn.init(plan.dqn, evader_key))
+    chaser, runner = first_learner(plan, pursuer_key, pursuer), first_learner(plan, evader_key)
+    return start(plan, game, stage_key, chaser, runner)

@@ -14,7 +14,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from apollonius.agents.policy import Pool
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, Role, Scalar
-from apollonius.learn import dqn, opponents, replay
+from apollonius.learn import opponents, replay
+from apollonius.learn.algorithm import Learner, Moment, algorithm_of
 from apollonius.learn.schedule import linear
 from apollonius.learn.state import Learning, Plan, TrainState, players
 from apollonius.rollout import Side, Transition, collect
@@ -43,11 +44,11 @@ def play_and_learn(
     Args:
         pursuer, evader: the players of a side that does not learn; None for one that does.
     """
-    steps = plan.dqn.steps_per_iteration
-    rows = max(1, _STARTS_PER_CHUNK // (plan.dqn.games * steps))
+    steps = plan.learner.steps_per_iteration
+    rows = max(1, _STARTS_PER_CHUNK // (plan.learner.games * steps))
     pool_key = jax.random.fold_in(jax.random.fold_in(state.key, 0), state.iterations)
-    drawn = reset_batch(game, pool_key, rows * steps * plan.dqn.games)
-    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, plan.dqn.games), drawn)
+    drawn = reset_batch(game, pool_key, rows * steps * plan.learner.games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, plan.learner.games), drawn)
 
     def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
         fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
@@ -64,16 +65,16 @@ def _iterate(
     play_key, pursuer_key, evader_key = jax.random.split(
         jax.random.fold_in(jax.random.fold_in(state.key, 1), state.iterations), 3
     )
-    over = plan.dqn.exploration_fraction * plan.stage.env_steps
-    epsilons = [
-        linear(first, plan.dqn.final_epsilon, over, state.env_steps)
+    exploration = algorithm_of(plan.learner).exploration
+    amounts = [
+        exploration(plan.learner, first, plan.stage.env_steps, state.env_steps)
         for first in (plan.stage.pursuer_epsilon, plan.stage.evader_epsilon)
     ]
-    pursuers = players(plan, Role.PURSUER, state.pursuer, pursuer, epsilons[0])
-    evaders = players(plan, Role.EVADER, state.evader, evader, epsilons[1])
-    steps, disturbance = plan.dqn.steps_per_iteration, plan.stage.disturbance
+    pursuers = players(plan, Role.PURSUER, state.pursuer, pursuer, amounts[0])
+    evaders = players(plan, Role.EVADER, state.evader, evader, amounts[1])
+    steps, disturbance = plan.learner.steps_per_iteration, plan.stage.disturbance
     games, transitions = collect(game, pursuers, evaders, state.games, starts, play_key, steps, disturbance)
-    env_steps = state.env_steps + plan.dqn.env_steps_per_iteration
+    env_steps = state.env_steps + plan.learner.env_steps_per_iteration
     pursuer_side, pursuer_loss = _learn(plan, state.pursuer, transitions, Role.PURSUER, env_steps, pursuer_key)
     evader_side, evader_loss = _learn(plan, state.evader, transitions, Role.EVADER, env_steps, evader_key)
     ended = transitions.terminated | transitions.truncated
@@ -112,10 +113,10 @@ def _learn(
     env_steps: Int[Array, ""],
     key: PRNGKeyArray,
 ) -> tuple[Learning | None, Float[Array, ""]]:
-    """Store one side's transitions, make its updates, copy its network to the target where that is due."""
+    """Store one side's transitions and make its updates."""
     if side is None:
         return None, jnp.zeros(())
-    config = plan.dqn
+    config, algorithm = plan.learner, algorithm_of(plan.learner)
     part: Side = transitions.pursuer if role == Role.PURSUER else transitions.evader
     memory = replay.add(
         side.replay,
@@ -129,26 +130,22 @@ def _learn(
         ),
     )
     n_step = jnp.round(linear(config.n_step, config.final_n_step, plan.stage.env_steps, env_steps)).astype(jnp.int32)
-    rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
-
+    moment = Moment(env_steps, plan.stage.env_steps, plan.across)
     enough = (env_steps >= config.learning_starts) & (memory.filled > config.n_step) & _has_turn(plan, role, env_steps)
-    copies = env_steps // config.target_period > (env_steps - config.env_steps_per_iteration) // config.target_period
 
-    def updated(
-        learner: dqn.Learner, key: PRNGKeyArray, among: tuple[int, int] | None = None
-    ) -> tuple[dqn.Learner, Scalar]:
+    def updated(learner: Learner, key: PRNGKeyArray, among: tuple[int, int] | None = None) -> tuple[Learner, Scalar]:
         """A learner after its updates, from these games of the memory only."""
 
-        def update(learner: dqn.Learner, sample_key: PRNGKeyArray) -> tuple[dqn.Learner, Scalar]:
+        def update(learner: Learner, sample_key: PRNGKeyArray) -> tuple[Learner, Scalar]:
             batch = replay.sample(memory, sample_key, config.batch, config.n_step, n_step, config.gamma, among)
-            return dqn.update(learner, batch, rate, config, plan.across)
+            return algorithm.update(learner, batch, jax.random.fold_in(sample_key, 2), config, moment)
 
-        def updates(learner: dqn.Learner) -> tuple[dqn.Learner, Scalar]:
+        def updates(learner: Learner) -> tuple[Learner, Scalar]:
             learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
             return learner, jnp.sum(losses)
 
         learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), learner)
-        return dqn.copy_to_target(learner, copies), loss
+        return algorithm.after_updates(learner, config, env_steps), loss
 
     learner, loss = updated(side.learner, key)
     exploiter = side.exploiter

@@ -7,13 +7,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.greedy import EpsilonGreedy
+from apollonius.agents.network import Network
 from apollonius.agents.policy import Pool, solo
+from apollonius.agents.trained import exploring
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Role, Scalar
-from apollonius.learn import dqn, opponents, replay
-from apollonius.learn.config import DQNConfig, SelfPlayConfig, StageConfig
+from apollonius.learn import opponents, replay
+from apollonius.learn.algorithm import Learner, algorithm_of
+from apollonius.learn.config import SelfPlayConfig, StageConfig
+from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.payoffs import Payoffs, nothing_played
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.rollout import Games, Players, begin
@@ -29,7 +32,7 @@ enough."""
 class Plan:
     """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under `jit`."""
 
-    dqn: DQNConfig
+    learner: LearnerConfig
     stage: StageConfig
     devices: int = 1
     """How many devices share the stage; the numbers above are then the share of each (`apollonius.learn.devices`)."""
@@ -47,12 +50,12 @@ class Plan:
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.devices // self.dqn.env_steps_per_iteration)
+        return max(8, _CHUNK_ENV_STEPS // self.devices // self.learner.env_steps_per_iteration)
 
     @property
     def env_steps_per_chunk(self) -> int:
         """Env steps in one compiled call."""
-        return self.iterations_per_chunk * self.dqn.env_steps_per_iteration
+        return self.iterations_per_chunk * self.learner.env_steps_per_iteration
 
     def renews_after(self, chunks: int) -> bool:
         """Whether opponents change after so many chunks of a stage."""
@@ -70,10 +73,10 @@ class Learning(eqx.Module):
     learner, the exploiter, which learns from the same memory how to beat the other side's learner.
     """
 
-    learner: dqn.Learner
+    learner: Learner
     replay: replay.Replay
     archive: opponents.Archive | None = None
-    exploiter: dqn.Learner | None = None
+    exploiter: Learner | None = None
 
 
 class TrainState(eqx.Module):
@@ -97,15 +100,15 @@ def start(
     plan: Plan,
     game: Game,
     key: PRNGKeyArray,
-    pursuer: dqn.Learner | Pool,
-    evader: dqn.Learner | Pool,
+    pursuer: Learner | Pool,
+    evader: Learner | Pool,
 ) -> TrainState:
     """The state before the first step. A side given as a `Learner` learns; one given as a `Pool` does not.
 
     The key is consumed.
     """
     start_key, member_key, train_key = jax.random.split(key, 3)
-    games = plan.dqn.games
+    games = plan.learner.games
     words = jax.random.bits(member_key, (2, games), jnp.uint32)
     chaser, pursuers = _side(plan, Role.PURSUER, pursuer)
     runner, evaders = _side(plan, Role.EVADER, evader)
@@ -121,24 +124,36 @@ def start(
     )
 
 
-def _side(plan: Plan, role: Role, side: dqn.Learner | Pool) -> tuple[Learning | None, Players]:
+def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None = None) -> Learner:
+    """A learner that goes on from a network, or from scratch. The key is consumed."""
+    algorithm = algorithm_of(plan.learner)
+    if network is None:
+        return algorithm.init(plan.learner, key)
+    return algorithm.start_from(plan.learner, network, key)
+
+
+def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None, Players]:
     """What one side begins with, and who plays it."""
     if isinstance(side, Pool):
         return None, side
-    size = OBSERVATION_SIZES[plan.dqn.observation]
+    algorithm = algorithm_of(plan.learner)
+    size = OBSERVATION_SIZES[plan.learner.observation]
     archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
-    exploiter = dqn.start_from(side.network) if plan.opponents.has_exploiters else None
-    learning = Learning(side, replay.init(plan.dqn.rows, plan.dqn.games, size), archive, exploiter)
+    exploiter = algorithm.branch(side) if plan.opponents.has_exploiters else None
+    memory = replay.init(plan.learner.rows, plan.learner.games, size, algorithm.action)
+    learning = Learning(side, memory, archive, exploiter)
     return learning, players(plan, role, learning, None, jnp.ones(()))
 
 
-def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, epsilon: Scalar) -> Players:
-    """Who plays one side: a given pool, or its exploring learner and, in the seats, its earlier versions."""
+def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, amount: Scalar) -> Players:
+    """Who plays one side: a given pool, or its learner, exploring by some amount (`agents.trained.exploring`), and, in
+    the seats, its earlier versions.
+    """
     if pool is not None:
         return pool
     assert side is not None, "a side without players must learn"
-    learner = EpsilonGreedy(side.learner.network, epsilon)
     if side.archive is None:
-        return solo(learner)
+        return solo(exploring(side.learner.network, amount))
     exploiter = side.exploiter.network if side.exploiter else None
-    return opponents.seat(side.archive, plan.opponents, role, learner, plan.dqn.games, exploiter)
+    learner = side.learner.network
+    return opponents.seat(side.archive, plan.opponents, role, learner, amount, plan.learner.games, exploiter)

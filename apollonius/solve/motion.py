@@ -3,13 +3,13 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.game.types import Action, Real, RobotState, Role, Scalar
 
 HORIZON = 20.0
 """Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""
@@ -40,11 +40,11 @@ class Motion(eqx.Module):
         """What is worth 1 after a hold is worth so much before it."""
         return worth_after(self.seconds)
 
-    def step(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+    def step(self, robot: RobotState, action: Action) -> RobotState:
         """The state after one step of the game."""
         return self.body.move(robot, *self.body.controls(action), self.dt)
 
-    def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
+    def hold(self, robot: RobotState, action: Action) -> RobotState:
         """The states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
         controls = self.body.controls(action)
 

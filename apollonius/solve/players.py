@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int, Shaped
 
 from apollonius.agents.policy import AbstractPolicy, AbstractValued
 from apollonius.game.observation import both_states
-from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, GameState, RobotState, Role, Scalar
 from apollonius.solve.contest import Contest
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import last
@@ -109,7 +109,7 @@ def _best_worths(player: AbstractLookahead, states: GameState) -> Float[Array, "
     return jax.vmap(best)(states)
 
 
-def answer_of(contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState) -> Int[Array, ""]:
+def answer_of(contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState) -> Action:
     """The action that the opponent takes, from the states of this side's robot and of its own."""
     state = GameState(*contest.pair(own, other), steps=jnp.zeros((), jnp.int32))
     seen = contest.game.observe(state, Role(1 - contest.role), opponent.observation)

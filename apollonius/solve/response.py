@@ -7,6 +7,9 @@ With b the opponent's action where the robots are, g where it goes and f where t
 The responder knows where the opponent goes, so it may choose for each o' by itself: again two one-sided backups. A hold
 that the responder does not survive is lost, one that the opponent does not survive is won. Where the responder can
 decide the game by a capture that it wants, or cannot help one that it does not want, it is worth that.
+
+On the grid an opponent with continuous actions takes the nearest discrete ones. What comes of it is a table to play by,
+with the opponent's own actions in the hold that comes (`players.ResponsePolicy`), and is judged by the games it wins.
 """
 
 from collections.abc import Callable
@@ -18,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt8
 
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.contest import Contest
@@ -69,7 +73,7 @@ def _answers(contest: Contest, opponent: AbstractPolicy) -> UInt8[Array, "own ot
 
     def at(first: Int[Array, ""], second: Int[Array, ""]) -> UInt8[Array, ""]:
         states = _node(own, first), _node(other, second)
-        return answer_of(contest, opponent, *states).astype(jnp.uint8)
+        return nearest_action(answer_of(contest, opponent, *states)).astype(jnp.uint8)
 
     others = jnp.arange(other.size)
     return jax.lax.map(lambda node: jax.vmap(lambda second: at(node, second))(others), jnp.arange(own.size))

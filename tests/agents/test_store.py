@@ -81,6 +81,7 @@ def test_the_header_says_what_the_agent_was_made_for(agent):
         "observation": "paper",
         "observation_size": 8,
         "num_actions": 9,
+        "network": "values",
         "width": 4,
         "depth": 2,
         "game": GAME,

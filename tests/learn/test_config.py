@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 
 from apollonius.errors import InvalidInput
-from apollonius.learn.config import PRESETS, PROFILES, DQNConfig, RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.learner_config import PROFILES, DQNConfig
 
 SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 

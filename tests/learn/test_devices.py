@@ -110,6 +110,7 @@ def test_half_the_batch_on_each_of_two_devices_is_one_update_on_the_whole():
         reward=jax.random.normal(key, (16,)),
         next_observation=jax.random.normal(jax.random.key(1), (16, size)),
         discount=jnp.full(16, 0.9),
+        following=jnp.zeros((16, size)),
     )
     whole, loss = dqn.update(learner, batch, jnp.asarray(1e-2), DQN)
     halves = jax.tree.map(lambda leaf: leaf.reshape(2, 8, *leaf.shape[1:]), batch)
@@ -141,10 +142,10 @@ def test_the_games_of_all_devices_count():
 def test_a_share_has_as_many_updates_of_fewer_games():
     plan = Plan(DQN, CONFIG.self_play)
     own = share(plan, 2)
-    assert (own.dqn.games, own.dqn.batch, own.stage.env_steps) == (32, 8, 3 * CHUNK // 2)
-    assert own.dqn.steps_per_iteration == plan.dqn.steps_per_iteration
-    assert own.dqn.updates_per_iteration == plan.dqn.updates_per_iteration
-    assert own.dqn.rows == plan.dqn.rows
+    assert (own.learner.games, own.learner.batch, own.stage.env_steps) == (32, 8, 3 * CHUNK // 2)
+    assert own.learner.steps_per_iteration == plan.learner.steps_per_iteration
+    assert own.learner.updates_per_iteration == plan.learner.updates_per_iteration
+    assert own.learner.rows == plan.learner.rows
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from apollonius.agents.network import make_network
 from apollonius.learn import dqn, replay
-from apollonius.learn.config import DQNConfig
+from apollonius.learn.learner_config import DQNConfig
 
 PLAIN = DQNConfig(double=False, averaging=0.25)
 DOUBLE = DQNConfig(double=True, averaging=0.25)
@@ -42,6 +42,7 @@ def random_batch(rng, size=32):
         reward=normal(size),
         next_observation=normal(size, 8),
         discount=jnp.asarray(rng.uniform(size=size), jnp.float32),
+        following=normal(size, 8),
     )
 
 
@@ -73,6 +74,7 @@ def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions(double, next_v
         reward=jnp.array([1.0, -10.0]),
         next_observation=one_hot([1, 1]),
         discount=jnp.array([0.5, 0.0]),
+        following=one_hot([1, 1]),
     )
     errors = [1.0 + 0.5 * next_value - 2.0, -10.0 - 0.0]
     assert dqn.loss(network, target, batch, double) == pytest.approx(np.mean(np.square(errors)))
@@ -99,7 +101,7 @@ def test_targets_and_loss_agree_with_rlax(config):
 def test_the_loss_has_no_gradient_through_the_target():
     """Only the chosen action's value moves, by -2 (target - value) / batch."""
     network = table([row(), row(_1=8.0)])
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]))
+    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]), one_hot([1]))
     gradient = eqx.filter_grad(dqn.loss)(network, network, batch, True).layers[0].weight
     expected = np.zeros((9, 8))
     expected[3, 0] = -2 * (1.0 + 0.5 * 8.0)
@@ -109,7 +111,7 @@ def test_the_loss_has_no_gradient_through_the_target():
 def test_an_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
     learner = dqn.start_from(table([row(_3=2.0)]))
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]))
+    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]), one_hot([1]))
     after, loss = dqn.update(learner, batch, jnp.asarray(0.01), PLAIN)
     assert loss == pytest.approx(98.0**2)
     assert after.network(one_hot(0))[3] == pytest.approx(2.0 + 2 * 0.01, abs=1e-5)  # its weight and its bias
@@ -150,7 +152,7 @@ def chain_values():
 def chain_replay(steps=400, games=8):
     """The replay of random play."""
     rng = np.random.default_rng(0)
-    memory = replay.init(steps, games, 8)
+    memory = replay.init(steps, games, 8, replay.DISCRETE)
     state, age = rng.integers(STATES, size=games), np.zeros(games, int)
     rows = []
     for _ in range(steps):

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.greedy import EpsilonGreedy
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents, replay
 from apollonius.learn.scheme import OpponentConfig
@@ -29,7 +28,7 @@ def played():
 def test_the_exploiter_has_the_last_seats_and_explores_like_the_learner():
     archive = opponents.renew(archive_of(3, CONFIG), CONFIG, jax.random.key(0))
     *_, learner, exploiter = networks(5)
-    players = opponents.seat(archive, CONFIG, Role.PURSUER, EpsilonGreedy(learner, jnp.asarray(0.25)), GAMES, exploiter)
+    players = opponents.seat(archive, CONFIG, Role.PURSUER, learner, jnp.asarray(0.25), GAMES, exploiter)
     assert archive.seats.tolist()[1] == CONFIG.versions
     earlier, last = (jax.tree.map(lambda leaf, at=at: leaf[at], players.seated) for at in (0, 1))
     assert same(last.network, exploiter)
@@ -57,7 +56,7 @@ def test_an_exploiter_learns_from_games_with_the_other_sides_learner_only(played
 
 
 def test_samples_come_from_the_games_that_are_asked_for():
-    memory = replay.init(8, GAMES, 1)
+    memory = replay.init(8, GAMES, 1, replay.DISCRETE)
     numbers = jnp.broadcast_to(jnp.arange(GAMES)[None], (8, GAMES))
     memory = replace(memory, rows=replace(memory.rows, action=numbers), filled=jnp.asarray(8))
     drawn = replay.sample(memory, jax.random.key(0), 4000, 1, 1, 0.9, among=(48, 32)).action

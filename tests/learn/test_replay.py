@@ -58,7 +58,7 @@ def as_rows(history):
 
 
 def remember(history, steps_at_once=1):
-    memory = replay.init(ROWS, GAMES, size=2)
+    memory = replay.init(ROWS, GAMES, size=2, action=replay.DISCRETE)
     for time in range(0, len(history), steps_at_once):
         memory = add(memory, as_rows(history[time : time + steps_at_once]))
     return memory

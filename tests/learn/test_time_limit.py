@@ -28,7 +28,7 @@ def targets(profile, role):
     part = played.pursuer if role == Role.PURSUER else played.evader
     assert set(np.unique(played.outcome[LIMIT - 1 :: LIMIT])) == {Outcome.NO_RESULT}
     memory = replay.add(
-        replay.init(4 * LIMIT, GAMES, part.observation.shape[-1]),
+        replay.init(4 * LIMIT, GAMES, part.observation.shape[-1], replay.DISCRETE),
         replay.Row(
             part.observation, part.action, part.reward, part.next_observation, played.terminated, played.truncated
         ),

@@ -5,7 +5,8 @@ from dataclasses import replace
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
-from apollonius.learn.config import DQNConfig, RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.state import Plan
 
 CHUNK = 8192

@@ -1,0 +1,48 @@
+"""Players that act by a distribution over pairs of gears: its middle, or drawn from it."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, UInt32
+
+from apollonius.agents.network import GaussianActor
+from apollonius.agents.policy import AbstractContinuous
+from apollonius.game.types import Scalar
+
+
+class SquashedMean(AbstractContinuous):
+    """The hyperbolic tangents of the means: what a trained agent does when it counts."""
+
+    network: GaussianActor
+
+    @property
+    def observation(self) -> str:
+        """The network's observation profile."""
+        return self.network.observation
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+        return jnp.tanh(self.network(observation)[0])
+
+
+class SquashedGaussian(AbstractContinuous):
+    """Drawn from the distributions, their standard deviations multiplied by `spread`: by 0 it is `SquashedMean`."""
+
+    network: GaussianActor
+    spread: Scalar
+
+    @property
+    def observation(self) -> str:
+        """The network's observation profile."""
+        return self.network.observation
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+        mean, deviation = self.network(observation)
+        return jnp.tanh(mean + self.spread * deviation * normal_pair(word))
+
+
+def normal_pair(word: UInt32[Array, ""]) -> Float[Array, "2"]:
+    """Two independent standard normal numbers from the halves of a random word (Box and Muller, 1958).
+
+    The upper half says how far, the lower half where to; none is beyond 4.9.
+    """
+    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in (word >> 16, word & 0xFFFF))
+    radius, angle = jnp.sqrt(-2 * jnp.log(upper)), 2 * jnp.pi * lower
+    return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])

@@ -1,0 +1,134 @@
+"""What a stage of training asks of an algorithm: a few pure functions, chosen by the kind of its configuration."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.agents.network import GaussianActor, Network, QNetwork
+from apollonius.errors import require
+from apollonius.game.types import Scalar
+from apollonius.learn import dqn, sac
+from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
+from apollonius.learn.replay import CONTINUOUS, DISCRETE, Batch
+from apollonius.learn.schedule import linear
+
+Learner = dqn.Learner | sac.Learner
+"""One side's networks and optimisers. All have `network`, which plays while it learns, `average`, which plays when it
+counts, and `updates`, their number so far."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where in a stage an update is made.
+
+    Attributes:
+        env_steps: played so far, those of this iteration included.
+        stage: env steps of the whole stage.
+        across: axis of the devices that share the stage, each with a batch of its own; None if there is one.
+    """
+
+    env_steps: Int[Array, ""]
+    stage: int
+    across: str | None = None
+
+    def between(self, first: float, last: float) -> Scalar:
+        """What goes from the first number to the last one, in a straight line over the stage."""
+        return linear(first, last, self.stage, self.env_steps)
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """How a side learns.
+
+    Attributes:
+        network: class of what its agents play by.
+        action: shape and number type of its actions.
+        init: a learner from scratch. The key is consumed.
+        start_from: a learner that goes on from a network, which is copied. The key is consumed.
+        branch: a learner that goes on from what another plays when it counts.
+        update: a learner after one update from a batch, and its loss. The key is consumed.
+        after_updates: a learner at the end of an iteration.
+        exploration: how much an agent explores that begins with a given share of random actions.
+    """
+
+    network: type[Network]
+    action: jax.ShapeDtypeStruct
+    init: Callable[[Any, PRNGKeyArray], Learner]
+    start_from: Callable[[Any, Any, PRNGKeyArray], Learner]
+    branch: Callable[[Any], Learner]
+    update: Callable[[Any, Batch, PRNGKeyArray, Any, Moment], tuple[Learner, Scalar]]
+    after_updates: Callable[[Any, Any, Int[Array, ""]], Learner]
+    exploration: Callable[[Any, float, int, Int[Array, ""]], Scalar]
+
+
+def algorithm_of(config: LearnerConfig) -> Algorithm:
+    """The algorithm that a configuration is of."""
+    return ALGORITHMS[type(config)]
+
+
+def require_fitting(network: Network, config: LearnerConfig, name: str, value: object) -> None:
+    """Refuse a network that is not of the kind a configuration trains.
+
+    Args:
+        name, value: what the user gave, for the message.
+
+    Raises:
+        InvalidInput: naming both kinds.
+    """
+    made_for = (network.observation, len(network.layers) - 1, network.layers[0].out_features)
+    wanted = (config.observation, config.depth, config.width)
+    bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
+    require(made_for == wanted, name, value, bound)
+    kind = algorithm_of(config).network
+    require(isinstance(network, kind), name, value, f"a {kind.__name__} as this config trains")
+
+
+def _update_values(
+    learner: dqn.Learner, batch: Batch, key: PRNGKeyArray, config: DQNConfig, moment: Moment
+) -> tuple[dqn.Learner, Scalar]:
+    rate = moment.between(config.learning_rate, config.final_learning_rate)
+    return dqn.update(learner, batch, rate, config, moment.across)
+
+
+def _copy_when_due(learner: dqn.Learner, config: DQNConfig, env_steps: Int[Array, ""]) -> dqn.Learner:
+    due = env_steps // config.target_period > (env_steps - config.env_steps_per_iteration) // config.target_period
+    return dqn.copy_to_target(learner, due)
+
+
+def _update_actor(
+    learner: sac.Learner, batch: Batch, key: PRNGKeyArray, config: SACConfig, moment: Moment
+) -> tuple[sac.Learner, Scalar]:
+    rate = moment.between(config.learning_rate, config.final_learning_rate)
+    entropy = moment.between(config.target_entropy, config.final_target_entropy)
+    return sac.update(learner, batch, key, rate, entropy, config, moment.across)
+
+
+ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
+    DQNConfig: Algorithm(
+        network=QNetwork,
+        action=DISCRETE,
+        init=dqn.init,
+        start_from=lambda config, network, key: dqn.start_from(network),
+        branch=lambda learner: dqn.start_from(learner.average),
+        update=_update_values,
+        after_updates=_copy_when_due,
+        exploration=lambda config, first, stage, env_steps: linear(
+            first, config.final_epsilon, config.exploration_fraction * stage, env_steps
+        ),
+    ),
+    SACConfig: Algorithm(
+        network=GaussianActor,
+        action=CONTINUOUS,
+        init=sac.init,
+        start_from=sac.start_from,
+        branch=sac.branch,
+        update=_update_actor,
+        after_updates=lambda learner, config, env_steps: learner,
+        exploration=lambda config, first, stage, env_steps: jnp.ones(()),
+    ),
+}
+"""By the kind of their configuration. The actors of `SACConfig` explore by the entropy that they keep."""

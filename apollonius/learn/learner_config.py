@@ -1,0 +1,158 @@
+"""How a side learns: what all algorithms share, deep Q-learning, soft actor-critic."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from apollonius.errors import require, require_positive
+
+
+@dataclass(frozen=True)
+class LearnerConfig:
+    """What all algorithms share. Intervals are in environment steps: one step of one game."""
+
+    observation: Literal["paper", "encoded"] = "encoded"
+    """What the network reads: the 8 numbers of Eq. 7, or the encoded profile."""
+    width: int = 256
+    """Units of each hidden layer (Fig. 3)."""
+    depth: int = 4
+    """Number of hidden layers (Fig. 3)."""
+    gamma: float = 0.99
+    """Discount of a step (section IV)."""
+    n_step: int = 16
+    """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
+    final_n_step: int = 4
+    """The same at the end of a stage, reached in a straight line: less noise, and the best action is taken for granted
+    rather than the one that was explored (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
+    learning_rate: float = 5e-4
+    """Adam's step size at the start of a stage."""
+    final_learning_rate: float = 2e-5
+    """Adam's step size at the end of a stage, reached in a straight line."""
+    averaging: float = 3e-4
+    """Part of the way that the averaged weights go towards the network at each update; 1 plays the network itself."""
+    batch: int = 256
+    """Transitions in an update."""
+    env_steps_per_update: int = 512
+    """Env steps between two updates of each learner."""
+    games: int = 512
+    """Games played at a time."""
+    replay_capacity: int = 524_288
+    """Transitions kept."""
+    learning_starts: int = 40_000
+    """Env steps before the first update."""
+
+    def __post_init__(self) -> None:
+        require_positive(
+            self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
+        )
+        require_positive(self, "games", "replay_capacity")
+        require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
+        require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
+        require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
+        rates = 0 < self.final_learning_rate <= self.learning_rate < 1
+        require(rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1")
+        shape = (self.games, self.env_steps_per_update)
+        require(
+            max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
+            f"a multiple or a divisor of games = {self.games}",
+        )  # fmt: skip
+        require(
+            self.rows >= 2 * (self.n_step + self.steps_per_iteration), "replay_capacity", self.replay_capacity,
+            f"at least {2 * (self.n_step + self.steps_per_iteration) * self.games} for these games and n_step",
+        )  # fmt: skip
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """Steps every game plays between two rounds of updates."""
+        return max(1, self.env_steps_per_update // self.games)
+
+    @property
+    def updates_per_iteration(self) -> int:
+        """Updates in a round."""
+        return max(1, self.games // self.env_steps_per_update)
+
+    @property
+    def env_steps_per_iteration(self) -> int:
+        """Env steps of all games between two rounds of updates."""
+        return self.steps_per_iteration * self.games
+
+    @property
+    def rows(self) -> int:
+        """Time steps the replay holds: the capacity, rounded down to whole iterations."""
+        return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
+
+
+@dataclass(frozen=True)
+class DQNConfig(LearnerConfig):
+    """Deep Q-learning (section II-B), for the nine discrete actions."""
+
+    double: bool = True
+    """Let the online network choose and the target network value the next action (double Q-learning)."""
+    target_period: int = 128_000
+    """Env steps between two copies of the network to the target network (C in Algorithms 1 and 2)."""
+    final_epsilon: float = 0.02
+    """Share of random actions once exploration has settled."""
+    exploration_fraction: float = 0.2
+    """Part of a stage over which the share of random actions falls to its final value."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "target_period")
+        require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
+        require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
+
+
+@dataclass(frozen=True)
+class SACConfig(LearnerConfig):
+    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of gears.
+
+    The temperature is that paper's second version's: so large that the actions keep the wanted entropy.
+    """
+
+    width: int = 256
+    depth: int = 3
+    final_n_step: int = 4
+    averaging: float = 1e-3
+    target_averaging: float = 5e-3
+    """Part of the way that the target critics go towards the critics at each update (tau)."""
+    target_entropy: float = -2.0
+    """Entropy of the actions of a state that the temperature keeps up on average [nats, of gears in [-1, 1]]; fully
+    random ones have 1.4."""
+    final_target_entropy: float = -2.0
+    """The same at the end of a stage, reached in a straight line."""
+    first_temperature: float = 0.1
+    """The temperature before the first update."""
+    critics_first: int = 500
+    """Updates of the critics alone before the actor learns: from a given actor, they begin from random weights."""
+    smoothness: float = 0.0
+    """Weight in the actor's loss of the mean squared change of its gears from one step to the next (the temporal term
+    of CAPS: Mysore et al., "Regularizing action policies for smooth control", 2021)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "target_averaging", "first_temperature")
+        require(self.target_averaging <= 1, "target_averaging", self.target_averaging, "at most 1")
+        entropies = self.final_target_entropy <= self.target_entropy < 1.38
+        require(entropies, "target_entropy", self.target_entropy, "from final_target_entropy to 1.38: of random gears")
+        require(self.critics_first >= 0, "critics_first", self.critics_first, "at least 0")
+        require(self.smoothness >= 0, "smoothness", self.smoothness, "at least 0")
+
+
+PROFILES: dict[str, DQNConfig] = {
+    "fast": DQNConfig(),
+    "paper": DQNConfig(
+        observation="paper",
+        double=False,
+        n_step=1,
+        final_n_step=1,
+        learning_rate=1e-4,
+        final_learning_rate=1e-4,
+        batch=32,
+        env_steps_per_update=1,
+        averaging=1.0,
+        target_period=1_000,
+        games=1,
+        learning_starts=10_000,
+        final_epsilon=0.05,
+    ),
+}
+"""`fast`: the default. `paper`: plain DQN as printed (Eq. 3, section IV, Algorithms 1 and 2)."""

@@ -1,0 +1,184 @@
+"""Soft actor-critic with twin critics and a temperature of its own: targets, losses, one update.
+
+Haarnoja et al., "Soft actor-critic algorithms and applications" (2018); equation numbers are that paper's.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from apollonius.agents.network import GaussianActor, Layers, apply_to_batch, make_actor, make_layers
+from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.types import Scalar
+from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.replay import Batch
+
+Gears = Float[Array, "batch 2"]
+
+
+class Critics(eqx.Module):
+    """Two estimates of what an action is worth, of which the lower one counts."""
+
+    first: Layers
+    second: Layers
+
+    def batch(self, observations: Float[Array, "batch size"], actions: Gears) -> Float[Array, "2 batch"]:
+        """Both values of an action in every state."""
+        inputs = jnp.concatenate([observations, actions], axis=1)
+        return jnp.stack([apply_to_batch(layers, inputs)[:, 0] for layers in (self.first, self.second)])
+
+
+class Learner(eqx.Module):
+    """One side's networks and optimisers. `updates` counts the updates so far.
+
+    `average` is the running average of the actor's weights: the one that plays when it counts. `target` is that of the
+    critics. `log_temperature` is the logarithm of alpha.
+    """
+
+    network: GaussianActor
+    average: GaussianActor
+    critics: Critics
+    target: Critics
+    log_temperature: Scalar
+    optimiser: optax.OptState
+    updates: Int[Array, ""]
+
+
+_adam = optax.scale_by_adam()
+
+
+def init(config: SACConfig, key: PRNGKeyArray) -> Learner:
+    """A learner from scratch. The key is consumed."""
+    actor_key, critic_key = jax.random.split(key)
+    return start_from(config, make_actor(config.observation, config.width, config.depth, actor_key), critic_key)
+
+
+def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> Learner:
+    """A learner that goes on from a copy of an actor; its critics begin from random weights. The key is consumed."""
+    sizes = [OBSERVATION_SIZES[config.observation] + 2, *[config.width] * config.depth, 1]
+    critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
+    return _fresh(actor, critics, jnp.log(config.first_temperature))
+
+
+def branch(learner: Learner) -> Learner:
+    """A learner that goes on from copies of another's averaged actor, critics and temperature."""
+    return _fresh(learner.average, learner.critics, learner.log_temperature)
+
+
+def _fresh(actor: GaussianActor, critics: Critics, log_temperature: Scalar) -> Learner:
+    network, average, critics, target = (jax.tree.map(jnp.copy, part) for part in (actor, actor, critics, critics))
+    log_temperature = jnp.asarray(log_temperature, jnp.float32) + 0.0
+    weights: Any = (network, critics, log_temperature)
+    optimiser = _adam.init(weights)
+    return Learner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
+
+
+def draw(actor: GaussianActor, observations: Float[Array, "batch size"], noise: Gears) -> tuple[Gears, Array]:
+    """Actions drawn by the actor, as functions of its weights, and the logarithms of their densities (Eq. 20).
+
+    With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm is written as
+    2 (log 2 - u - softplus(-2 u)), which neither overflows nor loses its digits far out.
+
+    Args:
+        noise: standard normal numbers.
+
+    Returns:
+        Gears, and log densities `[batch]`.
+    """
+    mean, deviation = actor.batch(observations)
+    before = mean + deviation * noise
+    normal = -0.5 * noise**2 - jnp.log(deviation) - 0.5 * jnp.log(2 * jnp.pi)
+    squashing = 2 * (jnp.log(2.0) - before - jax.nn.softplus(-2 * before))
+    return jnp.tanh(before), jnp.sum(normal - squashing, axis=1)
+
+
+def soft_target(
+    reward: Scalar, discount: Scalar, next_values: Float[Array, "2"], log_density: Scalar, temperature: Scalar
+) -> Scalar:
+    """`reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5).
+
+    Over several steps the entropy on the way is left out, so it is valued at the states that values are read at only.
+
+    Args:
+        reward: of one or more steps.
+        discount: of the value at s'; 0 where the game ended by its rules.
+        next_values: both target critics' values of an action a' drawn at s'.
+        log_density: of that action.
+        temperature: alpha.
+    """
+    return reward + discount * (jnp.min(next_values) - temperature * log_density)
+
+
+def critics_loss(critics: Critics, batch: Batch, targets: Float[Array, " batch"]) -> Scalar:
+    """Mean squared error of both critics against the same targets, added up (Eq. 5)."""
+    values = critics.batch(batch.observation, batch.action)
+    return jnp.sum(jnp.mean((values - targets[None]) ** 2, axis=1))
+
+
+def actor_loss(
+    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Gears, smoothness: float
+) -> tuple[Scalar, Scalar]:
+    """Mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the price of changing the gears.
+
+    That is `smoothness` times the mean squared difference between the middle actions of a state and of the one that
+    came a step later (the temporal term of CAPS).
+
+    Returns:
+        The loss, and the mean log density of the actions drawn.
+    """
+    actions, log_density = draw(actor, batch.observation, noise)
+    loss = jnp.mean(temperature * log_density - jnp.min(critics.batch(batch.observation, actions), axis=0))
+    if smoothness > 0:
+        here, later = (jnp.tanh(actor.batch(seen)[0]) for seen in (batch.observation, batch.following))
+        loss = loss + smoothness * jnp.mean(jnp.sum((later - here) ** 2, axis=1))
+    return loss, jnp.mean(log_density)
+
+
+def update(
+    learner: Learner,
+    batch: Batch,
+    key: PRNGKeyArray,
+    learning_rate: Scalar,
+    target_entropy: Scalar,
+    config: SACConfig,
+    across: str | None = None,
+) -> tuple[Learner, Scalar]:
+    """The learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
+
+    Args:
+        target_entropy: what the mean entropy of the actions is kept at.
+        across: axis of devices, each with a batch of its own; all take the step of all batches together.
+    """
+    noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
+    temperature = jnp.exp(learner.log_temperature)
+    next_action, next_density = draw(learner.network, batch.next_observation, next_noise)
+    next_values = learner.target.batch(batch.next_observation, next_action)
+    targets = jax.vmap(soft_target, in_axes=(0, 0, 1, 0, None))(
+        batch.reward, batch.discount, next_values, next_density, temperature
+    )
+    loss, of_critics = eqx.filter_value_and_grad(critics_loss)(learner.critics, batch, jax.lax.stop_gradient(targets))
+    (_, log_density), of_actor = eqx.filter_value_and_grad(actor_loss, has_aux=True)(
+        learner.network, learner.critics, temperature, batch, noise, config.smoothness
+    )
+    of_temperature = -(log_density + target_entropy)  # Eq. 18, by the logarithm of alpha
+    gradient: Any = (of_actor, of_critics, of_temperature)
+    if across is not None:
+        loss, gradient = jax.lax.pmean((loss, gradient), across)
+    direction: Any
+    direction, optimiser = _adam.update(gradient, learner.optimiser)
+    of_actor, of_critics, of_temperature = direction
+    acts = (learner.updates >= config.critics_first).astype(jnp.float32)
+    network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -acts * learning_rate * step, of_actor))
+    critics = eqx.apply_updates(learner.critics, jax.tree.map(lambda step: -learning_rate * step, of_critics))
+
+    def towards(old: Array, new: Array, part: float) -> Array:
+        return old + part * (new - old)
+
+    average = jax.tree.map(lambda old, new: towards(old, new, config.averaging), learner.average, network)
+    target = jax.tree.map(lambda old, new: towards(old, new, config.target_averaging), learner.target, critics)
+    log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
+    return Learner(network, average, critics, target, log_temperature, optimiser, learner.updates + 1), loss
