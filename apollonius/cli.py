@@ -16,6 +16,7 @@ from apollonius.commands.regret import add_regret
 from apollonius.commands.report import add_report
 from apollonius.commands.reproduce import add_reproduce
 from apollonius.commands.show import add_show
+from apollonius.commands.simulate import add_simulate
 from apollonius.commands.slice import add_slice
 from apollonius.commands.solve import add_solve
 from apollonius.commands.tournament import add_tournament
@@ -23,8 +24,8 @@ from apollonius.commands.train import add_resume, add_train
 from apollonius.errors import InvalidInput
 
 COMMANDS = (
-    add_train, add_resume, add_evaluate, add_tournament, add_exploit, add_solve, add_regret, add_show, add_slice,
-    add_report, add_play, add_arena, add_export, add_reproduce, add_bench,
+    add_train, add_resume, add_evaluate, add_simulate, add_tournament, add_exploit, add_solve, add_regret, add_show,
+    add_slice, add_report, add_play, add_arena, add_export, add_reproduce, add_bench,
 )  # fmt: skip
 """In the order of the help."""
 

@@ -22,7 +22,7 @@ from apollonius.errors import InvalidInput, require
 from apollonius.game.dynamics import gears, is_continuous
 from apollonius.game.game import Game
 from apollonius.game.record import from_dict, to_dict
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState
+from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
 from apollonius.rollout import begin, random_words, step_games
 
 FORMAT = 1
@@ -68,12 +68,16 @@ def _actions(
     def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"] | Float[Array, "2 2"]]:
         words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
-        both = [side.action[0] for side in (transition.pursuer, transition.evader)]
-        if any(map(is_continuous, both)):
-            both = [jnp.stack(gears(action)) for action in both]
-        return after, jnp.stack(both)
+        return after, together(transition.pursuer.action[0], transition.evader.action[0])
 
     return jax.lax.scan(one_step, games, None, length)[1]
+
+
+def together(pursuer: Action, evader: Action) -> Int[Array, "2"] | Float[Array, "2 2"]:
+    """Both sides' actions as one array: gears, where one of them is continuous."""
+    if is_continuous(pursuer) or is_continuous(evader):
+        return jnp.stack([jnp.stack(gears(action)) for action in (pursuer, evader)])
+    return jnp.stack([pursuer, evader])
 
 
 @jax.jit

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
+from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
 from apollonius.agents.policy import Pool, Seated
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Outcome, Role
@@ -51,6 +52,7 @@ class Player(eqx.Module):
 
     member: Int[Array, " games"]
     episode_return: Float[Array, " games"]
+    handicap: Handicap | None = None
 
 
 class Games(eqx.Module):
@@ -61,56 +63,65 @@ class Games(eqx.Module):
     evader: Player
 
 
-def begin(starts: GameState, pursuer: Players, evader: Players, words: UInt32[Array, "2 games"]) -> Games:
+def begin(
+    starts: GameState,
+    pursuer: Players,
+    evader: Players,
+    words: UInt32[Array, "2 games"],
+    disturbance: Disturbance = NONE,
+) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    return Games(starts, _seat(pursuer, words[0]), _seat(evader, words[1]))
+    return Games(starts, _seat(pursuer, words[0], disturbance), _seat(evader, words[1], disturbance))
 
 
-def _seat(players: Players, words: UInt32[Array, " games"]) -> Player:
-    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32))
+def _seat(players: Players, words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
+    handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(words, disturbance)
+    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32), handicap)
 
 
 def step_games(
-    game: Game, pursuer: Players, evader: Players, games: Games, words: UInt32[Array, "2 games"]
+    game: Game,
+    pursuer: Players,
+    evader: Players,
+    games: Games,
+    words: UInt32[Array, "2 games"],
+    disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
-    sees = jax.vmap(game.observe, in_axes=(0, None, None))
-    state = games.state
-    pursuer_sees = sees(state, Role.PURSUER, pursuer.observation)
-    evader_sees = sees(state, Role.EVADER, evader.observation)
-    pursuer_action = pursuer.act(games.pursuer.member, pursuer_sees, words[0])
-    evader_action = evader.act(games.evader.member, evader_sees, words[1])
-    after = jax.vmap(game.step)(state, pursuer_action, evader_action)
-    pursuer_return = games.pursuer.episode_return + after.pursuer_reward
-    evader_return = games.evader.episode_return + after.evader_reward
-    transition = Transition(
-        pursuer=Side(
-            pursuer_sees,
-            pursuer_action,
-            after.pursuer_reward,
-            sees(after.state, Role.PURSUER, pursuer.observation),
-            pursuer_return,
-            games.pursuer.member,
-        ),
-        evader=Side(
-            evader_sees,
-            evader_action,
-            after.evader_reward,
-            sees(after.state, Role.EVADER, evader.observation),
-            evader_return,
-            games.evader.member,
-        ),
-        outcome=after.outcome,
-        terminated=after.terminated,
-        truncated=after.truncated,
+
+    both = ((Role.PURSUER, pursuer, games.pursuer), (Role.EVADER, evader, games.evader))
+
+    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> list[Float[Array, "games _"]]:
+        blurs, looks = (0, 0, None), (0, None, None)
+        seen = [jax.vmap(blurred, in_axes=blurs)(state, words[role], disturbance) for role, *_ in both]
+        return [jax.vmap(game.observe, in_axes=looks)(seen[role], role, side.observation) for role, side, _ in both]
+
+    seen = sees(games.state, words)
+    actions = [side.act(player.member, seen[role], words[role]) for role, side, player in both]
+    handicaps = games.pursuer.handicap, games.evader.handicap
+    after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(
+        game, games.state, handicaps, (actions[0], actions[1])
     )
-    return Games(
-        after.state, Player(games.pursuer.member, pursuer_return), Player(games.evader.member, evader_return)
-    ), transition
+    rewards, next_seen = (after.pursuer_reward, after.evader_reward), sees(after.state, ~words)
+    returns = [player.episode_return + rewards[role] for role, _, player in both]
+    sides = [
+        Side(seen[role], actions[role], rewards[role], next_seen[role], returns[role], player.member)
+        for role, _, player in both
+    ]
+    players = [Player(player.member, returns[role], handicaps[role]) for role, _, player in both]
+    transition = Transition(*sides, outcome=after.outcome, terminated=after.terminated, truncated=after.truncated)
+    return Games(after.state, *players), transition
 
 
 def collect(
-    game: Game, pursuer: Players, evader: Players, games: Games, starts: GameState, key: PRNGKeyArray, steps: int
+    game: Game,
+    pursuer: Players,
+    evader: Players,
+    games: Games,
+    starts: GameState,
+    key: PRNGKeyArray,
+    steps: int,
+    disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
@@ -119,6 +130,7 @@ def collect(
             row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
         key: consumed.
         steps: how many steps each game plays.
+        disturbance: how the robots depart from those of the rules; the games must have begun with the same.
 
     Returns:
         The games as they then stand, and the transitions, leaves `[steps, games]`.
@@ -134,11 +146,11 @@ def collect(
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         words, fresh_words = draw(jax.random.fold_in(key, step))
-        after, transition = step_games(game, pursuer, evader, games, words)
+        after, transition = step_games(game, pursuer, evader, games, words, disturbance)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(fresh_state, pursuer, evader, fresh_words)
-        return jax.tree.map(lambda new, old: jnp.where(over, new, old), fresh, after), transition
+        fresh = begin(fresh_state, pursuer, evader, fresh_words, disturbance)
+        return jax.vmap(_anew)(over, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
@@ -219,7 +231,7 @@ def play_out(
         watched = jax.vmap(_anew, in_axes=(0, None, 0))(over, unwatched, watched)
         taken = jnp.cumsum(over.astype(jnp.int32))
         next_index = jnp.where(over, upcoming + taken - 1, index)
-        games = jax.tree.map(lambda new, old: jnp.where(over, new, old), load(next_index), after)
+        games = jax.vmap(_anew)(over, load(next_index), after)
         return games, watched, next_index, upcoming + taken[-1], results
 
     first = jnp.arange(slots)

@@ -11,7 +11,8 @@ LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
-    "errors matrix_game game agents rollout replay solve learn evaluate show experiments adapters web bench terminal"
+    "errors matrix_game game agents rollout replay solve learn evaluate bodies show experiments adapters web bench "
+    "terminal"
 )
 MAY_IMPORT = {
     "errors": "",
@@ -23,10 +24,11 @@ MAY_IMPORT = {
     "solve": "errors game agents",
     "learn": "errors matrix_game game agents rollout",
     "evaluate": "errors matrix_game game agents rollout replay solve",
+    "bodies": "errors matrix_game game agents rollout replay solve evaluate",
     "show": "errors matrix_game game agents rollout replay solve evaluate",
     "adapters": "errors matrix_game game agents rollout replay solve evaluate show",
     "web": "errors game agents",
-    "experiments": "errors matrix_game game agents rollout replay solve learn evaluate show",
+    "experiments": "errors matrix_game game agents rollout replay solve learn evaluate bodies show",
     "bench": "errors matrix_game game agents rollout replay solve learn evaluate",
     "terminal": "errors matrix_game game agents rollout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,

@@ -14,6 +14,7 @@ import pytest
 from jaxtyping import Array
 from scipy import stats
 
+from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.arena import Arena, Disc
@@ -248,3 +249,24 @@ def test_play_out_draws_members_uniformly():
     outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
     stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
     assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
+
+
+def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
+    """A pursuer that always speeds up stays at rest for as many steps as its commands are late."""
+    disturbance = Disturbance(delay=2)
+
+    @jax.jit
+    def played_late(starts, key):
+        words = jax.random.bits(key, (2, GAMES), jnp.uint32)
+        sides = pursuers(7), evaders(RANDOM)
+        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), *sides, words, disturbance)
+        return games, *collect(GAME, *sides, games, starts, key, STEPS, disturbance)
+
+    first, last, transitions = numpy(played_late(random_starts(), jax.random.key(3)))
+    at_rest = transitions.pursuer.next_observation[..., 2] == -1
+    delays = first.pursuer.handicap.delay
+    assert set(delays) == {0, 1, 2}
+    np.testing.assert_array_equal(np.argmin(at_rest, axis=0), delays)
+    renewed = last.pursuer.handicap.delay[over(transitions).any(axis=0)]
+    assert len(renewed) > 20
+    assert np.any(renewed != delays[over(transitions).any(axis=0)])

@@ -5,7 +5,7 @@ from math import sqrt
 
 import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.stats` alone takes 0.4 s
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -37,6 +37,20 @@ def difference_interval(first: float, second: float, trials: int) -> tuple[float
     below = sqrt((first - low_1) ** 2 + (high_2 - second) ** 2)
     above = sqrt((high_1 - first) ** 2 + (second - low_2) ** 2)
     return first - second - below, first - second + above
+
+
+def paired_difference_interval(
+    first: Bool[np.ndarray, " trials"], second: Bool[np.ndarray, " trials"]
+) -> tuple[float, float]:
+    """95 % interval of the difference of two rates, `first - second`, over pairs of trials that belong together.
+
+    Bonett and Price's adjusted Wald interval ("Adjusted Wald confidence interval for a difference of binomial
+    proportions based on paired data", 2012): of the pairs that differ, with one added to either kind.
+    """
+    trials = len(first) + 2
+    more, less = ((int(np.sum(one & ~other)) + 1) / trials for one, other in ((first, second), (second, first)))
+    reach = 1.959964 * sqrt((more + less - (more - less) ** 2) / trials)
+    return max(more - less - reach, -1.0), min(more - less + reach, 1.0)
 
 
 def seeds_interval(values: Sequence[float]) -> tuple[float, float]:

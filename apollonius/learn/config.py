@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Literal
 
+from apollonius.agents.disturbance import Disturbance
 from apollonius.errors import require, require_positive
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -29,6 +30,8 @@ class StageConfig:
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
     """Games in each of them, always from the same starts."""
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    """How the robots of both sides depart from those of the rules while training; by default not at all."""
 
     def __post_init__(self) -> None:
         require_positive(self, "env_steps", "evaluations", "evaluation_games")

@@ -72,9 +72,8 @@ def _iterate(
     ]
     pursuers = players(plan, Role.PURSUER, state.pursuer, pursuer, amounts[0])
     evaders = players(plan, Role.EVADER, state.evader, evader, amounts[1])
-    games, transitions = collect(
-        game, pursuers, evaders, state.games, starts, play_key, plan.learner.steps_per_iteration
-    )
+    steps, disturbance = plan.learner.steps_per_iteration, plan.stage.disturbance
+    games, transitions = collect(game, pursuers, evaders, state.games, starts, play_key, steps, disturbance)
     env_steps = state.env_steps + plan.learner.env_steps_per_iteration
     pursuer_side, pursuer_loss = _learn(plan, state.pursuer, transitions, Role.PURSUER, env_steps, pursuer_key)
     evader_side, evader_loss = _learn(plan, state.evader, transitions, Role.EVADER, env_steps, evader_key)

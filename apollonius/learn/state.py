@@ -113,7 +113,7 @@ def start(
     chaser, pursuers = _side(plan, Role.PURSUER, pursuer)
     runner, evaders = _side(plan, Role.EVADER, evader)
     return TrainState(
-        games=begin(reset_batch(game, start_key, games), pursuers, evaders, words),
+        games=begin(reset_batch(game, start_key, games), pursuers, evaders, words, plan.stage.disturbance),
         pursuer=chaser,
         evader=runner,
         key=train_key,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import mean_band, wilson_interval
+from apollonius.evaluate.statistics import mean_band, paired_difference_interval, wilson_interval
 
 Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
@@ -61,3 +61,14 @@ def test_the_band_holds_the_true_mean_as_often_as_it_says(seeds):
 def test_a_lone_seed_has_no_band():
     with pytest.raises(ValueError, match="1 seeds"):
         mean_band(np.zeros((1, 4)))
+
+
+@pytest.mark.parametrize(("both", "first", "second"), [(0.3, 0.1, 0.05), (0.0, 0.02, 0.02), (0.5, 0.0, 0.3)])
+def test_the_interval_of_a_paired_difference_holds_it_as_often_as_it_says(both, first, second):
+    """Of rates that something happened in both of a pair, in the first alone, in the second alone."""
+    trials, generator, covered = 200, np.random.default_rng(0), []
+    kinds = generator.choice(4, size=(2000, trials), p=[both, first, second, 1 - both - first - second])
+    for kind in kinds:
+        low, high = paired_difference_interval((kind == 0) | (kind == 1), (kind == 0) | (kind == 2))
+        covered.append(low <= first - second <= high)
+    assert 0.94 <= np.mean(covered) <= 0.99

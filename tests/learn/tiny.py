@@ -1,6 +1,6 @@
 """The smallest training that still has everything in it: two stages of four chunks, seconds in all."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
@@ -42,6 +42,4 @@ GAME = replace(
     starts=Starts(clearance=0.8, separation=2.5),
 )
 """Neither robot can stop, so that all kinds of outcomes are common, though none within 8 steps of the start."""
-RUN = RunConfig(
-    game=GAME, dqn=DQN, fixed_target=STAGE, self_play=SelfPlayConfig(**asdict(replace(STAGE, progress=1.0)))
-)
+RUN = RunConfig(game=GAME, dqn=DQN, fixed_target=STAGE, self_play=SelfPlayConfig(**vars(replace(STAGE, progress=1.0))))

@@ -1,0 +1,131 @@
+"""Between a player and its robot: senses that err, commands that come late, drives weaker or slower than the rules say.
+
+Training that meets many such robots learns to leave room for the one it will drive: domain randomisation (Tobin et al.,
+2017; of dynamics Peng et al., "Sim-to-Real Transfer of Robotic Control with Dynamics Randomization", 2018). The rules
+know nothing of it, and the judge does not use it.
+"""
+
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt32
+
+from apollonius.errors import require
+from apollonius.game.dynamics import Unicycle, wrap_angle
+from apollonius.game.game import Game
+from apollonius.game.types import Action, GameState, Real, RobotState, Scalar, Timestep
+
+_HANDICAP, _NOISE = 1, 2
+"""What a random word is used for besides the player's own use of it."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """How robots in training depart from those of the rules. Each robot of each game has its own, drawn anew."""
+
+    delay: int = 0
+    """Commands are late by a number of steps drawn from 0 to this."""
+    limits: float = 0.0
+    """The largest acceleration and turn rate are multiplied by numbers drawn from 1 - this to 1 + this, the top speed
+    by one from 1 - this to 1."""
+    turn_time: float = 0.0
+    """The drive takes a time drawn from 0 to this to change its turn rate by u2_max [s]."""
+    position_noise: float = 0.0
+    """Standard deviation of the error of a seen x or y [m], new in every step, as of the two below."""
+    speed_noise: float = 0.0
+    """The same of a speed [m/s]."""
+    heading_noise: float = 0.0
+    """The same of a heading [rad]."""
+
+    def __post_init__(self) -> None:
+        require(0 <= self.delay <= 100, "delay", self.delay, "from 0 to 100 steps")
+        require(0 <= self.limits < 1, "limits", self.limits, "at least 0 and less than 1")
+        for name in ("turn_time", "position_noise", "speed_noise", "heading_noise"):
+            require(0 <= getattr(self, name) < 1e3, name, getattr(self, name), "at least 0 and less than 1000")
+
+    @property
+    def blurs(self) -> bool:
+        """Whether what is seen has errors."""
+        return self.position_noise > 0 or self.speed_noise > 0 or self.heading_noise > 0
+
+
+NONE = Disturbance()
+"""Robots as the rules have them."""
+
+
+class Handicap(eqx.Module):
+    """One robot's departure from the rules in one game, and what of its past still matters.
+
+    Attributes:
+        delay: by how many steps its commands are late.
+        factors: of its top speed, largest acceleration and largest turn rate.
+        turn_time: what it takes to change its turn rate by u2_max [s].
+        turn_rate: at present [rad/s].
+        pending: the latest commands, u1 [m/s^2] and u2 [rad/s], the newest first.
+    """
+
+    delay: Int[Array, "*batch"]
+    factors: Float[Array, "*batch 3"]
+    turn_time: Float[Array, "*batch"]
+    turn_rate: Float[Array, "*batch"]
+    pending: Float[Array, "*batch delay 2"]
+
+    def respond(
+        self, body: Unicycle, robot: RobotState, action: Action, dt: Real
+    ) -> tuple[tuple[Scalar, Scalar], "Handicap"]:
+        """The controls that an action comes to in this step: those that move the rules' robot as this one moves.
+
+        A turn rate that changes at a constant rate until it is reached turns the robot by its mean over the step.
+        """
+        known = jnp.concatenate([jnp.stack(body.controls(action))[None], self.pending])
+        u1, u2 = known[self.delay] * self.factors[1:]
+        u1 = jnp.maximum(jnp.minimum(u1, (self.factors[0] * body.v_max - robot.v) / dt), -body.u1_max)
+        change = u2 - self.turn_rate
+        most = body.u2_max * dt / jnp.maximum(self.turn_time, 1e-6)
+        made = jnp.clip(change, -most, most)
+        mean = self.turn_rate + made - made * jnp.abs(made) / (2 * most)
+        return (u1, mean), replace(self, turn_rate=self.turn_rate + made, pending=known[: self.pending.shape[0]])
+
+
+def draw_handicap(word: UInt32[Array, ""], disturbance: Disturbance) -> Handicap:
+    """A robot's handicap for a game that begins, from a random word. Its past is one at rest."""
+    shares = jax.random.uniform(jax.random.fold_in(jax.random.key(word), _HANDICAP), (5,))
+    spread = disturbance.limits * (2 * shares[:3] - 1)
+    return Handicap(
+        delay=jnp.floor(shares[3] * (disturbance.delay + 1)).astype(jnp.int32),
+        factors=1 + spread.at[0].set(-disturbance.limits * shares[0]),
+        turn_time=disturbance.turn_time * shares[4],
+        turn_rate=jnp.zeros(()),
+        pending=jnp.zeros((disturbance.delay, 2)),
+    )
+
+
+def blurred(state: GameState, word: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
+    """A state as one side sees it: both robots with errors of their own, from a random word."""
+    if not disturbance.blurs:
+        return state
+    errors = jax.random.normal(jax.random.fold_in(jax.random.key(word), _NOISE), (2, 4))
+
+    def seen(robot: RobotState, error: Float[Array, "4"]) -> RobotState:
+        return RobotState(
+            x=robot.x + disturbance.position_noise * error[0],
+            y=robot.y + disturbance.position_noise * error[1],
+            v=robot.v + disturbance.speed_noise * error[2],
+            heading=wrap_angle(robot.heading + disturbance.heading_noise * error[3]),
+        )
+
+    return replace(state, pursuer=seen(state.pursuer, errors[0]), evader=seen(state.evader, errors[1]))
+
+
+def step_disturbed(
+    game: Game, state: GameState, handicaps: tuple[Handicap | None, Handicap | None], actions: tuple[Action, Action]
+) -> tuple[Timestep, tuple[Handicap | None, Handicap | None]]:
+    """Where both sides' actions lead: by the rules or, with handicaps, by the controls that these make of them."""
+    pursuer, evader = handicaps
+    if pursuer is None or evader is None:
+        return game.step(state, *actions), handicaps
+    pursuer_controls, pursuer = pursuer.respond(game.pursuer, state.pursuer, actions[0], game.dt)
+    evader_controls, evader = evader.respond(game.evader, state.evader, actions[1], game.dt)
+    return game.step_controls(state, pursuer_controls, evader_controls), (pursuer, evader)

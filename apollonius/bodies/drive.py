@@ -1,0 +1,122 @@
+"""A differential drive: what it weighs and measures, and how its controller follows a policy's controls."""
+
+from dataclasses import dataclass, field, replace
+from math import inf
+
+import numpy as np
+from jaxtyping import Float
+
+from apollonius.errors import require, require_positive
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A robot of the size and speed of a Pioneer 3-DX; docs/bodies.md says where each number is from.
+
+    Two driven wheels stand left and right of the point that the game calls the robot's position; a ball caster behind.
+    """
+
+    mass: float = 9.0
+    """Of the whole robot [kg]."""
+    wheel_mass: float = 0.7
+    """Of one wheel [kg]."""
+    wheel_radius: float = 0.0975
+    """[m]."""
+    track: float = 0.33
+    """From wheel to wheel [m]."""
+    caster: float = 0.2
+    """How far the caster is behind the axle [m]."""
+    mass_behind: float = 0.04
+    """How far the chassis' centre of mass is behind the axle [m]."""
+    chassis_radius: float = 0.19
+    """Of the cylinder that gives the chassis its moments of inertia, and that is seen [m]."""
+    friction: float = 0.8
+    """Coulomb coefficient between tyre and floor."""
+    inertia: float = 0.01
+    """Of a motor's rotor as the wheel feels it, through its gears [kg m^2]; without it a stiff controller rings."""
+    resistance: float = 0.05
+    """Torque that turning a wheel takes at any speed: rolling resistance and gears [N m]."""
+    torque: float = 3.0
+    """Largest torque of a wheel [N m]."""
+    stiffness: float = 5.0
+    """Torque of the wheel-speed controller for an error of speed [N m per rad/s]."""
+    lag: float = 0.05
+    """Time constant with which the wheel-speed controller takes up a reference [s]."""
+    latency: float = 0.05
+    """From the measurement of a state until the controls chosen in it take effect [s]; at most one step of the game."""
+    turn_acceleration: float = 1.745
+    """The drive changes its turn rate no faster than this [rad/s^2]."""
+
+    def __post_init__(self) -> None:
+        names = ("mass", "wheel_mass", "wheel_radius", "track", "caster", "chassis_radius", "friction")
+        require_positive(self, *names, "torque", "stiffness", "turn_acceleration")
+        for name in ("mass_behind", "inertia", "resistance", "lag", "latency"):
+            require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
+        bound = f"less than half the mass = {self.mass} kg"
+        require(2 * self.wheel_mass < self.mass, "wheel_mass", self.wheel_mass, bound)
+
+    def wheel_speeds(self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]) -> np.ndarray:
+        """Speeds [rad/s] of the left and the right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""
+        half = turn_rate * self.track / 2
+        return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
+
+
+PARTS: dict[str, dict[str, float]] = {
+    "latency": {"latency": 0.0},
+    "motor lag": {"lag": 0.0},
+    "turn acceleration": {"turn_acceleration": inf},
+    "slip and resistance": {"friction": 10.0, "resistance": 0.0, "torque": 1000.0},
+}
+"""What sets a drive apart from the game's robot, and the numbers without it."""
+
+
+def without(drive: Drive, *parts: str) -> Drive:
+    """The drive without some of `PARTS`."""
+    for part in parts:
+        drive = replace(drive, **PARTS[part])
+    return drive
+
+
+@dataclass
+class References:
+    """What the drives of a batch of robots are following. It changes as they go.
+
+    Attributes:
+        v: speed [m/s].
+        turn_rate: [rad/s].
+        controls: acceleration [m/s^2] and turn rate [rad/s] now in force; new ones replace them after the latency.
+    """
+
+    v: Float[np.ndarray, "games 2"]
+    turn_rate: Float[np.ndarray, "games 2"] = field(init=False)
+    controls: Float[np.ndarray, "games 2 2"] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.turn_rate, self.controls = np.zeros_like(self.v), np.zeros((*self.v.shape, 2))
+
+    def follow(
+        self,
+        drive: Drive,
+        chosen: Float[np.ndarray, "games 2 2"],
+        limits: Float[np.ndarray, "2 2"],
+        steps: int,
+        h: float,
+    ) -> Float[np.ndarray, "games steps 4"]:
+        """Wheel speeds [rad/s] to be asked for over one step of the game: pursuer's left and right, then evader's.
+
+        Args:
+            chosen: acceleration [m/s^2] and turn rate [rad/s] of both sides.
+            limits: lowest and highest speed [m/s] of each.
+            steps: of the physics, in one step of the game.
+            h: duration of each [s].
+        """
+        asked = np.empty((len(self.v), steps, 2, 2))
+        reach = drive.turn_acceleration * h
+        for step in range(steps):
+            if step * h >= drive.latency - 1e-9:
+                self.controls = chosen
+            self.v = np.clip(self.v + self.controls[..., 0] * h, *limits.T)
+            self.turn_rate = self.turn_rate + np.clip(self.controls[..., 1] - self.turn_rate, -reach, reach)
+            asked[:, step] = drive.wheel_speeds(self.v, self.turn_rate)
+        self.controls = chosen
+        return asked.reshape(len(asked), steps, 4)

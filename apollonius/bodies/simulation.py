@@ -1,0 +1,144 @@
+"""Games between robots with bodies: the physics moves them, the game's own referee judges."""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
+
+from apollonius.agents.policy import Pool
+from apollonius.bodies.drive import Drive, References
+from apollonius.bodies.physics import Physics
+from apollonius.game.game import Game, judge
+from apollonius.game.types import GameState, Outcome, Role
+from apollonius.replay import Replay, as_rows, as_state, together
+from apollonius.rollout import Results, random_words
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Games that were simulated, and every step of them.
+
+    Attributes:
+        results: how the games ended.
+        index: which game each step belongs to; the steps of a game are in order.
+        states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuer, then evader.
+        actions: of both sides in each step, as in a `Replay`.
+        after: the states that each step led to.
+        ideal: those that it would have led to by the rules, from the same state with the same actions.
+    """
+
+    results: Results
+    index: Int[np.ndarray, " steps"]
+    states: Float32[np.ndarray, "steps 8"]
+    actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
+    after: Float32[np.ndarray, "steps 8"]
+    ideal: Float32[np.ndarray, "steps 8"]
+
+    def course(
+        self, game: int
+    ) -> tuple[Float32[np.ndarray, "rows 8"], Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]]:
+        """The states and actions of one game."""
+        own = self.index == game
+        return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
+
+
+class Choice(eqx.Module):
+    """What both sides do in a step: actions, controls (u1 [m/s^2], u2 [rad/s]), and where the rules say it leads."""
+
+    actions: Int[Array, "games 2"] | Float[Array, "games 2 2"]
+    controls: Float[Array, "games 2 2"]
+    ideal: Float[Array, "games 8"]
+
+
+def simulate(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, drive: Drive) -> Simulated:
+    """Play each of the given starts to its end with bodies; the players draw the same random words as in `play_out`.
+
+    Players see the bodies' exact states, once in every step of the game. A step is judged as in the game, from where
+    the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the game
+    is how the robots move and nothing else.
+
+    Args:
+        starts: initial states, leaves `[games]`.
+        key: consumed.
+
+    Raises:
+        InvalidInput: as `Physics`.
+    """
+    physics = Physics(game, drive)
+    limits = np.array([[body.v_min, body.v_max] for body in (game.pursuer, game.evader)], float)
+    rows = as_rows(starts)
+    bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
+    count = len(rows)
+    members = _members(pursuer, evader, key, count)
+    outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
+    log: list[tuple[np.ndarray, ...]] = []
+    alive = np.arange(count)
+    while alive.size:
+        choice = _choose(game, pursuer, evader, members, rows, length, key)
+        controls = np.asarray(choice.controls, float)
+        asked = references.follow(drive, controls, limits, physics.steps, physics.step)
+        bodies[alive] = physics.advance(bodies[alive], asked[alive])
+        before, rows = rows, rows.copy()
+        rows[alive] = physics.measure(bodies[alive])
+        length[alive] += 1
+        outcome[alive] = np.asarray(_judge(game, before, rows, length))[alive]
+        taken = (before, np.asarray(choice.actions), rows, np.asarray(choice.ideal))
+        log.append((alive, *(part[alive] for part in taken)))
+        alive = alive[outcome[alive] == Outcome.ONGOING]
+    index, states, actions, after, ideal = (np.concatenate(parts) for parts in zip(*log, strict=True))
+    return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after, ideal)
+
+
+def record_course(simulated: Simulated, game: Game, names: tuple[str, str], seed: int, index: int) -> Replay:
+    """One of the games as a replay, to be looked at. Played again, by the rules, it goes another way.
+
+    Args:
+        names: what pursuer and evader are called.
+        seed: of the match.
+        index: which of the games, from 0.
+    """
+    outcomes = np.asarray(simulated.results.outcome)
+    states, actions = simulated.course(index)
+    return Replay(game, *names, seed, len(outcomes), index, states, actions, Outcome(int(outcomes[index])))
+
+
+def _members(pursuer: Pool, evader: Pool, key: PRNGKeyArray, count: int) -> Int[Array, "2 games"]:
+    words = random_words(key, jnp.arange(count), jnp.full(count, -1))
+    return jnp.stack([pursuer.draw(words[0]), evader.draw(words[1])])
+
+
+@jax.jit
+def _choose(
+    game: Game,
+    pursuer: Pool,
+    evader: Pool,
+    members: Int[Array, "2 games"],
+    rows: Float32[Array, "games 8"],
+    length: Int[Array, " games"],
+    key: PRNGKeyArray,
+) -> Choice:
+    state = jax.vmap(as_state)(rows, length)
+    words = random_words(key, jnp.arange(rows.shape[0]), length)
+    sees = jax.vmap(game.observe, in_axes=(0, None, None))
+    actions = [
+        pool.act(members[role], sees(state, role, pool.observation), words[role])
+        for role, pool in ((Role.PURSUER, pursuer), (Role.EVADER, evader))
+    ]
+    controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
+    ideal = jax.vmap(game.step)(state, *actions).state
+    return Choice(
+        actions=jax.vmap(together)(*actions),
+        controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
+        ideal=jnp.stack(jax.tree.leaves((ideal.pursuer, ideal.evader)), axis=-1),
+    )
+
+
+@jax.jit
+def _judge(
+    game: Game, before: Float32[Array, "games 8"], after: Float32[Array, "games 8"], length: Int[Array, " games"]
+) -> Int[Array, " games"]:
+    state = jax.vmap(as_state)
+    return jax.vmap(judge, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))

@@ -1,0 +1,109 @@
+"""`apollonius simulate`: the games of a match between robots with bodies, beside the same games by the rules."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.commands.options import AGENT, add_game_options, requested_game
+from apollonius.errors import InvalidInput, require
+
+if TYPE_CHECKING:
+    from apollonius.bodies.comparison import Comparison
+    from apollonius.bodies.drive import Drive
+
+
+def add_simulate(subparsers: Any) -> None:
+    """The parser of `simulate`."""
+    parser = subparsers.add_parser("simulate", help="play many games between robots with bodies, in MuJoCo")
+    parser.add_argument("pursuer", metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", metavar="EVADER", help=AGENT)
+    parser.add_argument("--games", type=int, default=1000, help="number of games (default: %(default)s)")
+    add_game_options(parser)
+    parser.add_argument("--drive", type=Path, metavar="FILE", help="a .toml file with what is other about your robots")
+    parser.add_argument("--ablate", action="store_true", help="say what the gap is due to: leave out part after part")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("--record", type=int, default=0, metavar="K", help="write K games as replays, lost ones first")
+    parser.add_argument(
+        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
+    )
+    parser.set_defaults(run=run_simulate)
+
+
+def run_simulate(options: argparse.Namespace) -> int:
+    """Play a match by the rules and with bodies, and print both."""
+    from apollonius.agents.policy import solo
+    from apollonius.bodies.comparison import compare
+    from apollonius.bodies.drive import PARTS, without
+    from apollonius.bodies.simulation import record_course, simulate
+    from apollonius.evaluate.match import begin, play_games, worst_first
+    from apollonius.game.types import Role
+    from apollonius.replay import save_replay
+    from apollonius.solve.catalogue import find_player
+
+    game, viable = requested_game(options), options.starts == "viable"
+    pursuer = find_player(options.pursuer, Role.PURSUER, game)
+    evader = find_player(options.evader, Role.EVADER, game)
+    drive = _drive(options.drive)
+    require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    starts, key = begin(game, options.games, options.seed, viable)
+    players = solo(pursuer.policy), solo(evader.policy)
+    simulated = simulate(game, *players, starts, key, drive)
+    rules = play_games(game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable)
+    comparisons = {"as it is": compare(game, rules, simulated, viable)}
+    kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
+    for kind, parts in kinds.items() if options.ablate else ():
+        other = simulate(game, *players, starts, key, without(drive, *parts))
+        comparisons[kind] = compare(game, rules, other, viable)
+    if options.record:
+        options.replays.mkdir(parents=True, exist_ok=True)
+    for index in worst_first(simulated.results)[: options.record]:
+        replay = record_course(simulated, game, (pursuer.name, evader.name), options.seed, index)
+        save_replay(replay, options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
+    if options.json:
+        match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
+        found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
+        print(json.dumps(match | {"seed": options.seed, "drives": found}))
+    else:
+        print(f"{pursuer.name} (pursuer) against {evader.name} (evader), {options.games:,} games")
+        print(_table(comparisons["as it is"]))
+        for kind, comparison in list(comparisons.items())[1:]:
+            print(f"{kind}:", *_differences(comparison), sep="\n")
+    return 0
+
+
+def _drive(path: Path | None) -> "Drive":
+    """The drive of a file, or the one that is built in."""
+    import tomllib
+
+    from apollonius.bodies.drive import Drive
+    from apollonius.game.record import from_dict
+
+    if path is None:
+        return Drive()
+    require(path.is_file(), "--drive", path, "a .toml file; check the path")
+    try:
+        return from_dict(Drive, tomllib.loads(path.read_text()), f"'{path}'")
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"'{path}' is no TOML ({error}): correct it.") from error
+
+
+def _table(comparison: "Comparison") -> str:
+    lines = [f"  {'':<22}{'by the rules':>14}{'with bodies':>14}"]
+    for name, by_rules in comparison.rules.outcomes.items():
+        lines.append(f"  {name.replace('_', ' '):<22}{by_rules:>14,}{comparison.bodies.outcomes[name]:>14,}")
+    lines += _differences(comparison)
+    lines.append("  one step of a body from one by the rules, root mean square and 95th percentile:")
+    units = {"speed": "m/s", "heading": "rad", "position": "m"}
+    for side, errors in comparison.tracking.items():
+        said = [f"{what} {error.rms:.4f}, {error.p95:.4f} {units[what]}" for what, error in errors.items()]
+        lines.append(f"  {side:<10}{'; '.join(said)}")
+    return "\n".join(lines)
+
+
+def _differences(comparison: "Comparison") -> list[str]:
+    return [
+        f"  {event:<22}{rate.rules:>14.1%}{rate.bodies:>14.1%}   {100 * rate.difference:+.1f} points, "
+        f"95 % interval {100 * rate.interval[0]:+.1f} to {100 * rate.interval[1]:+.1f}"
+        for event, rate in comparison.differences.items()
+    ]

@@ -1,0 +1,87 @@
+"""Games with bodies: moved by the physics, judged by the rules."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.classical import Still
+from apollonius.agents.policy import solo
+from apollonius.agents.uniform import Uniform
+from apollonius.bodies.comparison import compare, tracking
+from apollonius.bodies.drive import PARTS, Drive, without
+from apollonius.bodies.simulation import record_course, simulate
+from apollonius.evaluate.match import begin, play_games
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome
+from apollonius.replay import as_state, load_replay, save_replay
+
+pytest.importorskip("mujoco")
+GAME = replace(make_game("paper"), max_steps=40)
+PLAYERS = solo(Uniform()), solo(Uniform())
+GAMES = 6
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    starts, key = begin(GAME, GAMES, 0, False)
+    return simulate(GAME, *PLAYERS, starts, key, Drive())
+
+
+@pytest.fixture(scope="module")
+def ideal():
+    starts, key = begin(GAME, GAMES, 0, False)
+    return simulate(GAME, *PLAYERS, starts, key, without(Drive(), *PARTS))
+
+
+def test_every_step_of_every_game_is_there(simulated):
+    lengths = np.asarray(simulated.results.steps)
+    assert np.array_equal(np.bincount(simulated.index), lengths)
+    for game in range(GAMES):
+        states, actions = simulated.course(game)
+        assert len(states) == len(actions) + 1 == lengths[game] + 1
+        assert np.array_equal(states[1:], simulated.after[simulated.index == game])
+    assert np.all(np.asarray(simulated.results.outcome) != Outcome.ONGOING)
+
+
+def test_a_robot_without_its_imperfections_moves_as_the_rules_say(ideal, simulated):
+    near, far = tracking(ideal)["pursuer"], tracking(simulated)["pursuer"]
+    assert near["speed"].rms < 0.004
+    assert near["heading"].rms < 0.02
+    assert near["position"].rms < 0.001
+    assert far["heading"].rms > 2 * near["heading"].rms
+
+
+def test_a_game_does_not_depend_on_those_beside_it(simulated):
+    starts, key = begin(GAME, GAMES, 0, False)
+    alone = simulate(GAME, *PLAYERS, jax.tree.map(lambda leaf: leaf[:2], starts), key, Drive())
+    for game in range(2):
+        for part, whole in zip(alone.course(game), simulated.course(game), strict=True):
+            assert np.array_equal(part, whole)
+
+
+def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
+    at_the_wall = as_state(jnp.asarray([[5.0, 1.0, 0, 0, 9.8, 5.0, 1.0, 0.0]], jnp.float32)[0], jnp.asarray(0))
+    start = jax.tree.map(lambda leaf: leaf[None], at_the_wall)
+    game = simulate(GAME, solo(Still()), solo(Still()), start, jax.random.key(0), Drive())
+    assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
+    assert int(game.results.steps[0]) == 3
+    save_replay(record_course(game, GAME, ("still", "still"), 0, 0), tmp_path / "game.json")
+    replay = load_replay(tmp_path / "game.json")
+    assert replay.outcome == Outcome.EVADER_OUT_OF_RANGE
+    assert replay.states[-1, 4] > 10
+    assert replay.first_difference() == 1
+
+
+def test_both_plays_are_counted_and_compared(simulated):
+    rules = play_games(GAME, Uniform(), Uniform(), GAMES, 0)
+    found = compare(GAME, rules, simulated)
+    assert found.rules.games == found.bodies.games == GAMES
+    timeouts = np.asarray(simulated.results.outcome) == Outcome.NO_RESULT
+    rate = found.differences["no result"]
+    assert rate.bodies == timeouts.mean()
+    assert rate.difference == pytest.approx(rate.bodies - rate.rules)
+    assert rate.interval[0] <= rate.difference <= rate.interval[1]
+    assert set(found.to_dict()) == {"rules", "bodies", "differences", "tracking"}
