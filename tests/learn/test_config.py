@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from apollonius.agents.disturbance import Disturbance
 from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
@@ -55,6 +57,14 @@ def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_p
     path = tmp_path / "config.toml"
     path.write_text("[self_play]\nevaluations = 3\n")
     assert load_config(path) == replace(RunConfig(), self_play=SelfPlayConfig(evaluations=3))
+
+
+def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_its_file(tmp_path):
+    config = load_config(Path(__file__).parents[2] / "examples" / "robust.toml")
+    noise = {"position_noise": 0.01, "speed_noise": 0.01, "heading_noise": 0.01}
+    assert config.fixed_target.disturbance == Disturbance(delay=1, limits=0.1, turn_time=0.6, **noise)
+    create_run(config, tmp_path / "run")
+    assert load_config(tmp_path / "run" / "config.toml") == config
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
+from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.policy import solo
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
@@ -48,11 +49,11 @@ def copy(tree):
     return jax.tree.map(lambda leaf: np.array(jax.random.key_data(leaf) if is_key(leaf) else leaf), tree)
 
 
-def play_stage(seed, chunks, game=GAME):
-    state = start_fixed_target(PLAN, game, jax.random.key(seed), EVADER)
+def play_stage(seed, chunks, game=GAME, plan=PLAN):
+    state = start_fixed_target(plan, game, jax.random.key(seed), EVADER)
     moments = [Moment(copy(state), None)]
     for _ in range(chunks):
-        state, metrics = play_and_learn(PLAN, game, state, None, EVADER)
+        state, metrics = play_and_learn(plan, game, state, None, EVADER)
         moments.append(Moment(copy(state), copy(metrics)))
     return moments
 
@@ -86,6 +87,19 @@ def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
     assert share_equal(stage[0].state.games.state.pursuer.x, other[0].state.games.state.pursuer.x) == 0
     first_actions = stage[1].seen.action[0], other[1].seen.action[0]
     assert share_equal(*first_actions) < 0.4  # by chance: 1 in 9
+
+
+def test_disturbed_robots_play_the_same_game_otherwise(stage):
+    """Same starts, networks and random words, and as many games; what the learner sees and is paid differs."""
+    disturbed = replace(PLAN, stage=replace(PLAN.stage, disturbance=Disturbance(delay=1, turn_time=0.4, limits=0.1)))
+    first, after = play_stage(seed=0, chunks=1, plan=disturbed)
+    assert identical(first.learner.network, stage[0].learner.network)
+    assert identical(first.state.games.state, stage[0].state.games.state)
+    handicap = first.state.games.pursuer.handicap
+    assert set(handicap.delay) == {0, 1}
+    assert np.ptp(handicap.turn_time) > 0.3
+    assert share_equal(after.seen.observation, stage[1].seen.observation) < 0.5
+    assert stage[0].state.games.pursuer.handicap is None
 
 
 def play_from(env_steps, key=0, game=GAME):

@@ -6,7 +6,7 @@ parts are in the weights of the network's first layer.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +46,22 @@ def load(model: Path) -> Decide:
     return decide
 
 
-def load_network(blueprint: Blueprint) -> Callable[[Float32[np.ndarray, " size"]], int]:
+def load_network(
+    blueprint: Blueprint, entries: Mapping[str, str] | None = None
+) -> Callable[[Float32[np.ndarray, " size"]], int]:
     """The network alone in onnxruntime, an observation in and an action out: by this all formats are measured.
+
+    Args:
+        entries: of the session's configuration, as onnxruntime names them.
 
     Raises:
         CannotRun: where that is not installed.
     """
-    session = _session(make_network(blueprint).SerializeToString())
+    session = _session(make_network(blueprint).SerializeToString(), entries)
     return lambda observation: int(session.run(None, {"observation": observation[None]})[0][0])
 
 
-def _session(model: bytes) -> Any:
+def _session(model: bytes, entries: Mapping[str, str] | None = None) -> Any:
     """One thread: a second is of no use to a single decision."""
     try:
         import onnxruntime
@@ -64,6 +69,8 @@ def _session(model: bytes) -> Any:
         raise CannotRun("onnxruntime is not installed: pip install 'apollonius[export]'") from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
+    for key, value in (entries or {}).items():
+        options.add_session_config_entry(key, value)
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
 
