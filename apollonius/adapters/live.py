@@ -94,7 +94,7 @@ class LiveGame:
         Raises:
             InvalidInput: for an action that is none.
         """
-        both = as_actions(actions, self._space, 2)
+        both = np.stack([as_actions(action, self._space) for action in actions])
         given = np.concatenate([np.array([self._steps], both.dtype), both.reshape(-1)])
         self._take(self._step(self._told, given, word), self._steps + 1)
 

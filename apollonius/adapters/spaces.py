@@ -37,17 +37,17 @@ def action_space(actions: str) -> ActionSpace:
     return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def as_actions(given: ArrayLike, space: ActionSpace, count: int) -> np.ndarray:
-    """Several actions of a space, in its number type.
+def as_actions(given: ArrayLike, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
+    """Actions of a space in its number type: one, or a batch of them.
 
     Raises:
         InvalidInput: for another shape, or one that is none of the space; says what it should be.
     """
     discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = np.asarray(given, np.int32 if discrete else np.float32)
-    shape = (count,) if discrete else (count, 2)
-    require(actions.shape == shape, "shape of actions", actions.shape, str(shape))
+    actions, name = np.asarray(given, np.int32 if discrete else np.float32), "actions" if batch else "action"
+    shape = batch if discrete else (*batch, 2)
+    require(actions.shape == shape, f"shape of {name}", actions.shape, str(shape))
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
     low, high = actions.min(), actions.max()
-    require(least <= low and high <= most, "actions", f"{low} to {high}", f"from {least} to {most}")
+    require(least <= low and high <= most, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
     return actions

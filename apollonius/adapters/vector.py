@@ -132,7 +132,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")
-        actions = as_actions(actions, self._actions, self.num_envs)
+        actions = as_actions(actions, self._actions, (self.num_envs,))
         if self._used + self.num_envs > len(self._starts_seen):
             self._draw_starts()
         self._state, told = self._step(self._state, self._starts, np.int32(self._used), actions, self._word())

@@ -114,9 +114,10 @@ class SACConfig(LearnerConfig):
     env_steps_per_update: int = 256
     target_averaging: float = 5e-3
     """Part of the way that the target critics go towards the critics at each update (tau)."""
-    target_entropy: float = -2.0
-    """Entropy that the temperature keeps a state's actions at, on average [nats, of gears in [-1, 1]]: minus the number
-    of controls, as in the paper; uniformly random ones have 1.39."""
+    target_entropy: float = -1.0
+    """Entropy that the temperature keeps a state's actions at, on average [nats, of gears in [-1, 1]]; uniformly random
+    ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side on which
+    to pass a disc."""
     first_temperature: float = 0.1
     """The temperature before the first update."""
     critics_first: int = 500
