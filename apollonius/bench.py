@@ -121,7 +121,7 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
     size = OBSERVATION_SIZES[config.observation]
     observation, after = jax.random.normal(jax.random.key(1), (2, _BARE_BATCHES, config.batch, size))
     flat = observation[:, :, 0]
-    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat, after)
+    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
 
     @jax.jit
     def run(learner: dqn.Learner) -> dqn.Learner:

@@ -8,8 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.agents.catalogue import Named, find_agent
+from apollonius.agents.network import make_actor
 from apollonius.agents.policy import solo
+from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_games, record_game
@@ -64,6 +66,26 @@ def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, pat
     np.testing.assert_array_equal(loaded.actions, replay.actions)
     assert replace(loaded, states=replay.states, actions=replay.actions, game=replay.game) == replay
     assert loaded.first_difference() is None
+
+
+def test_a_game_of_both_kinds_of_players_survives_its_file_and_plays_again_to_the_same_bits(tmp_path):
+    actor = make_actor("paper", 8, 1, jax.random.key(0))
+    wild = Named("wild", SquashedGaussian(actor, jnp.asarray(1.0)))
+    for pair in ((wild, find_agent("random", Role.EVADER)), (wild, wild)):
+        kept = record_game(make_game("paper"), *pair, games=4, seed=3, index=2)
+        assert kept.actions.shape == (len(kept.states) - 1, 2, 2)
+        save_replay(kept, tmp_path / "both.json")
+        loaded = load_replay(tmp_path / "both.json")
+        np.testing.assert_array_equal(loaded.actions, kept.actions)
+        assert loaded.first_difference() is None
+        actions = loaded.actions.copy()
+        actions[3, 1, 0] = -0.5 if actions[3, 1, 0] > 0 else 0.5
+        assert replace(loaded, actions=actions).first_difference() == 4
+    data = json.loads((tmp_path / "both.json").read_text())
+    data["actions"][2][0][1] = 1.5
+    (tmp_path / "both.json").write_text(json.dumps(data))
+    with pytest.raises(InvalidInput, match="from -1 to 1"):
+        load_replay(tmp_path / "both.json")
 
 
 def test_the_first_step_that_differs_is_named(path):

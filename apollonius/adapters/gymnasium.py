@@ -14,11 +14,11 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role
 
 
-class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
+class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side.
 
-    Actions are the 9 of Eq. 5. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the game stands:
-    `ongoing`, or the name of a row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two gears. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the
+    game stands: `ongoing`, or the name of a row of Tables II and III.
 
     Args:
         role: the side that acts from outside.
@@ -26,9 +26,11 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         game: the game, the name of one, or its `.toml` file.
         observation: profile of what is seen (`apollonius.game.observation`).
         render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1]. The opponent
+            acts as it does.
 
     Raises:
-        InvalidInput: for an unknown opponent, game, observation or render mode.
+        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
@@ -40,15 +42,16 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         game: Game | str = "paper",
         observation: str = "encoded",
         render_mode: str | None = None,
+        actions: str = "discrete",
     ) -> None:
         game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
-        self.action_space = action_space()
+        self.action_space = action_space(actions)
         other = Role(1 - role)
         self._role = role
-        self._live = LiveGame(game, observation, {other: find_agent(opponent, other, game).policy})
+        self._live = LiveGame(game, observation, {other: find_agent(opponent, other, game).policy}, actions)
         self._view = View(self._live, render_mode)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
@@ -58,17 +61,17 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer]):
         self._view.begin()
         return self._live.observation(self._role), {"outcome": self._live.outcome}
 
-    def step(self, action: int | np.integer) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Both sides hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
-            InvalidInput: for an action that is none of the nine.
+            InvalidInput: for an action that is none.
         """
         live = self._live
         if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        live.step((action, 0) if self._role == Role.PURSUER else (0, action), self._word())
+        live.step((action, live.idle) if self._role == Role.PURSUER else (live.idle, action), self._word())
         self._view.follow()
         reward = live.rewards[self._role]
         return live.observation(self._role), reward, live.terminated, live.truncated, {"outcome": live.outcome}

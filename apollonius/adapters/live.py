@@ -1,15 +1,17 @@
 """One game under way behind one compiled call: what the interfaces to a single game share."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt32
 
+from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.observation import OBSERVATION_SIZES
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role, Timestep
+from apollonius.game.types import Action, GameState, Outcome, RobotState, Role, Timestep
 
 _ROBOTS = slice(0, 8)
 """In what a step tells: x, y, v, heading of the pursuer, then of the evader. Both observations follow, then ..."""
@@ -28,10 +30,20 @@ class LiveGame:
         game: the rules.
         observation: profile of what both sides see (`apollonius.game.observation`).
         inside: the player of each side that is not played from outside.
+        actions: kind of the actions from outside, `discrete` or `continuous`.
     """
 
-    def __init__(self, game: Game, observation: str, inside: dict[Role, AbstractPolicy] | None = None) -> None:
+    def __init__(
+        self,
+        game: Game,
+        observation: str,
+        inside: dict[Role, AbstractPolicy] | None = None,
+        actions: str = "discrete",
+    ) -> None:
         players = inside or {}
+        self._space = action_space(actions)
+        self.idle = np.zeros(self._space.shape or ())
+        """What stands for the action of a side that is played from inside."""
         size = OBSERVATION_SIZES[observation]
         self.game = game
         self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
@@ -47,9 +59,11 @@ class LiveGame:
             return tell(game.reset(jax.random.key(word)), [jnp.zeros(())] * 5)
 
         @jax.jit
-        def step(told: Float[Array, " told"], given: Int[Array, "3"], word: UInt32[Array, ""]) -> Float[Array, " told"]:
-            steps, actions = given[0], [given[1], given[2]]
-            state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), steps)
+        def step(
+            told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], word: UInt32[Array, ""]
+        ) -> Float[Array, " told"]:
+            actions: list[Action] = list(given[1:].reshape(2, *self.idle.shape))
+            state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
             for role, player in players.items():
                 actions[role] = player(game.observe(state, role, player.observation), word)
             after: Timestep = game.step(state, *actions)
@@ -70,19 +84,19 @@ class LiveGame:
         """Begin a new game; a word of random bits decides where."""
         self._take(self._begin(word), 0)
 
-    def step(self, actions: tuple[int | np.integer, int | np.integer], word: np.uint32 = _NO_WORD) -> None:
+    def step(self, actions: tuple[Any, Any], word: np.uint32 = _NO_WORD) -> None:
         """Both sides hold their actions for one step; that of a side played from inside is not looked at.
 
         Args:
-            actions: of the pursuer and the evader, 0..8.
+            actions: of the pursuer and the evader, both of the kind of this game's actions.
             word: random bits for a player inside.
 
         Raises:
-            InvalidInput: for an action that is none of the nine.
+            InvalidInput: for an action that is none.
         """
-        for action in actions:
-            require(0 <= action < NUM_ACTIONS, "action", action, f"from 0 to {NUM_ACTIONS - 1}")
-        self._take(self._step(self._told, np.array((self._steps, *actions), np.int32), word), self._steps + 1)
+        both = np.stack([as_actions(action, self._space) for action in actions])
+        given = np.concatenate([np.array([self._steps], both.dtype), both.reshape(-1)])
+        self._take(self._step(self._told, given, word), self._steps + 1)
 
     def _take(self, told: Array, steps: int) -> None:
         self._told, self._read, self._steps = told, np.asarray(told), steps

@@ -21,17 +21,18 @@ AGENTS = {f"{role.name.lower()}_0": role for role in Role}
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
     """A game between `pursuer_0` and `evader_0`, who act at the same time and leave together.
 
-    Actions are the 9 of Eq. 5, rewards those of Eq. 8 and 9. `terminations`: the rules ended the game;
-    `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name of a
-    row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two gears; rewards are those of Eq. 8 and 9. `terminations`: the rules ended the
+    game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name
+    of a row of Tables II and III.
 
     Args:
         game: the game, the name of one, or its `.toml` file.
         observation: profile of what is seen (`apollonius.game.observation`).
         render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
 
     Raises:
-        InvalidInput: for an unknown game, observation or render mode.
+        InvalidInput: for an unknown game, observation, render mode or kind of actions.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as PettingZoo declares it)
@@ -42,7 +43,11 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     }
 
     def __init__(
-        self, game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None
+        self,
+        game: Game | str = "paper",
+        observation: str = "encoded",
+        render_mode: str | None = None,
+        actions: str = "discrete",
     ) -> None:
         game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
@@ -50,8 +55,8 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
         self.observation_spaces = {agent: observation_space(observation) for agent in AGENTS}
-        self.action_spaces = {agent: action_space() for agent in AGENTS}
-        self._live = LiveGame(game, observation)
+        self.action_spaces = {agent: action_space(actions) for agent in AGENTS}
+        self._live = LiveGame(game, observation, actions=actions)
         self._view = View(self._live, render_mode)
         self._random, _ = np_random()
 
@@ -75,7 +80,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         return self._observations(), self._infos()
 
     def step(
-        self, actions: dict[str, int | np.integer]
+        self, actions: dict[str, int | np.integer | np.ndarray]
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
@@ -83,7 +88,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
-            InvalidInput: for an action that is none of the nine.
+            InvalidInput: for an action that is none.
         """
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
@@ -110,6 +115,11 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         return {agent: {"outcome": self._live.outcome} for agent in AGENTS}
 
 
-def parallel_env(game: Game | str = "paper", observation: str = "encoded", render_mode: str | None = None) -> BothSides:
+def parallel_env(
+    game: Game | str = "paper",
+    observation: str = "encoded",
+    render_mode: str | None = None,
+    actions: str = "discrete",
+) -> BothSides:
     """The game as PettingZoo's parallel environment; arguments and errors are those of `BothSides`."""
-    return BothSides(game, observation, render_mode)
+    return BothSides(game, observation, render_mode, actions)

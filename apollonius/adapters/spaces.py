@@ -2,10 +2,14 @@
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 
 from apollonius.errors import require
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS
+
+ACTIONS = ("discrete", "continuous")
+"""Kinds of actions."""
 
 
 def observation_space(profile: str) -> gymnasium.spaces.Box:
@@ -18,6 +22,32 @@ def observation_space(profile: str) -> gymnasium.spaces.Box:
     return gymnasium.spaces.Box(-2.0, 2.0, (OBSERVATION_SIZES[profile],), np.float32)
 
 
-def action_space() -> gymnasium.spaces.Discrete:
-    """The nine actions of Eq. 5."""
-    return gymnasium.spaces.Discrete(NUM_ACTIONS)
+ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.Box
+
+
+def action_space(actions: str) -> ActionSpace:
+    """The nine actions of Eq. 5, or two gears: shares of the largest acceleration and of the largest turn rate.
+
+    Raises:
+        InvalidInput: for an unknown kind of actions.
+    """
+    require(actions in ACTIONS, "actions", actions, f"one of {', '.join(ACTIONS)}")
+    if actions == "discrete":
+        return gymnasium.spaces.Discrete(NUM_ACTIONS)
+    return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def as_actions(given: ArrayLike, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
+    """Actions of a space in its number type: one, or a batch of them.
+
+    Raises:
+        InvalidInput: for another shape, or one that is none of the space; says what it should be.
+    """
+    discrete = isinstance(space, gymnasium.spaces.Discrete)
+    actions, name = np.asarray(given, np.int32 if discrete else np.float32), "actions" if batch else "action"
+    shape = batch if discrete else (*batch, 2)
+    require(actions.shape == shape, f"shape of {name}", actions.shape, str(shape))
+    least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+    low, high = actions.min(), actions.max()
+    require(least <= low and high <= most, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
+    return actions

@@ -11,12 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from apollonius.adapters.spaces import action_space, observation_space
+from apollonius.adapters.spaces import action_space, as_actions, observation_space
 from apollonius.agents.catalogue import find_agent
 from apollonius.errors import require
 from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, GameState, Role
+from apollonius.game.types import Actions, GameState, Role
 
 _SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
@@ -47,10 +47,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     Args:
         role: the side that acts from outside.
         num_envs: number of games.
-        opponent, game, observation: as those of `apollonius.adapters.gymnasium.OneSide`.
+        opponent, game, observation, actions: as those of `apollonius.adapters.gymnasium.OneSide`.
 
     Raises:
-        InvalidInput: for an unknown opponent, game or observation, or less than one game.
+        InvalidInput: for an unknown opponent, game, observation or kind of actions, or less than one game.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
@@ -62,12 +62,13 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         opponent: str = "random",
         game: Game | str = "paper",
         observation: str = "encoded",
+        actions: str = "discrete",
     ) -> None:
         require(num_envs >= 1, "num_envs", num_envs, "at least 1")
         game = find_game(game) if isinstance(game, str) else game
         self.num_envs = num_envs
         self.single_observation_space = observation_space(observation)
-        self.single_action_space = action_space()
+        self.single_action_space = self._actions = action_space(actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         other = Role(1 - role)
@@ -84,13 +85,13 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
         @jax.jit
         def step(
-            state: GameState, starts: GameState, used: Int[Array, ""], action: Int[Array, " games"],
+            state: GameState, starts: GameState, used: Int[Array, ""], action: Actions,
             word: UInt32[Array, ""],
         ) -> tuple[GameState, Told]:  # fmt: skip
             words = jax.random.bits(jax.random.key(word), (num_envs,), jnp.uint32)
             answer = jax.vmap(player)(see_other(state), words)
-            actions = (action, answer) if role == Role.PURSUER else (answer, action)
-            after = jax.vmap(game.step)(state, *actions)
+            both = (action, answer) if role == Role.PURSUER else (answer, action)
+            after = jax.vmap(game.step)(state, *both)
             reward = after.pursuer_reward if role == Role.PURSUER else after.evader_reward
             over = after.terminated | after.truncated
             count = jnp.cumsum(over.astype(jnp.int32))
@@ -123,18 +124,15 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """One step of every game; those that end begin again.
 
         Args:
-            actions: of the side from outside, `[games]`, each 0..8.
+            actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
-            InvalidInput: for actions of another shape, and for one that is none of the nine.
+            InvalidInput: for actions of another shape, and for one that is none.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")
-        actions = np.asarray(actions, np.int32)
-        require(actions.shape == (self.num_envs,), "shape of actions", actions.shape, f"({self.num_envs},)")
-        least, most = actions.min(), actions.max()
-        require(least >= 0 and most < NUM_ACTIONS, "actions", f"{least} to {most}", f"from 0 to {NUM_ACTIONS - 1}")
+        actions = as_actions(actions, self._actions, (self.num_envs,))
         if self._used + self.num_envs > len(self._starts_seen):
             self._draw_starts()
         self._state, told = self._step(self._state, self._starts, np.int32(self._used), actions, self._word())

@@ -103,8 +103,7 @@ def _update_actor(
     learner: sac.Learner, batch: Batch, key: PRNGKeyArray, config: SACConfig, moment: Moment
 ) -> tuple[sac.Learner, Scalar]:
     rate = moment.between(config.learning_rate, config.final_learning_rate)
-    entropy = moment.between(config.target_entropy, config.final_target_entropy)
-    return sac.update(learner, batch, key, rate, entropy, config, moment.across)
+    return sac.update(learner, batch, key, rate, config, moment.across)
 
 
 ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {

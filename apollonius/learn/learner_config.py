@@ -1,6 +1,7 @@
 """How a side learns: what all algorithms share, deep Q-learning, soft actor-critic."""
 
 from dataclasses import dataclass
+from math import log
 from typing import Literal
 
 from apollonius.errors import require, require_positive
@@ -105,36 +106,31 @@ class DQNConfig(LearnerConfig):
 class SACConfig(LearnerConfig):
     """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of gears.
 
-    The temperature is that paper's second version's: so large that the actions keep the wanted entropy.
+    What is not said here is as in deep Q-learning, n-step returns among it.
     """
 
-    width: int = 256
     depth: int = 3
-    final_n_step: int = 4
     averaging: float = 1e-3
+    env_steps_per_update: int = 256
     target_averaging: float = 5e-3
     """Part of the way that the target critics go towards the critics at each update (tau)."""
-    target_entropy: float = -2.0
-    """Entropy of the actions of a state that the temperature keeps up on average [nats, of gears in [-1, 1]]; fully
-    random ones have 1.4."""
-    final_target_entropy: float = -2.0
-    """The same at the end of a stage, reached in a straight line."""
+    target_entropy: float = -1.0
+    """Entropy that the temperature keeps a state's actions at, on average [nats, of gears in [-1, 1]]; uniformly random
+    ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side on which
+    to pass a disc."""
     first_temperature: float = 0.1
     """The temperature before the first update."""
     critics_first: int = 500
-    """Updates of the critics alone before the actor learns: from a given actor, they begin from random weights."""
-    smoothness: float = 0.0
-    """Weight in the actor's loss of the mean squared change of its gears from one step to the next (the temporal term
-    of CAPS: Mysore et al., "Regularizing action policies for smooth control", 2021)."""
+    """Updates of the critics alone before the actor learns, for they begin from random weights even where it does not.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "target_averaging", "first_temperature")
         require(self.target_averaging <= 1, "target_averaging", self.target_averaging, "at most 1")
-        entropies = self.final_target_entropy <= self.target_entropy < 1.38
-        require(entropies, "target_entropy", self.target_entropy, "from final_target_entropy to 1.38: of random gears")
+        random = 2 * log(2)
+        require(self.target_entropy < random, "target_entropy", self.target_entropy, "less than 1.39: random gears'")
         require(self.critics_first >= 0, "critics_first", self.critics_first, "at least 0")
-        require(self.smoothness >= 0, "smoothness", self.smoothness, "at least 0")
 
 
 PROFILES: dict[str, DQNConfig] = {

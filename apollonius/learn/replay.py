@@ -38,8 +38,7 @@ class Batch(eqx.Module):
     """n-step transitions: where they begin, what they are paid, and where they are valued.
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` what the value of
-    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game. `following` is
-    what was seen one step after `observation`.
+    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game.
     """
 
     observation: Float[Array, "batch size"]
@@ -47,7 +46,6 @@ class Batch(eqx.Module):
     reward: Float[Array, " batch"]
     next_observation: Float[Array, "batch size"]
     discount: Float[Array, " batch"]
-    following: Float[Array, "batch size"]
 
 
 def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> Replay:
@@ -127,7 +125,6 @@ def sample(
         reward=reward,
         next_observation=replay.rows.next_observation[last, game],
         discount=discount,
-        following=replay.rows.next_observation[first, game],
     )
 
 

@@ -120,22 +120,19 @@ def critics_loss(critics: Critics, batch: Batch, targets: Float[Array, " batch"]
 
 
 def actor_loss(
-    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Gears, smoothness: float
+    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Gears
 ) -> tuple[Scalar, Scalar]:
-    """Mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the price of changing the gears.
-
-    That is `smoothness` times the mean squared difference between the middle actions of a state and of the one that
-    came a step later (the temporal term of CAPS).
-
-    Returns:
-        The loss, and the mean log density of the actions drawn.
-    """
+    """Mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of the actions drawn."""
     actions, log_density = draw(actor, batch.observation, noise)
-    loss = jnp.mean(temperature * log_density - jnp.min(critics.batch(batch.observation, actions), axis=0))
-    if smoothness > 0:
-        here, later = (jnp.tanh(actor.batch(seen)[0]) for seen in (batch.observation, batch.following))
-        loss = loss + smoothness * jnp.mean(jnp.sum((later - here) ** 2, axis=1))
-    return loss, jnp.mean(log_density)
+    values = jnp.min(critics.batch(batch.observation, actions), axis=0)
+    return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
+
+
+def temperature_slope(log_density: Scalar, target_entropy: float) -> Scalar:
+    """Slope of the temperature's loss `-log(alpha) (log pi + target entropy)` by log(alpha) (Eq. 18): below zero, so
+    that the temperature rises, while the mean entropy `-log pi` is lower than the wanted one.
+    """
+    return -(log_density + target_entropy)
 
 
 def update(
@@ -143,14 +140,12 @@ def update(
     batch: Batch,
     key: PRNGKeyArray,
     learning_rate: Scalar,
-    target_entropy: Scalar,
     config: SACConfig,
     across: str | None = None,
 ) -> tuple[Learner, Scalar]:
     """The learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
 
     Args:
-        target_entropy: what the mean entropy of the actions is kept at.
         across: axis of devices, each with a batch of its own; all take the step of all batches together.
     """
     noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
@@ -162,9 +157,9 @@ def update(
     )
     loss, of_critics = eqx.filter_value_and_grad(critics_loss)(learner.critics, batch, jax.lax.stop_gradient(targets))
     (_, log_density), of_actor = eqx.filter_value_and_grad(actor_loss, has_aux=True)(
-        learner.network, learner.critics, temperature, batch, noise, config.smoothness
+        learner.network, learner.critics, temperature, batch, noise
     )
-    of_temperature = -(log_density + target_entropy)  # Eq. 18, by the logarithm of alpha
+    of_temperature = temperature_slope(log_density, config.target_entropy)
     gradient: Any = (of_actor, of_critics, of_temperature)
     if across is not None:
         loss, gradient = jax.lax.pmean((loss, gradient), across)

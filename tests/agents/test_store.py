@@ -11,7 +11,7 @@ import pytest
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
-from apollonius.agents.network import make_network
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import AgentHeader, describe, load_agent, save_agent, write_atomically
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
@@ -189,3 +189,19 @@ def test_a_write_is_on_disk_before_it_takes_the_old_ones_place(tmp_path, monkeyp
     write_atomically(path, b"new")
     assert calls == ["fsync", "replace old"]
     assert path.read_bytes() == b"new"
+
+
+def test_an_agent_with_continuous_actions_comes_back_as_one(tmp_path):
+    actor = make_actor("encoded", 4, 2, jax.random.key(1))
+    save_agent(describe(actor, Role.EVADER, GAME, TRAINING), tmp_path / "actor.safetensors")
+    loaded = load_agent(tmp_path / "actor.safetensors")
+    assert (loaded.header.network, loaded.header.num_actions, loaded.header.depth) == ("gaussian", 0, 2)
+    assert jax.tree.structure(loaded.network) == jax.tree.structure(actor)
+    for ours, theirs in zip(jax.tree.leaves(actor), jax.tree.leaves(loaded.network), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(("network", "said"), [("gaussian", "do not fit"), ("sideways", "of the kind sideways")])
+def test_a_network_of_another_kind_than_the_header_says_is_refused(path, network, said):
+    rewrite(path, network=network)
+    assert said in refusal(path)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from apollonius.game.dynamics import Unicycle, sinc, unit_vector, wrap_angle
+from apollonius.game.dynamics import Unicycle, gears, nearest_action, sinc, unit_vector, wrap_angle
 from apollonius.game.types import RobotState
 
 PI = np.float32(np.pi)
@@ -177,3 +177,23 @@ def test_an_action_is_three_times_the_acceleration_gear_plus_the_turning_gear():
     u1, u2 = jax.vmap(BODY.controls)(jnp.arange(9))
     expected = [(gear_u1 * 0.3, gear_u2 * 0.8) for gear_u1 in (-1, 0, 1) for gear_u2 in (-1, 0, 1)]
     np.testing.assert_allclose(np.stack([u1, u2], axis=-1), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("action", range(9))
+def test_gears_of_a_discrete_action_move_a_robot_to_the_same_bits(action):
+    """And so they do in a compiled step, for robots anywhere."""
+    robots_there = jax.vmap(RobotState)(*jnp.asarray(random_robots(np.random.default_rng(action), 500).T, jnp.float32))
+    pair = jnp.array([action // 3 - 1.0, action % 3 - 1.0])
+    assert nearest_action(pair) == action
+    ends = [
+        jax.jit(jax.vmap(lambda robot, given=given: BODY.move(robot, *BODY.controls(given), 0.1)))(robots_there)
+        for given in (jnp.asarray(action), pair)
+    ]
+    np.testing.assert_array_equal(*map(numbers, ends))
+
+
+def test_gears_are_shares_of_the_largest_controls_and_clipped():
+    body = Unicycle(u1_max=0.5, u2_max=2.0)
+    np.testing.assert_allclose(body.controls(jnp.array([0.5, -0.25])), (0.25, -0.5))
+    np.testing.assert_allclose(body.controls(jnp.array([3.0, -1.5])), (0.5, -2.0))
+    np.testing.assert_allclose(gears(jnp.asarray(5)), (0, 1))

@@ -110,7 +110,6 @@ def test_half_the_batch_on_each_of_two_devices_is_one_update_on_the_whole():
         reward=jax.random.normal(key, (16,)),
         next_observation=jax.random.normal(jax.random.key(1), (16, size)),
         discount=jnp.full(16, 0.9),
-        following=jnp.zeros((16, size)),
     )
     whole, loss = dqn.update(learner, batch, jnp.asarray(1e-2), DQN)
     halves = jax.tree.map(lambda leaf: leaf.reshape(2, 8, *leaf.shape[1:]), batch)

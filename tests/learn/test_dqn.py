@@ -42,7 +42,6 @@ def random_batch(rng, size=32):
         reward=normal(size),
         next_observation=normal(size, 8),
         discount=jnp.asarray(rng.uniform(size=size), jnp.float32),
-        following=normal(size, 8),
     )
 
 
@@ -74,7 +73,6 @@ def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions(double, next_v
         reward=jnp.array([1.0, -10.0]),
         next_observation=one_hot([1, 1]),
         discount=jnp.array([0.5, 0.0]),
-        following=one_hot([1, 1]),
     )
     errors = [1.0 + 0.5 * next_value - 2.0, -10.0 - 0.0]
     assert dqn.loss(network, target, batch, double) == pytest.approx(np.mean(np.square(errors)))
@@ -101,7 +99,7 @@ def test_targets_and_loss_agree_with_rlax(config):
 def test_the_loss_has_no_gradient_through_the_target():
     """Only the chosen action's value moves, by -2 (target - value) / batch."""
     network = table([row(), row(_1=8.0)])
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]), one_hot([1]))
+    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]))
     gradient = eqx.filter_grad(dqn.loss)(network, network, batch, True).layers[0].weight
     expected = np.zeros((9, 8))
     expected[3, 0] = -2 * (1.0 + 0.5 * 8.0)
@@ -111,7 +109,7 @@ def test_the_loss_has_no_gradient_through_the_target():
 def test_an_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
     learner = dqn.start_from(table([row(_3=2.0)]))
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]), one_hot([1]))
+    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]))
     after, loss = dqn.update(learner, batch, jnp.asarray(0.01), PLAIN)
     assert loss == pytest.approx(98.0**2)
     assert after.network(one_hot(0))[3] == pytest.approx(2.0 + 2 * 0.01, abs=1e-5)  # its weight and its bias

@@ -1,0 +1,153 @@
+"""Players with continuous actions: how they draw, what they do when it counts, and behind a shield."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm
+
+from apollonius.agents.catalogue import find_pool, find_valued
+from apollonius.agents.network import make_actor
+from apollonius.agents.policy import AbstractContinuous, Seated, acts_continuously, solo, stack
+from apollonius.agents.shield import MARGIN, brakes, shielded
+from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
+from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import at_best, exploring
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_match
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState, RobotState, Role
+
+WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
+ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
+SEEN = jnp.linspace(-1, 1, 8)
+
+
+class Wants(AbstractContinuous):
+    """Always the same gears."""
+
+    gears: tuple[float, float] = eqx.field(static=True)
+
+    @property
+    def observation(self):
+        return "paper"
+
+    def __call__(self, observation, word):
+        return jnp.array(self.gears)
+
+
+def test_the_numbers_of_a_word_are_two_independent_standard_normal_ones():
+    pairs = np.asarray(jax.vmap(normal_pair)(WORDS))
+    for numbers in pairs.T:
+        assert kstest(numbers, norm.cdf).pvalue > 0.01
+    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.03
+    assert abs(np.corrcoef((pairs**2).T)[0, 1]) < 0.03
+    ends = jnp.array([0, 2**16 - 1, 2**32 - 2**16, 2**32 - 1], jnp.uint32)
+    assert np.abs(jax.vmap(normal_pair)(ends)).max() < 4.9
+
+
+def layers_in_numpy(actor, seen):
+    hidden = np.asarray(seen, np.float64)
+    for layer in actor.layers[:-1]:
+        hidden = np.maximum(np.asarray(layer.weight) @ hidden + np.asarray(layer.bias), 0)
+    return np.asarray(actor.layers[-1].weight) @ hidden + np.asarray(actor.layers[-1].bias)
+
+
+def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
+    mean = layers_in_numpy(ACTOR, SEEN)[:2]
+    action = at_best(ACTOR)(SEEN, WORDS[0])
+    np.testing.assert_allclose(action, np.tanh(mean), atol=1e-6)
+    np.testing.assert_allclose(ACTOR.batch(SEEN[None])[0][0], mean, atol=1e-6)
+    np.testing.assert_array_equal(exploring(ACTOR, jnp.asarray(0.0))(SEEN, WORDS[0]), action)
+
+
+def test_exploring_it_draws_from_its_distributions():
+    """Before the hyperbolic tangent: normal, with its own means and standard deviations, these times the spread."""
+    mean, deviation = ACTOR(SEEN)
+    for spread in (1.0, 0.5):
+        player = SquashedGaussian(ACTOR, jnp.asarray(spread))
+        drawn = np.arctanh(np.asarray(jax.vmap(player, in_axes=(None, 0))(SEEN, WORDS), np.float64))
+        for numbers, middle, width in zip(drawn.T, mean, deviation, strict=True):
+            assert kstest((numbers - float(middle)) / (spread * float(width)), norm.cdf).pvalue > 0.01
+
+
+def test_deviations_stay_within_their_bounds():
+    huge = eqx.tree_at(lambda actor: actor.layers[-1].bias, ACTOR, jnp.array([0.0, 0.0, 1e6, -1e6]))
+    np.testing.assert_allclose(huge(SEEN)[1], np.exp([1.0, -5.0]), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("gears", "allowed", "action"),
+    [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 1), ((-9.0, 0.2), (2, 4), 4)],
+)
+def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gears(gears, allowed, action):
+    mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
+    assert Wants(gears).act_among(mask, SEEN, WORDS[0]) == action
+
+
+@pytest.mark.parametrize(
+    ("policy", "expected"),
+    [(Uniform(), False), (SquashedMean(ACTOR), True), (Wants((0.0, 0.0)), True)],
+)
+def test_a_players_kind_of_action_is_known_without_asking_it(policy, expected):
+    assert acts_continuously(policy) == expected
+    assert acts_continuously(shielded(policy, Game(), Role.EVADER)) == expected
+
+
+def robot(x, y, v=0.0, heading=0.0):
+    return RobotState(*map(jnp.float32, (x, y, v, heading)))
+
+
+def guarded_action(own, gears):
+    state = GameState(own, robot(1.0, 1.0), jnp.asarray(0))
+    player = shielded(Wants(gears), Game(), Role.PURSUER)
+    return eqx.filter_jit(player)(Game().observe(state, Role.PURSUER, "paper"), WORDS[0])
+
+
+def test_behind_a_shield_it_keeps_its_gears_where_they_are_safe():
+    np.testing.assert_array_equal(guarded_action(robot(5.0, 5.0, 0.6), (0.3, -0.7)), np.float32([0.3, -0.7]))
+
+
+def test_behind_a_shield_unsafe_gears_become_the_nearest_discrete_ones_that_are_safe():
+    """At full speed 1.25 m before a wall only braking and turning at once will do: actions 0 and 2."""
+    own = robot(10 - 1.25, 5.0, 1.2)
+    for turn, action in ((0.3, [-1, 1]), (-0.3, [-1, -1])):
+        assert brakes(Game(), Role.PURSUER).room_after(own, jnp.array([0.5, turn])) < MARGIN
+        np.testing.assert_array_equal(guarded_action(own, (0.5, turn)), action)
+
+
+def test_behind_a_shield_it_never_fails():
+    game = make_game("one-large")
+    wild = SquashedGaussian(make_actor("paper", 8, 2, jax.random.key(2)), jnp.asarray(1.0))
+    outcomes = play_match(game, *(shielded(wild, game, role) for role in Role), games=40, seed=1).outcomes
+    assert outcomes["captured"] + outcomes["no_result"] == 40
+
+
+def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
+    members = [Wants((number / 10, -number / 10)) for number in range(3)]
+    actors = [make_actor("paper", 8, 1, jax.random.key(seed)) for seed in range(3)]
+    pool = stack([exploring(actor, jnp.asarray(0.0)) for actor in actors])
+    member = jnp.array([2, 0, 1, 1])
+    seen, words = jnp.tile(SEEN, (4, 1)), WORDS[:4]
+    expected = [at_best(actors[number])(SEEN, WORDS[0]) for number in member.tolist()]
+    np.testing.assert_allclose(pool.act(member, seen, words), jnp.stack(expected), atol=1e-6)
+    assert solo(members[1]).act(jnp.zeros(4, jnp.int32), seen, words).shape == (4, 2)
+    seated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
+    seats = Seated(SquashedMean(actors[2]), seated, seats=2, first=1, games=1)
+    by_seat = [at_best(actors[number])(SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
+    np.testing.assert_allclose(seats.act(member, seen, words), jnp.stack(by_seat), atol=1e-6)
+
+
+def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):
+    files = []
+    for seed in range(2):
+        files.append(str(tmp_path / f"E_{seed}.safetensors"))
+        save_agent(describe(make_actor("paper", 8, 1, jax.random.key(seed)), Role.EVADER, {}, {}), tmp_path / files[-1])
+    assert find_pool(files, Role.EVADER).size == 2
+    with pytest.raises(InvalidInput, match="random beside discrete ones"):
+        find_pool([files[0], "random"], Role.EVADER)
+    with pytest.raises(InvalidInput, match="continuous actions and values none"):
+        find_valued(files[0])

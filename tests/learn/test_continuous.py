@@ -1,0 +1,115 @@
+"""Training with continuous actions: the same run, stages, opponents and checkpoints as with discrete ones."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from apollonius.agents.catalogue import find_agent
+from apollonius.agents.network import GaussianActor, make_actor
+from apollonius.agents.policy import solo
+from apollonius.agents.squashed import SquashedMean
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import play_match
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.learn.best_response import best_response
+from apollonius.learn.config import SelfPlayConfig, StageConfig
+from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.run import Run, load_first_pursuer
+from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage import play_and_learn
+from apollonius.learn.state import Plan
+from tests.learn.tiny import CHUNK, GAME, RUN
+
+SAC = SACConfig(
+    observation="paper",
+    width=16,
+    depth=1,
+    n_step=3,
+    final_n_step=2,
+    learning_rate=1e-2,
+    averaging=0.1,
+    batch=16,
+    games=64,
+    env_steps_per_update=64,
+    replay_capacity=CHUNK,
+    learning_starts=CHUNK,
+    critics_first=8,
+)
+CONFIG = replace(RUN, sac=SAC, fixed_target=replace(RUN.fixed_target, env_steps=2 * CHUNK, evaluations=2))
+
+
+def agents(folder):
+    return {path.stem: path.read_bytes() for path in sorted((folder / "agents").iterdir())}
+
+
+@pytest.mark.slow
+def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
+    whole, halting = tmp_path / "whole", tmp_path / "halting"
+    create_run(CONFIG, whole)
+    assert Run(CONFIG, whole).execute()
+    create_run(CONFIG, halting)
+    for chunks in (1, 3):
+        asked = iter(range(1, 100))
+        assert not Run(CONFIG, halting, should_stop=lambda asked=asked, chunks=chunks: next(asked) == chunks).execute()
+    assert load_config(halting / "config.toml") == CONFIG
+    assert Run(load_config(halting / "config.toml"), halting).execute()
+    assert agents(whole) == agents(halting)
+    agent = load_agent(whole / "agents" / "E_curriculum.safetensors")
+    assert isinstance(agent.network, GaussianActor)
+    assert isinstance(find_agent(str(whole / "agents" / "P_stage1.safetensors"), Role.PURSUER).policy, SquashedMean)
+
+
+def test_a_side_remembers_gears_and_learns_from_them():
+    plan = Plan(SAC, SelfPlayConfig(env_steps=4 * CHUNK, opponents=OpponentConfig(scheme="league", seats=4)))
+    state = start_self_play(plan, GAME, jax.random.key(0), None)
+    before = jax.tree.map(np.array, state.pursuer.learner.network)
+    state, metrics = play_and_learn(plan, GAME, state, None, None)
+    gears = np.asarray(state.pursuer.replay.rows.action)
+    assert gears.shape == (128, 64, 2)
+    assert (np.abs(gears) <= 1).all()
+    assert gears.std() > 0.3
+    assert metrics.updates == state.pursuer.learner.updates == state.evader.exploiter.updates == 1
+    state, metrics = play_and_learn(plan, GAME, state, None, None)
+    assert metrics.updates == 128
+    assert np.isfinite(metrics.pursuer_loss)
+    assert not eqx.tree_equal(jax.tree.map(np.array, state.pursuer.learner.network), before)
+
+
+def test_a_first_pursuer_with_another_kind_of_actions_is_refused(tmp_path):
+    path = tmp_path / "P.safetensors"
+    save_agent(describe(make_actor("paper", 16, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
+    lone = replace(CONFIG, stages="self-play", pursuer=str(path))
+    assert load_first_pursuer(lone) is not None
+    with pytest.raises(InvalidInput, match="a QNetwork as this config trains"):
+        load_first_pursuer(replace(lone, sac=None))
+
+
+@pytest.mark.slow
+def test_a_pursuer_learns_to_catch_a_standing_evader():
+    """In an arena without discs, within 300,000 env steps, more often than random gears do by chance."""
+    config = SACConfig(width=64, depth=2, games=64, env_steps_per_update=64, learning_starts=10_000, n_step=8)
+    plan = Plan(config, StageConfig(env_steps=300_000))
+    game = make_game("paper")
+    game = replace(game, arena=replace(game.arena, discs=()), capture_distance=0.6)
+    still = find_agent("still", Role.EVADER).policy
+    network = best_response(plan, game, still, Role.PURSUER, seed=0)
+    learned, random = (play_match(game, policy, still, 200, seed=5) for policy in (SquashedMean(network), Uniform()))
+    assert random.outcomes["captured"] < 30
+    assert learned.outcomes["captured"] > 100
+
+
+def test_opponents_of_both_kinds_meet():
+    plan = Plan(SAC, StageConfig(env_steps=4 * CHUNK))
+    evader = solo(Uniform())
+    state = start_fixed_target(plan, GAME, jax.random.key(0), evader)
+    state, metrics = play_and_learn(plan, GAME, state, None, evader)
+    assert metrics.outcomes.sum() > 0
