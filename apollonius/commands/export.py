@@ -44,7 +44,7 @@ def run_export(options: argparse.Namespace) -> int:
 
     name: str = options.agent
     if name.startswith(SHIELDED):
-        raise InvalidInput(f"'{name}' cannot be exported, a shield runs in the package alone: export its bare player.")
+        raise InvalidInput(f"'{name}' cannot be exported, a shield holds by the rules alone: export its bare player.")
     require(
         name not in {*BUILT_IN, *CLASSICAL}, "AGENT", name, "a trained agent: one of the zoo, or a .safetensors file"
     )

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import solo
+from apollonius.agents.policy import AbstractContinuous, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.bodies.comparison import compare, tracking
 from apollonius.bodies.drive import PARTS, Drive, without
@@ -62,9 +63,13 @@ def test_a_game_does_not_depend_on_those_beside_it(simulated):
             assert np.array_equal(part, whole)
 
 
+def begun(*row):
+    """A game that begins with the pursuer's and the evader's x, y, v and heading."""
+    return jax.tree.map(lambda leaf: leaf[None], as_state(jnp.asarray(row, jnp.float32), jnp.asarray(0)))
+
+
 def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
-    at_the_wall = as_state(jnp.asarray([[5.0, 1.0, 0, 0, 9.8, 5.0, 1.0, 0.0]], jnp.float32)[0], jnp.asarray(0))
-    start = jax.tree.map(lambda leaf: leaf[None], at_the_wall)
+    start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
     game = simulate(GAME, solo(Still()), solo(Still()), start, jax.random.key(0), Drive())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
@@ -73,6 +78,28 @@ def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
     assert replay.outcome == Outcome.EVADER_OUT_OF_RANGE
     assert replay.states[-1, 4] > 10
     assert replay.first_difference() == 1
+
+
+class FullSpeedInACurve(AbstractContinuous):
+    """Speeds up and turns left at half the largest rate."""
+
+    observation: str = eqx.field(static=True, default="paper")
+
+    def __call__(self, observation, word):
+        return jnp.asarray([1.0, 0.5])
+
+
+def test_players_with_continuous_actions_drive_too(tmp_path):
+    start, key = begun(9.0, 9.0, 0.0, 0.0, 1.5, 5.0, 0.0, 0.0), jax.random.key(0)
+    game = simulate(GAME, solo(Still()), solo(FullSpeedInACurve()), start, key, without(Drive(), *PARTS))
+    states, actions = game.course(0)
+    assert actions.shape == (40, 2, 2)
+    assert np.all(actions[:, 1] == [1.0, 0.5])
+    turned = np.unwrap(states[:, 7])
+    assert turned[-1] - turned[0] == pytest.approx(0.4 * 4.0, rel=0.02)
+    assert states[-1, 6] == pytest.approx(1.2, rel=0.01)
+    save_replay(record_course(game, GAME, ("still", "curve"), 0, 0), tmp_path / "game.json")
+    assert load_replay(tmp_path / "game.json").actions.dtype == np.float32
 
 
 def test_both_plays_are_counted_and_compared(simulated):
