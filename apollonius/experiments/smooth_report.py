@@ -16,7 +16,7 @@ from apollonius.game.dynamics import gears
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
-from apollonius.replay import BothActions
+from apollonius.replay import BothActions, Trajectory
 from apollonius.show import style
 from apollonius.show.arena import draw_game
 from apollonius.show.curves import draw_lines
@@ -95,6 +95,7 @@ def draw(game: Game, pursuers: Sequence[AbstractPolicy], evader: AbstractPolicy,
     """The games of a discrete and a continuous pursuer from the same start, and their turn rates: from the first start
     from which both capture, if there is one.
     """
+    courses: list[Trajectory] = []
     for index in range(_TRIALS):
         courses = [replay_game(game, pursuer, evader, _TRIALS, 0, index) for pursuer in pursuers]
         if all(course.outcome == Outcome.CAPTURED for course in courses):
