@@ -1,1 +1,1 @@
-"""Training: DQN, the two stages of the curriculum, checkpoints. Never judges."""
+"""Training: DQN and soft actor-critic, the two stages of the curriculum, checkpoints. Never judges."""
