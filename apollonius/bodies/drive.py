@@ -48,12 +48,14 @@ class Drive:
     """The drive changes its turn rate no faster than this [rad/s^2]."""
 
     def __post_init__(self) -> None:
-        names = ("mass", "wheel_mass", "wheel_radius", "track", "caster", "chassis_radius", "friction")
-        require_positive(self, *names, "torque", "stiffness", "turn_acceleration")
-        for name in ("mass_behind", "inertia", "resistance", "lag", "latency"):
+        positive = ("mass", "wheel_mass", "wheel_radius", "track", "caster", "chassis_radius", "friction", "torque")
+        require_positive(self, *positive, "stiffness", "turn_acceleration")
+        for name in (*positive, "stiffness", "mass_behind", "inertia", "resistance", "lag", "latency"):
             require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
         bound = f"less than half the mass = {self.mass} kg"
         require(2 * self.wheel_mass < self.mass, "wheel_mass", self.wheel_mass, bound)
+        bound = f"less than caster = {self.caster} m, or the robot falls over backwards"
+        require(self.mass_behind < self.caster, "mass_behind", self.mass_behind, bound)
 
     def wheel_speeds(self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]) -> np.ndarray:
         """Speeds [rad/s] of the left and the right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""

@@ -63,7 +63,16 @@ def test_one_part_is_left_out_at_a_time():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("mass", 0.0), ("torque", -1.0), ("latency", -0.1), ("lag", inf), ("wheel_mass", 4.5)]
+    ("name", "value"),
+    [
+        ("mass", 0.0),
+        ("torque", -1.0),
+        ("latency", -0.1),
+        ("lag", inf),
+        ("wheel_mass", 4.5),
+        ("mass", inf),
+        ("mass_behind", 0.2),
+    ],
 )
 def test_impossible_drives_are_refused(name, value):
     with pytest.raises(InvalidInput, match=name):
