@@ -81,7 +81,7 @@ def test_deviations_stay_within_their_bounds():
 
 @pytest.mark.parametrize(
     ("gears", "allowed", "action"),
-    [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 1), ((-9.0, 0.2), (2, 4), 4)],
+    [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gears(gears, allowed, action):
     mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))

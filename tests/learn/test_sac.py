@@ -162,9 +162,10 @@ def test_a_branch_goes_on_from_what_plays_when_it_counts():
     assert branch.updates == 0
 
 
+@pytest.mark.slow
 def test_it_finds_the_best_action_of_a_bandit():
     """Pay is highest at gears (0.5, -0.25); the temperature pulls to the middle and is small."""
-    config = SACConfig(**vars(CONFIG) | {"target_entropy": -3.0, "averaging": 0.05})
+    config = SACConfig(**vars(CONFIG) | {"width": 64, "depth": 2, "target_entropy": -3.0, "averaging": 0.05})
     best = jnp.array([0.5, -0.25])
 
     def one_update(learner, key):
@@ -177,5 +178,5 @@ def test_it_finds_the_best_action_of_a_bandit():
 
     keys = jax.random.split(jax.random.key(1), 1500)
     learner, losses = jax.lax.scan(one_update, sac.init(config, jax.random.key(0)), keys)
-    np.testing.assert_allclose(jnp.tanh(learner.average(jnp.zeros(8))[0]), best, atol=0.08)
+    np.testing.assert_allclose(jnp.tanh(learner.average(jnp.zeros(8))[0]), best, atol=0.15)
     assert losses[-50:].mean() < losses[:50].mean() / 10
