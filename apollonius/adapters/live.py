@@ -94,8 +94,9 @@ class LiveGame:
         Raises:
             InvalidInput: for an action that is none.
         """
-        both = np.stack([as_actions(action, self._space) for action in actions])
-        given = np.concatenate([np.array([self._steps], both.dtype), both.reshape(-1)])
+        pursuer, evader = (as_actions(action, self._space) for action in actions)
+        given = np.empty(1 + 2 * pursuer.size, pursuer.dtype)
+        given[0], given[1 : 1 + pursuer.size], given[1 + pursuer.size :] = self._steps, pursuer, evader
         self._take(self._step(self._told, given, word), self._steps + 1)
 
     def _take(self, told: Array, steps: int) -> None:

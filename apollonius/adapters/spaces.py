@@ -1,8 +1,9 @@
 """What Gymnasium and PettingZoo are told of observations and actions."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
 
 from apollonius.errors import require
 from apollonius.game.observation import OBSERVATION_SIZES
@@ -37,17 +38,19 @@ def action_space(actions: str) -> ActionSpace:
     return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def as_actions(given: ArrayLike, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
+def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
     """Actions of a space in its number type: one, or a batch of them.
 
     Raises:
         InvalidInput: for another shape, or one that is none of the space; says what it should be.
     """
     discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions, name = np.asarray(given, np.int32 if discrete else np.float32), "actions" if batch else "action"
+    actions = np.asarray(given, np.int32 if discrete else np.float32)
     shape = batch if discrete else (*batch, 2)
-    require(actions.shape == shape, f"shape of {name}", actions.shape, str(shape))
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
-    low, high = actions.min(), actions.max()
-    require(least <= low and high <= most, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
+    low, high = (actions.min(), actions.max()) if shape else (actions, actions)
+    if actions.shape != shape or not (least <= low and high <= most):  # a message costs as much as a step of the game
+        name = "actions" if batch else "action"
+        require(actions.shape == shape, f"shape of {name}", actions.shape, str(shape))
+        require(False, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
     return actions

@@ -70,7 +70,7 @@ def test_what_is_no_such_action_is_refused():
     for action in ([0.0, 1.5], [np.nan, 0.0]):
         with pytest.raises(InvalidInput, match="from -1 to 1"):
             env.step(np.float32(action))
-    with pytest.raises(InvalidInput, match="shape of actions"):
+    with pytest.raises(InvalidInput, match="shape of action"):
         env.step(np.float32([0.0, 0.0, 0.0]))
     with pytest.raises(InvalidInput, match="actions = analogue"):
         OneSide(Role.EVADER, actions="analogue")
