@@ -22,7 +22,7 @@ from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.run import Run, load_first_pursuer
+from apollonius.learn.run import Run, load_first
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
@@ -76,7 +76,7 @@ def test_a_side_remembers_gears_and_learns_from_them():
     gears = np.asarray(state.pursuer.replay.rows.action)
     assert gears.shape == (128, 64, 2)
     assert (np.abs(gears) <= 1).all()
-    assert gears.std() > 0.3
+    assert gears.std() > 0.1  # an actor that knows nothing has deviations of exp(-2)
     assert metrics.updates == state.pursuer.learner.updates == state.evader.exploiter.updates == 1
     state, metrics = play_and_learn(plan, GAME, state, None, None)
     assert metrics.updates == 128
@@ -88,9 +88,9 @@ def test_a_first_pursuer_with_another_kind_of_actions_is_refused(tmp_path):
     path = tmp_path / "P.safetensors"
     save_agent(describe(make_actor("paper", 16, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     lone = replace(CONFIG, stages="self-play", pursuer=str(path))
-    assert load_first_pursuer(lone) is not None
+    assert load_first(lone, Role.PURSUER) is not None
     with pytest.raises(InvalidInput, match="a QNetwork as this config trains"):
-        load_first_pursuer(replace(lone, sac=None))
+        load_first(replace(lone, sac=None), Role.PURSUER)
 
 
 @pytest.mark.slow
