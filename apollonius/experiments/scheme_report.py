@@ -18,7 +18,7 @@ from apollonius.show.curves import draw_lines
 
 
 def write_results(out: Path, runs: Sequence[Path], effort: Effort) -> str:
-    """Write `schemes.json`, `schemes.md` and `schemes.png`; returns the table.
+    """Write `schemes.json`, `schemes.md` and, if any earlier agents were judged, `schemes.png`; returns the table.
 
     Args:
         runs: folders of runs that were judged, as SCHEME/SEED.
@@ -27,7 +27,8 @@ def write_results(out: Path, runs: Sequence[Path], effort: Effort) -> str:
     record = {"settings": {"env_steps": env_steps, **asdict(effort)}, "schemes": found}
     write_atomically(out / "schemes.json", json.dumps(record, indent=1).encode())
     write_atomically(out / "schemes.md", (table(found) + "\n").encode())
-    draw(found, out / "schemes.png", env_steps)
+    if any(len(curve) > 2 for row in found.values() for curve in row["curve"]):
+        draw(found, out / "schemes.png", env_steps)
     return table(found)
 
 

@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -26,13 +27,24 @@ SCHEMES: tuple[Scheme, ...] = get_args(Scheme)
 SHORT = DQNConfig(averaging=1e-3, games=256)
 """The profile `fast` for a stage of a few million env steps: weights are averaged over a thousand updates, and with
 half the games, seats can be drawn anew twice as often and still let every game come to its end."""
+GENTLE = replace(SHORT, learning_rate=1e-4)
+"""The same for agents that are good already, which larger steps would first spoil."""
 
 
-def run_config(scheme: Scheme, seed: int, env_steps: int) -> RunConfig:
-    """Self-play from the zoo's pursuer of stage 1, with both agents kept at six points."""
-    opponents = OpponentConfig(scheme=scheme, versions=8, renewal=262_144)
-    stage = SelfPlayConfig(env_steps=env_steps, evaluations=6, evaluation_games=200, snapshots=6, opponents=opponents)
-    return RunConfig(seed=seed, stages="self-play", dqn=SHORT, self_play=stage, pursuer="P_stage1")
+def run_config(
+    scheme: Scheme, seed: int, env_steps: int, pursuer: str = "P_stage1", evader: str | None = None
+) -> RunConfig:
+    """Self-play that goes on from a pursuer and, if it is given, from an evader. Both agents are kept six times."""
+    stage = SelfPlayConfig(
+        env_steps=env_steps,
+        evader_epsilon=SelfPlayConfig.evader_epsilon if evader is None else SelfPlayConfig.pursuer_epsilon,
+        evaluations=6,
+        evaluation_games=200,
+        snapshots=6,
+        opponents=OpponentConfig(scheme=scheme, versions=8, renewal=262_144),
+    )
+    dqn = SHORT if evader is None else GENTLE
+    return RunConfig(seed=seed, stages="self-play", dqn=dqn, self_play=stage, pursuer=pursuer, evader=evader)
 
 
 def judge_all(out: Path, runs: Sequence[Path], curve_runs: int, effort: Effort, cores: Sequence[int], on: str) -> bool:
@@ -52,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--schemes", nargs="+", choices=SCHEMES, default=SCHEMES, metavar="SCHEME")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--env-steps", type=int, default=4_000_000, help="length of each training")
+    parser.add_argument("--pursuer", default="P_stage1", help="whom pursuers go on from (default: %(default)s)")
+    parser.add_argument("--evader", help="whom evaders go on from (default: none, they begin from scratch)")
     parser.add_argument("--curve-seeds", type=int, default=1, help="seeds whose earlier agents are judged too")
     parser.add_argument("--response-env-steps", type=int, default=Effort.response_env_steps)
     parser.add_argument("--games", type=int, default=Effort.games, help="games that judge a response")
@@ -69,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Seeds share their compilations; the processes that do the work inherit this.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
     configs = {
-        out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps)
+        out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps, options.pursuer, options.evader)
         for seed in range(options.seeds)
         for scheme in options.schemes
     }

@@ -68,6 +68,10 @@ def test_every_scheme_has_the_same_budget_and_start():
     same = [replace(config, self_play=replace(config.self_play, opponents=OpponentConfig())) for config in configs]
     assert all(config == same[0] for config in same)
     assert (same[0].pursuer, same[0].seed, same[0].self_play.env_steps) == ("P_stage1", 1, 4_000_000)
+    good = schemes.run_config("latest", 1, 4_000_000, "P_curriculum", "E_curriculum")
+    assert (good.pursuer, good.evader, same[0].evader) == ("P_curriculum", "E_curriculum", None)
+    assert good.self_play.evader_epsilon < same[0].self_play.evader_epsilon == 1
+    assert good.dqn.learning_rate < same[0].dqn.learning_rate
     rounds = configs[0].self_play.opponents.renewal // configs[0].dqn.games
     assert rounds >= configs[0].game.max_steps, "a game of a seat comes to its end before the seats are drawn anew"
 
