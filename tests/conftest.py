@@ -4,6 +4,7 @@ from pathlib import Path
 
 import hypothesis
 import jax
+import pytest
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -13,3 +14,10 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 hypothesis.settings.register_profile("apollonius", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("apollonius")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forget_compilations():
+    """A process that keeps the compilations of a thousand tests comes to the end of its memory maps, and crashes."""
+    yield
+    jax.clear_caches()
