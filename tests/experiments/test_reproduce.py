@@ -52,6 +52,7 @@ def study(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_agent_figure_and_claim_is_there(study):
     kept = {path.stem for path in study.glob("seed-0/*/agents/*.safetensors")}
     assert set(RUN_OF) <= kept
@@ -69,6 +70,7 @@ def test_every_agent_figure_and_claim_is_there(study):
         assert f"]({name})" in report
 
 
+@pytest.mark.slow
 def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(study, tmp_path):
     config = run_configs(RUN, 0)["scratch"]
     create_run(config, tmp_path / "run")
@@ -80,6 +82,7 @@ def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(st
         assert (resumed / path.name).read_bytes() == path.read_bytes()
 
 
+@pytest.mark.slow
 def test_results_count_the_matches_of_the_agents_in_the_folder(study):
     table = json.loads((study / "results.json").read_text())["findings"]["Table II: against the random evader"]
     for matches in table["data"].values():
@@ -87,6 +90,7 @@ def test_results_count_the_matches_of_the_agents_in_the_folder(study):
             assert sum(match["outcomes"].values()) == match["games"] == GAMES
 
 
+@pytest.mark.slow
 def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
     page = study_page(study)
     html = render(page)
@@ -109,6 +113,7 @@ def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
     assert all(shown.replay.game == RUN.game for shown in page.games)
 
 
+@pytest.mark.slow
 def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
     before = {name: (study / name).read_bytes() for name in ("results.json", "report.md")}
     (study / "report.md").unlink()
@@ -134,6 +139,7 @@ def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_pat
     assert not (tmp_path / "study").exists()
 
 
+@pytest.mark.slow
 def test_a_study_is_overwritten_by_no_other(study):
     before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
     with pytest.raises(InvalidInput, match="--resume"):

@@ -68,6 +68,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
     assert isinstance(find_agent(str(whole / "agents" / "P_stage1.safetensors"), Role.PURSUER).policy, SquashedMean)
 
 
+@pytest.mark.slow
 def test_a_side_remembers_gears_and_learns_from_them():
     plan = Plan(SAC, SelfPlayConfig(env_steps=4 * CHUNK, opponents=OpponentConfig(scheme="league", seats=4)))
     state = start_self_play(plan, GAME, jax.random.key(0), None)

@@ -46,6 +46,7 @@ def test_games_of_an_exploiter_are_counted_for_no_version():
 
 
 @pytest.mark.parametrize("role", Role)
+@pytest.mark.slow
 def test_an_exploiter_learns_from_games_with_the_other_sides_learner_only(played, role):
     """In which the other side's member is 0, the player at large."""
     games = played[-1].games
@@ -63,6 +64,7 @@ def test_samples_come_from_the_games_that_are_asked_for():
     assert set(drawn.tolist()) == {*range(48, 64), *range(16)}
 
 
+@pytest.mark.slow
 def test_learner_and_exploiter_enter_together_and_the_exploiter_begins_anew(played):
     before, after = played[-3], played[-2]
     for side in ("pursuer", "evader"):
@@ -75,6 +77,7 @@ def test_learner_and_exploiter_enter_together_and_the_exploiter_begins_anew(play
         assert int(new.exploiter.updates) == 0
 
 
+@pytest.mark.slow
 def test_no_opponent_changes_within_a_game_of_the_league(played):
     """Who sits, the exploiter included, changes only where the games of all seats begin anew."""
     for one, other in pairwise(played):
@@ -87,6 +90,7 @@ def test_no_opponent_changes_within_a_game_of_the_league(played):
                 assert int(getattr(other, side).exploiter.updates) >= int(getattr(one, side).exploiter.updates)
 
 
+@pytest.mark.slow
 def test_an_exploiter_learns_as_often_as_the_learner(played):
     """Both began to learn in the third chunk; at the renewal before the fourth, the exploiter's count begins anew."""
     for side in (played[-1].pursuer, played[-1].evader):

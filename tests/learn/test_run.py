@@ -122,7 +122,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
     [
         "prioritised-hard",
         pytest.param("gated", marks=pytest.mark.slow),
-        "psro",
+        pytest.param("psro", marks=pytest.mark.slow),
         pytest.param("league", marks=pytest.mark.slow),
     ],
 )

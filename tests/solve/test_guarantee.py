@@ -78,6 +78,7 @@ def test_the_table_is_that_of_brute_force(robot, captures, role, payoff):
     assert len(np.unique(np.round(expected[0], 3))) > 20
 
 
+@pytest.mark.slow
 def test_the_upper_value_is_nowhere_less_than_the_lower(bounds):
     lower, upper = bounds
     assert np.min(upper - lower) >= -5e-3
@@ -93,6 +94,7 @@ def test_the_time_to_a_win_is_not_longer_where_a_loss_does_not_count(bounds):
     assert np.min(in_time) >= 0
 
 
+@pytest.mark.slow
 def test_at_nodes_interpolation_gives_the_table(bounds):
     duel = make_duel(contest(SMALL, Role.PURSUER, (4, 5, 3, 5)))
     table = solve_duel(duel).table

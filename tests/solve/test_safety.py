@@ -93,6 +93,7 @@ def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, 
     assert np.mean(steered < 0) == pytest.approx(np.mean(room < 0), abs=0.001)
 
 
+@pytest.mark.slow
 def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
     game = replace(MOVING, max_steps=100)
     players = [kernel_shielded(Uniform(), game, role, GRID, solved.table) for role in Role]
