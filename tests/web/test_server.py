@@ -101,6 +101,15 @@ def test_an_impossible_port_is_refused(tmp_path, port):
         make_server(tmp_path, port)
 
 
+@pytest.fixture
+def heeded():
+    """Ctrl-C is heeded, also by processes that begin here: a shell that runs the tests in its background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeded")
 def test_the_command_ends_with_ctrl_c():
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
