@@ -3,11 +3,13 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
+    from apollonius.agents.catalogue import Named
     from apollonius.game.game import Game
     from apollonius.game.types import Role
     from apollonius.solve.grid import Grid
@@ -33,6 +35,31 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
         help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
     )  # fmt: skip
     parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
+
+
+def add_match_options(parser: argparse.ArgumentParser) -> None:
+    """Two players, how many games they play and from where, and what is told and kept of them."""
+    parser.add_argument("pursuer", metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", metavar="EVADER", help=AGENT)
+    parser.add_argument("--games", type=int, default=1000, help="number of games (default: %(default)s)")
+    add_game_options(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("--record", type=int, default=0, metavar="K", help="write K games as replays, lost ones first")
+    parser.add_argument(
+        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
+    )
+
+
+def requested_match(options: argparse.Namespace) -> "tuple[Game, Named, Named]":
+    """The game of a match and its two players."""
+    from apollonius.game.types import Role
+    from apollonius.solve.catalogue import find_player
+
+    game = requested_game(options)
+    pursuer = find_player(options.pursuer, Role.PURSUER, game)
+    evader = find_player(options.evader, Role.EVADER, game)
+    require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    return game, pursuer, evader
 
 
 def requested_game(options: argparse.Namespace) -> "Game":

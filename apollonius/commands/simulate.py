@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import AGENT, add_game_options, requested_game
+from apollonius.commands.options import add_match_options, requested_match
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
@@ -16,17 +16,9 @@ if TYPE_CHECKING:
 def add_simulate(subparsers: Any) -> None:
     """The parser of `simulate`."""
     parser = subparsers.add_parser("simulate", help="play many games between robots with bodies, in MuJoCo")
-    parser.add_argument("pursuer", metavar="PURSUER", help=AGENT)
-    parser.add_argument("evader", metavar="EVADER", help=AGENT)
-    parser.add_argument("--games", type=int, default=1000, help="number of games (default: %(default)s)")
-    add_game_options(parser)
+    add_match_options(parser)
     parser.add_argument("--drive", type=Path, metavar="FILE", help="a .toml file with what is other about your robots")
     parser.add_argument("--ablate", action="store_true", help="say what the gap is due to: leave out part after part")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.add_argument("--record", type=int, default=0, metavar="K", help="write K games as replays, lost ones first")
-    parser.add_argument(
-        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
-    )
     parser.set_defaults(run=run_simulate)
 
 
@@ -37,15 +29,10 @@ def run_simulate(options: argparse.Namespace) -> int:
     from apollonius.bodies.drive import PARTS, without
     from apollonius.bodies.simulation import record_course, simulate
     from apollonius.evaluate.match import begin, play_games, worst_first
-    from apollonius.game.types import Role
     from apollonius.replay import save_replay
-    from apollonius.solve.catalogue import find_player
 
-    game, viable = requested_game(options), options.starts == "viable"
-    pursuer = find_player(options.pursuer, Role.PURSUER, game)
-    evader = find_player(options.evader, Role.EVADER, game)
-    drive = _drive(options.drive)
-    require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    game, pursuer, evader = requested_match(options)
+    drive, viable = _drive(options.drive), options.starts == "viable"
     starts, key = begin(game, options.games, options.seed, viable)
     players = solo(pursuer.policy), solo(evader.policy)
     simulated = simulate(game, *players, starts, key, drive)

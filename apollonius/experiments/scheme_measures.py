@@ -6,22 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.catalogue import Named, find_agent
+from apollonius.agents.catalogue import find_agent
 from apollonius.agents.store import write_atomically
-from apollonius.evaluate.kept import kept_match, match_file
-from apollonius.evaluate.ratings import Ratings
-from apollonius.evaluate.tournament import play_tournament
-from apollonius.experiments.jobs import Job, ShouldStop
+from apollonius.experiments.everyone import Everyone
+from apollonius.experiments.jobs import ShouldStop
 from apollonius.experiments.responses import Attack, Loss, judge_opponent, judge_response, train_response
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.folder import agent_file, load_config
 from apollonius.learn.learner_config import DQNConfig
 
 ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch")}
 """The paper's agents of either side."""
-KEPT, RATING_SEED = "tournament", 2
-"""Folder of the matches of the tournament of all last agents, and the seed of their starts."""
+RATING_SEED = 2
+"""Of the starts in the tournament of all last agents."""
 FIRST: dict[Role, str | None] = {role: names[0] for role, names in ZOO.items()}
 """The agents that responses go on from."""
 QUICK = DQNConfig(averaging=3e-3, games=256, replay_capacity=262_144)
@@ -89,38 +86,13 @@ def last_agent(run: Path, role: Role) -> str:
     return str(agent_file(run, f"{role.name[0]}_curriculum"))
 
 
-def rating_jobs(out: Path, runs: Sequence[Path], effort: Effort) -> list[Job]:
-    """The matches of the tournament of all runs' last agents and the paper's, a job for each pursuer."""
-    pursuers, evaders = entrants(runs, Role.PURSUER), entrants(runs, Role.EVADER)
-    return [
-        Job(f"the matches of {name}", play_row, (out, (name, player), evaders, effort.rating_games))
-        for name, player in pursuers.items()
-        if not all(match_file(out / KEPT, name, evader).exists() for evader in evaders)
-    ]
-
-
 def entrants(runs: Sequence[Path], role: Role) -> dict[str, str]:
     """Who takes part in the tournament on one side: a name for each, and the agent or its file."""
     own = {f"{run.parent.name}/{run.name}": last_agent(run, role) for run in runs}
     return own | {name: name for name in ZOO[role]}
 
 
-def play_row(out: Path, pursuer: tuple[str, str], evaders: dict[str, str], games: int, should_stop: ShouldStop) -> bool:
-    """Play and keep the matches of one pursuer against every evader, all on the same starts."""
-    chasing = _named(*pursuer, Role.PURSUER)
-    for evader in evaders.items():
-        if should_stop():
-            return False
-        kept_match(out / KEPT, make_game("paper"), chasing, _named(*evader, Role.EVADER), games, RATING_SEED)
-    return True
-
-
-def ratings(out: Path, runs: Sequence[Path], effort: Effort) -> Ratings:
-    """Elo ratings of everyone in the tournament, in the order of `entrants`."""
-    pursuers, evaders = ([_named(*entrant, role) for entrant in entrants(runs, role).items()] for role in Role)
-    keep = out / KEPT
-    return play_tournament(make_game("paper"), pursuers, evaders, effort.rating_games, RATING_SEED, keep=keep).ratings
-
-
-def _named(name: str, agent: str, role: Role) -> Named:
-    return Named(name, find_agent(agent, role).policy)
+def everyone(out: Path, runs: Sequence[Path], effort: Effort) -> Everyone:
+    """The tournament of all runs' last agents and the paper's, in the order of `entrants`."""
+    pursuers, evaders = (entrants(runs, role) for role in Role)
+    return Everyone(out / "tournament", pursuers, evaders, effort.rating_games, RATING_SEED)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from apollonius.agents.store import write_atomically
-from apollonius.evaluate.statistics import mean_band
-from apollonius.experiments.scheme_measures import ZOO, Effort, ratings
+from apollonius.experiments.markdown import markdown_table, mean_over_seeds
+from apollonius.experiments.scheme_measures import ZOO, Effort, everyone
 from apollonius.game.types import Role
 from apollonius.learn.folder import load_config
 from apollonius.show import style
@@ -34,7 +34,7 @@ def write_results(out: Path, runs: Sequence[Path], effort: Effort) -> str:
 
 def results(out: Path, runs: Sequence[Path], effort: Effort) -> dict[str, Any]:
     """All that was measured, by scheme, a list over seeds each."""
-    rated = ratings(out, runs, effort)
+    rated = everyone(out, runs, effort).tournament().ratings
     by_scheme: dict[str, Any] = {}
     for index, run in enumerate(runs):
         judged = json.loads((run / "judged.json").read_text())
@@ -57,29 +57,20 @@ def table(by_scheme: dict[str, Any]) -> str:
     against = {"pursuer": ZOO[Role.EVADER], "evader": ZOO[Role.PURSUER]}
     head += [f"pursuer wins against {name}" for name in against["pursuer"]]
     head += [f"evader unbeaten by {name}" for name in against["evader"]]
-    lines = [[*head, "minutes"], ["---"] * (len(head) + 1)]
+    lines: list[list[str]] = []
     for scheme, row in by_scheme.items():
         cells = [scheme]
         cells += [_share([agent["most"] for agent in row[side]]) for side in ("pursuer", "evader")]
-        cells += [_mean([agent["elo"] for agent in row[side]], "{:.0f}") for side in ("pursuer", "evader")]
+        cells += [mean_over_seeds([agent["elo"] for agent in row[side]], "{:.0f}") for side in ("pursuer", "evader")]
         for side in ("pursuer", "evader"):
             for name in against[side]:
                 cells.append(_share([1 - agent["against"][name]["rate"] for agent in row[side]]))
-        lines.append([*cells, _mean([seconds / 60 for seconds in row["seconds"]], "{:.1f}")])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        lines.append([*cells, mean_over_seeds([seconds / 60 for seconds in row["seconds"]], "{:.1f}")])
+    return markdown_table([*head, "minutes"], lines)
 
 
 def _share(values: Sequence[float]) -> str:
-    return _mean([100 * value for value in values], "{:.1f}") + " %"
-
-
-def _mean(values: Sequence[float], form: str) -> str:
-    """The mean, and half its interval where there are several values."""
-    mean = form.format(sum(values) / len(values))
-    if len(values) < 2:
-        return mean
-    low, high = mean_band(np.asarray(values)[:, None])
-    return f"{mean} ± {form.format(float(high[0] - low[0]) / 2)}"
+    return mean_over_seeds([100 * value for value in values], "{:.1f}") + " %"
 
 
 def draw(by_scheme: dict[str, Any], path: Path, env_steps: int) -> None:

@@ -16,7 +16,7 @@ from typing import get_args
 
 from apollonius.errors import require
 from apollonius.experiments.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
-from apollonius.experiments.scheme_measures import Effort, judge_run, rating_jobs
+from apollonius.experiments.scheme_measures import Effort, everyone, judge_run
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train_runs
 from apollonius.learn.config import RunConfig, SelfPlayConfig
@@ -54,7 +54,7 @@ def judge_all(out: Path, runs: Sequence[Path], curve_runs: int, effort: Effort, 
     jobs = [
         Job(f"the judgement of '{run}'", judge_run, (run, effort, index < curve_runs)) for index, run in enumerate(runs)
     ]
-    return run_jobs(jobs, cores, print, on) and run_jobs(rating_jobs(out, runs, effort), cores, print, on)
+    return run_jobs(jobs, cores, print, on) and run_jobs(everyone(out, runs, effort).jobs(), cores, print, on)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,7 +1,7 @@
 """What agents with continuous actions come to beside discrete ones: a table, its numbers, and both motions."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ from apollonius.agents.catalogue import find_agent
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import write_atomically
 from apollonius.evaluate.match import replay_game
-from apollonius.evaluate.statistics import mean_band
+from apollonius.evaluate.tournament import Tournament
+from apollonius.experiments.markdown import markdown_table, mean_over_seeds
 from apollonius.game.dynamics import gears
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -21,9 +22,11 @@ from apollonius.show import style
 from apollonius.show.arena import draw_game
 from apollonius.show.curves import draw_lines
 
-CONTINUOUS = "continuous"
-"""Begins the names of agents with continuous actions; after it comes the run."""
+CONTINUOUS, DISCRETE = KINDS = "continuous", "discrete"
+"""The kinds of action. With one of them begins the name of an agent that was trained here; after it comes its seed."""
 Match = dict[str, Any]
+Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], Match]]]
+"""By pursuer and evader, where all that were trained with one kind of action are one: names of both, and the match."""
 _TRIALS = 50
 """Starts among which the figure looks for one from which both pursuers capture."""
 
@@ -31,64 +34,103 @@ _TRIALS = 50
 def write_results(
     out: Path, rows: Mapping[str, Mapping[str, Match]], pursuers: Mapping[str, str], evaders: Mapping[str, str]
 ) -> str:
-    """Write `smooth.json`, `smooth.md` and `smooth.png`; returns the table.
+    """Write `smooth.json`, `smooth.md` and `smooth.png`; returns both tables.
 
     Args:
         rows: matches by pursuer and evader, as `MatchResult.to_dict` has them.
         pursuers, evaders: by name, the agents or their files.
     """
     game = make_game("paper")
-    written = table(rows, float(game.dt))
+    pairs = pairings(rows)
+    written = comparison(pairs) + "\n\n" + table(pairs, float(game.dt))
     write_atomically(out / "smooth.json", json.dumps(rows, indent=1).encode())
     write_atomically(out / "smooth.md", (written + "\n").encode())
-    pair = [next(agent for name, agent in pursuers.items() if is_continuous(name) == kind) for kind in (False, True)]
-    evader = next(agent for name, agent in evaders.items() if not is_continuous(name))
+    pair = [next(agent for name, agent in pursuers.items() if kind_of(name) == kind) for kind in (DISCRETE, CONTINUOUS)]
+    evader = next(agent for name, agent in evaders.items() if kind_of(name) not in KINDS)
     policies = [find_agent(agent, Role.PURSUER, game).policy for agent in pair]
     draw(game, policies, find_agent(evader, Role.EVADER, game).policy, out / "smooth.png")
     return written
 
 
-def is_continuous(name: str) -> bool:
-    """Whether an agent's name is that of one with continuous actions."""
-    return name.startswith(CONTINUOUS)
+def rows_of(tournament: Tournament) -> dict[str, dict[str, Match]]:
+    """The matches of a tournament by pursuer and evader."""
+    return {
+        pursuer: {evader: match.to_dict() for evader, match in zip(tournament.evaders, row, strict=True)}
+        for pursuer, row in zip(tournament.pursuers, tournament.matches, strict=True)
+    }
 
 
-def table(rows: Mapping[str, Mapping[str, Match]], dt: float) -> str:
-    """A row for each pairing, all continuous agents of a side being one: means over their seeds, and how far 95 %
-    intervals reach (Student's t over seeds). Where both sides are continuous, the seeds are the pursuer's, and each has
-    its mean over all evaders.
-    """
-    pairs: dict[tuple[str, str], dict[str, list[Match]]] = {}
+def kind_of(name: str) -> str:
+    """The kind of action of an agent that was trained here; the name itself of any other."""
+    kind = name.split(" ")[0]
+    return kind if kind in KINDS else name
+
+
+def pairings(rows: Mapping[str, Mapping[str, Match]]) -> Pairings:
+    """Matches by the kinds of both sides."""
+    found: Pairings = {}
     for pursuer, row in rows.items():
         for evader, match in row.items():
-            kinds = [CONTINUOUS if is_continuous(name) else name for name in (pursuer, evader)]
-            seeds = pairs.setdefault((kinds[0], kinds[1]), {})
-            seeds.setdefault(pursuer if is_continuous(pursuer) else evader, []).append(match)
+            found.setdefault((kind_of(pursuer), kind_of(evader)), []).append(((pursuer, evader), match))
+    return found
+
+
+def comparison(pairs: Pairings) -> str:
+    """A row for each side and opponent: how often agents with continuous actions win there and those with discrete ones
+    do, what the former have more, seed by seed, and how much both change their controls.
+
+    A pursuer wins when it captures or the evader alone fails; an evader's wins are the games in which it is undefeated.
+    """
+    head = ["side", "against", "wins, continuous [%]", "wins, discrete [%]", "difference"]
+    head += ["change of u, continuous", "change of u, discrete", "ratio"]
+    lines: list[list[str]] = []
+    for role, win in ((Role.PURSUER, "pursuer_win_rate"), (Role.EVADER, "evader_undefeated_rate")):
+        for opponent in dict.fromkeys(pair[1 - role] for pair in pairs):
+            meetings = [pairs[(kind, opponent) if role == Role.PURSUER else (opponent, kind)] for kind in KINDS]
+            wins = [seed_means(these, role, lambda match, win=win: 100 * match[win]) for these in meetings]
+            more = [one - other for one, other in zip(*wins, strict=True)]
+            changes = [seed_means(these, role, _change_of(role)) for these in meetings]
+            smooth, rough = (float(np.mean(change)) for change in changes)
+            lines.append([
+                role.name.lower(), opponent, *(mean_over_seeds(win, "{:.1f}") for win in wins),
+                mean_over_seeds(more, "{:+.1f}", "{:.1f}"), *(mean_over_seeds(change, "{:.3f}") for change in changes),
+                f"{smooth / rough:.2f}" if rough else "-",
+            ])  # fmt: skip
+    return markdown_table(head, lines)
+
+
+def table(pairs: Pairings, dt: float) -> str:
+    """A row for each pairing, agents of a kind being one: means over their seeds, each a mean over all opponents of the
+    other kind. Where both sides were trained here, the seeds are the pursuer's.
+    """
     head = ["pursuer", "evader", "pursuer wins [%]", "capture time [s]", "its deviation [s]"]
-    lines = [[*head, "pursuer's change of u", "evader's change of u"], ["---"] * (len(head) + 2)]
-    for pair, seeds in pairs.items():
-        wins = [[100 * match["pursuer_win_rate"] for match in seed] for seed in seeds.values()]
+    head += ["pursuer's change of u", "evader's change of u"]
+    lines: list[list[str]] = []
+    for pair, meetings in pairs.items():
+        role = Role.PURSUER if pair[0] in KINDS else Role.EVADER
+        wins = seed_means(meetings, role, lambda match: 100 * match["pursuer_win_rate"])
         cells = [mean_over_seeds(wins, "{:.1f}")]
         for name in ("mean_capture_steps", "capture_steps_deviation"):
-            seconds = [[dt * match[name] for match in seed if match[name] is not None] for seed in seeds.values()]
+            captured = [meeting for meeting in meetings if meeting[1][name] is not None]
+            seconds = seed_means(captured, role, lambda match, name=name: dt * match[name])
             cells.append(mean_over_seeds(seconds, "{:.1f}"))
-        for side in ("pursuer", "evader"):
-            changes = [[float(np.mean(match[f"{side}_change"])) for match in seed] for seed in seeds.values()]
-            cells.append(mean_over_seeds(changes, "{:.3f}"))
+        cells += [mean_over_seeds(seed_means(meetings, role, _change_of(side)), "{:.3f}") for side in Role]
         lines.append([*pair, *cells])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown_table(head, lines)
 
 
-def mean_over_seeds(values: Sequence[Sequence[float]], form: str) -> str:
-    """The mean over seeds of the mean of each one's values, and half its interval where there are several seeds."""
-    means = [sum(seed) / len(seed) for seed in values if seed]
-    if not means:
-        return "-"
-    middle = form.format(sum(means) / len(means))
-    if len(means) < 2:
-        return middle
-    low, high = mean_band(np.asarray(means)[:, None])
-    return f"{middle} ± {form.format(float(high[0] - low[0]) / 2)}"
+def seed_means(
+    meetings: Sequence[tuple[tuple[str, str], Match]], role: Role, value: Callable[[Match], float]
+) -> list[float]:
+    """Of every agent of one side, the mean of a number over its matches, in the order of the agents' first ones."""
+    values: dict[str, list[float]] = {}
+    for names, match in meetings:
+        values.setdefault(names[role], []).append(value(match))
+    return [float(np.mean(of_one)) for of_one in values.values()]
+
+
+def _change_of(role: Role) -> Callable[[Match], float]:
+    return lambda match: float(np.mean(match[f"{role.name.lower()}_change"]))
 
 
 def draw(game: Game, pursuers: Sequence[AbstractPolicy], evader: AbstractPolicy, path: Path) -> None:
@@ -100,7 +142,7 @@ def draw(game: Game, pursuers: Sequence[AbstractPolicy], evader: AbstractPolicy,
         courses = [replay_game(game, pursuer, evader, _TRIALS, 0, index) for pursuer in pursuers]
         if all(course.outcome == Outcome.CAPTURED for course in courses):
             break
-    titles = ("discrete", CONTINUOUS)
+    titles = (DISCRETE, CONTINUOUS)
     with style.picture(path, columns=3, width=3.8, height=4.0) as panels:
         for axes, course, title in zip(panels, courses, titles, strict=False):
             draw_game(axes, game, course, title)

@@ -10,7 +10,7 @@ import pytest
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.experiments import scheme_measures, schemes
-from apollonius.experiments.scheme_measures import KEPT, Effort, entrants, judge_run, play_row, rating_jobs, ratings
+from apollonius.experiments.scheme_measures import Effort, entrants, everyone, judge_run
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train
 from apollonius.game.record import to_dict
@@ -57,7 +57,7 @@ def judged(runs):
     out = runs[0].parents[1]
     for run in runs:
         assert judge_run(run, EFFORT, True, lambda: False)
-    for job in rating_jobs(out, runs, EFFORT):
+    for job in everyone(out, runs, EFFORT).jobs():
         assert job.work(*job.arguments, lambda: False)
     return out, write_results(out, runs, EFFORT)
 
@@ -104,14 +104,12 @@ def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, judged)
 @pytest.mark.slow
 def test_every_last_agent_meets_every_other_once(runs, judged):
     out, _ = judged
-    matches = {path: path.stat().st_mtime_ns for path in (out / KEPT).iterdir()}
+    matches = {path: path.stat().st_mtime_ns for path in (out / "tournament").iterdir()}
     assert len(matches) == (2 + 1) * (2 + 1)
     assert list(entrants(runs, Role.PURSUER)) == ["latest/seed-0", "uniform/seed-0", "still"]
-    assert rating_jobs(out, runs, EFFORT) == []
-    assert ratings(out, runs, EFFORT).evaders.shape == (3,)
-    assert {path: path.stat().st_mtime_ns for path in (out / KEPT).iterdir()} == matches
-    assert not play_row(out / "none", ("still", "still"), {"random": "random"}, 1, lambda: True)
-    assert not (out / "none").exists()
+    assert everyone(out, runs, EFFORT).jobs() == []
+    assert everyone(out, runs, EFFORT).tournament().ratings.evaders.shape == (3,)
+    assert {path: path.stat().st_mtime_ns for path in (out / "tournament").iterdir()} == matches
 
 
 @pytest.mark.slow

@@ -1,19 +1,32 @@
 """Continuous agents beside discrete ones: matches go on where they were stopped, and seeds become means."""
 
-import json
+from dataclasses import replace
 
 import jax.numpy as jnp
 import pytest
 
 from apollonius.experiments import smooth
-from apollonius.experiments.smooth_report import CONTINUOUS, is_continuous, table, turn_rates, write_results
+from apollonius.experiments.everyone import Everyone, play_row
+from apollonius.experiments.smooth_report import (
+    CONTINUOUS,
+    DISCRETE,
+    KINDS,
+    comparison,
+    kind_of,
+    pairings,
+    rows_of,
+    table,
+    turn_rates,
+    write_results,
+)
 from apollonius.game.types import Role
-from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.learner_config import DQNConfig, SACConfig
 
 
 def match(wins, capture, changes):
     return {
         "pursuer_win_rate": wins,
+        "evader_undefeated_rate": 0.9 - wins,
         "mean_capture_steps": capture,
         "capture_steps_deviation": capture and capture / 2,
         "pursuer_change": (changes, 2 * changes),
@@ -27,7 +40,9 @@ def test_a_table_has_a_row_for_each_pairing_and_means_over_seeds():
         "continuous seed-0": {"random": match(0.6, 100.0, 0.02), "continuous seed-0": match(0.4, 80.0, 0.01)},
         "continuous seed-1": {"random": match(0.8, 120.0, 0.04), "continuous seed-0": match(0.4, 80.0, 0.01)},
     }
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table(rows, dt=0.1).splitlines()][2:]
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table(pairings(rows), dt=0.1).splitlines()][
+        2:
+    ]
     assert [line[:2] for line in lines] == [
         ["P_zoo", "random"], ["P_zoo", CONTINUOUS], [CONTINUOUS, "random"], [CONTINUOUS, CONTINUOUS],
     ]  # fmt: skip
@@ -38,30 +53,59 @@ def test_a_table_has_a_row_for_each_pairing_and_means_over_seeds():
     assert lines[3][2] == "40.0 ± 0.0"
 
 
-def test_everyone_trains_alike_but_for_the_seed_and_meets_the_zoo(tmp_path):
-    one, other = (smooth.run_config(seed, 100_000, 200_000) for seed in (0, 1))
+def test_kinds_are_compared_seed_by_seed():
+    rows = {
+        "continuous seed-0": {"random": match(0.6, None, 0.02), "discrete seed-0": match(0.5, None, 0.02)},
+        "discrete seed-0": {"random": match(0.5, None, 0.2), "discrete seed-0": match(0.5, None, 0.2)},
+        "continuous seed-1": {"random": match(0.8, None, 0.04), "discrete seed-0": match(0.5, None, 0.02)},
+        "discrete seed-1": {"random": match(0.7, None, 0.4), "discrete seed-0": match(0.5, None, 0.2)},
+    }
+    for row in rows.values():
+        row["continuous seed-0"] = match(0.3, None, 0.1)
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in comparison(pairings(rows)).splitlines()][2:]
+    assert [line[:2] for line in lines] == [
+        ["pursuer", "random"], ["pursuer", DISCRETE], ["pursuer", CONTINUOUS], ["evader", CONTINUOUS],
+        ["evader", DISCRETE],
+    ]  # fmt: skip
+    # Both seeds have ten points more, so the interval has no width, however far seeds lie apart. Changes of u1 and u2
+    # are 0.02 and 0.04, 0.04 and 0.08, and ten times as much.
+    assert lines[0][4:] == ["+10.0 ± 0.0", "0.045 ± 0.191", "0.450 ± 1.906", "0.10"]
+    assert lines[4][2:5] == ["60.0", "40.0", "+20.0"]
+
+
+def test_everyone_trains_alike_but_for_seed_and_kind_and_meets_the_zoo(tmp_path):
+    one, other, discrete = (
+        smooth.run_config(kind, seed, 100_000, 200_000)
+        for kind, seed in ((CONTINUOUS, 0), (CONTINUOUS, 1), (DISCRETE, 0))
+    )
     assert isinstance(one.learner, SACConfig)
     assert (one.seed, other.seed, one.learner, one.stages) == (0, 1, other.learner, "both")
-    found = smooth.entrants([tmp_path / "seed-0"], Role.EVADER)
-    assert list(found) == ["random", "E_curriculum", "E_scratch", "continuous seed-0"]
-    assert found["continuous seed-0"].endswith("seed-0/agents/E_curriculum.safetensors")
-    assert [is_continuous(name) for name in found] == [False, False, False, True]
+    assert isinstance(discrete.learner, DQNConfig)
+    assert replace(discrete, sac=one.sac) == one
+    found = smooth.entrants([tmp_path / kind / "seed-0" for kind in KINDS], Role.EVADER)
+    assert list(found) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
+    assert found["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
+    assert [kind_of(name) for name in found] == ["E_curriculum", "E_scratch", "random", CONTINUOUS, DISCRETE]
 
 
 @pytest.mark.slow
 def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
-    path, evaders = smooth.matches_file(tmp_path, "P_stage1"), {"still": "still", "random": "random"}
-    assert not smooth.play_row(path, "P_stage1", evaders, 6, lambda: True)
+    everyone = Everyone(tmp_path / "matches", {"P_stage1": "P_stage1"}, {"still": "still", "random": "random"}, 6, 1)
+    assert not play_row(everyone, "P_stage1", lambda: True)
+    assert not everyone.folder.exists()
     asked = iter((False, True))
-    assert not smooth.play_row(path, "P_stage1", evaders, 6, lambda: next(asked))
-    kept = json.loads(path.read_text())
-    assert list(kept) == ["still"]
-    assert smooth.play_row(path, "P_stage1", evaders, 6, lambda: False)
-    row = json.loads(path.read_text())
-    assert row["still"] == kept["still"]
-    assert row["random"]["games"] == 6
+    assert not play_row(everyone, "P_stage1", lambda: next(asked))
+    (kept,) = everyone.folder.iterdir()
+    written_at = kept.stat().st_mtime_ns
+    (job,) = everyone.jobs()
+    assert job.work(*job.arguments, lambda: False)
+    assert everyone.jobs() == []
+    assert kept.stat().st_mtime_ns == written_at
+    (row,) = rows_of(everyone.tournament()).values()
+    assert {name: match["games"] for name, match in row.items()} == {"still": 6, "random": 6}
     # A discrete agent under a continuous name draws the figure as well.
-    rows = {"P_stage1": row, "continuous seed-0": row}
+    rows = {"discrete seed-0": row, "continuous seed-0": row}
+    rows = {name: row | dict.fromkeys(rows, row["still"]) for name in rows}
     written = write_results(tmp_path, rows, dict.fromkeys(rows, "P_stage1"), {"still": "still"})
     assert (tmp_path / "smooth.md").read_text() == written + "\n"
     assert (tmp_path / "smooth.png").stat().st_size > 10_000

@@ -27,23 +27,9 @@ from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
-from tests.learn.tiny import CHUNK, GAME, RUN
+from tests.learn.tiny import CHUNK, GAME, RUN, SMALL
 
-SAC = SACConfig(
-    observation="paper",
-    width=16,
-    depth=1,
-    n_step=3,
-    final_n_step=2,
-    learning_rate=1e-2,
-    averaging=0.1,
-    batch=16,
-    games=64,
-    env_steps_per_update=64,
-    replay_capacity=CHUNK,
-    learning_starts=CHUNK,
-    critics_first=8,
-)
+SAC = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
 CONFIG = replace(RUN, sac=SAC, fixed_target=replace(RUN.fixed_target, env_steps=2 * CHUNK, evaluations=2))
 
 

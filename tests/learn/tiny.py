@@ -1,6 +1,7 @@
 """The smallest training that still has everything in it: two stages of four chunks, seconds in all."""
 
 from dataclasses import replace
+from typing import Any
 
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
@@ -12,18 +13,22 @@ from apollonius.learn.state import Plan
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""
 
+SMALL: dict[str, Any] = {
+    "observation": "paper",
+    "width": 16,
+    "depth": 1,
+    "n_step": 3,
+    "final_n_step": 2,
+    "learning_rate": 1e-2,
+    "averaging": 0.1,
+    "batch": 16,
+    "games": 64,
+    "env_steps_per_update": 64,
+    "replay_capacity": CHUNK,
+}
+"""What both algorithms share."""
 DQN = DQNConfig(
-    observation="paper",
-    width=16,
-    depth=1,
-    n_step=3,
-    final_n_step=2,
-    learning_rate=1e-2,
-    averaging=0.1,
-    batch=16,
-    games=64,
-    env_steps_per_update=64,
-    replay_capacity=CHUNK,
+    **SMALL,
     learning_starts=20_000,
     target_period=3 * CHUNK,
     exploration_fraction=0.25,

@@ -1,0 +1,29 @@
+"""Tables in Markdown, and how a mean over seeds is written in them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from apollonius.evaluate.statistics import mean_band
+
+
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table, without a newline at its end."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))
+
+
+def mean_over_seeds(values: Sequence[float], form: str, reach: str | None = None) -> str:
+    """The mean and, where there are several seeds, how far its 95 % interval reaches (Student's t); "-" of nothing.
+
+    Args:
+        values: one of each seed.
+        form: how a number is written, "{:.1f}" for instance.
+        reach: the same for the interval, where it differs.
+    """
+    if not values:
+        return "-"
+    middle = form.format(float(np.mean(values)))
+    if len(values) < 2:
+        return middle
+    low, high = mean_band(np.asarray(values)[:, None])
+    return f"{middle} ± {(reach or form).format(float(high[0] - low[0]) / 2)}"
