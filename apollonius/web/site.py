@@ -20,7 +20,7 @@ YOU = "you"
 """What a person is called in place of an agent."""
 BUILT_IN = ("random", "still")
 """Players that the page has besides trained ones."""
-BEST = {Role.PURSUER: "shielded:P_pool", Role.EVADER: "E_curriculum"}
+BEST = {Role.PURSUER: "shielded:P_pool", Role.EVADER: "E_prioritised"}
 """Whom a person meets first."""
 
 

@@ -3,10 +3,13 @@
 import json
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
+from apollonius.agents.network import make_actor
+from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.card import measure_card
@@ -73,6 +76,21 @@ def test_a_response_to_a_still_evader_captures_it(tables):
     assert still.response.games == 40
     pair = (response, Still())
     assert still.response.lost == play_match(QUICK, *pair, 40, 0).pursuer_win_rate > 0
+
+
+@pytest.mark.parametrize("role", Role)
+def test_agents_with_continuous_actions_have_cards_too(tables, role):
+    """In play against a table, and against a response to what they do."""
+    agent = SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
+    own, other = tables if role == Role.PURSUER else tables[::-1]
+    response = responders(other, agent)["best response on the grid"]
+    card = measure_card(QUICK, agent, (own, other), GAMES, 0, response, response_games=20)
+    match = play_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES, seed=0)
+    lost = match.evader_win_rate if role == Role.PURSUER else match.pursuer_win_rate
+    assert (card.role, card.agent.lost) == (role.name.lower(), lost)
+    assert card.sure - card.agent.payoff == pytest.approx(card.gap, abs=1e-6)
+    assert card.response is not None
+    assert card.response.games == 20
 
 
 def test_tables_that_do_not_go_together_are_refused(tables):

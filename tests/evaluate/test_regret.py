@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.regret import measure_regret
 from apollonius.game.types import Role
@@ -28,6 +28,16 @@ class Reckless(AbstractPolicy):
         return (jnp.where(ahead > 0, 6, 3) + turn).astype(jnp.int32)
 
 
+class SmoothlyReckless(AbstractContinuous):
+    """The same with gears: the further aside it sees the target, the harder it turns."""
+
+    observation = "encoded"
+
+    def __call__(self, observation, word):
+        ahead, left = observation[10], observation[11]
+        return jnp.stack([jnp.where(ahead > 0, 1.0, 0.0), jnp.clip(4 * jnp.arctan2(left, ahead), -1.0, 1.0)])
+
+
 @pytest.fixture(scope="module")
 def chase():
     return make_chase(SMALL, make_grid(SMALL.arena, BODY, (31, 41, 5, 31)), reference_grid(SMALL, Role.PURSUER)[1])
@@ -46,6 +56,13 @@ def test_the_table_bounds_what_a_pursuer_can_do(reckless):
     assert reckless.mean_seconds > reckless.mean_seconds_table - SMALL.dt  # what a grid this coarse can lose
     assert -SMALL.dt <= reckless.median_regret < reckless.regret_99
     assert reckless.prediction_error < 0.05
+
+
+def test_a_pursuer_with_continuous_actions_is_held_to_the_same_table(chase, reckless):
+    smooth = measure_regret(chase, SmoothlyReckless(), games=200, targets=2, seed=3)
+    assert (smooth.ceiling, smooth.mean_seconds_table > 0) == (reckless.ceiling, True)
+    assert 0.2 < smooth.captured < smooth.ceiling
+    assert -SMALL.dt <= smooth.median_regret < smooth.regret_99
 
 
 def test_the_worst_games_are_those_that_only_the_table_wins_then_the_slowest(reckless):

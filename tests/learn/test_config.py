@@ -1,13 +1,16 @@
 """Training configurations: what cannot be trained is refused, and a file brings back what was saved."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from apollonius.agents.catalogue import find_trained
 from apollonius.agents.disturbance import Disturbance
 from apollonius.errors import InvalidInput
+from apollonius.game.record import to_dict
 from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig
@@ -65,6 +68,12 @@ def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_i
     assert config.fixed_target.disturbance == Disturbance(delay=1, limits=0.1, turn_time=0.6, **noise)
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
+
+
+def test_the_example_of_prioritised_self_play_is_what_two_agents_of_the_zoo_were_trained_by():
+    config = load_config(Path(__file__).parents[2] / "examples" / "prioritised.toml")
+    for name in ("P_prioritised", "E_prioritised"):
+        assert find_trained(name)[0].header.training["config"] == json.loads(json.dumps(to_dict(config)))
 
 
 @pytest.mark.parametrize(
