@@ -90,4 +90,4 @@ def draw(by_scheme: dict[str, Any], path: Path, env_steps: int) -> None:
             draw_lines(axes, lines)
             axes.set_title(f"how much the {side} loses at least [% of games]")
             axes.set_xlabel("env steps")
-        panels[-1].legend(fontsize=7, ncols=2)
+        panels[-1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))  # beside the lines, which fill the panel
