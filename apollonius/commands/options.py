@@ -51,7 +51,11 @@ def add_match_options(parser: argparse.ArgumentParser) -> None:
 
 
 def requested_match(options: argparse.Namespace) -> "tuple[Game, Named, Named]":
-    """The game of a match and its two players."""
+    """The game of a match and its two players.
+
+    Raises:
+        InvalidInput: for a game or player there is not, and for more records than games.
+    """
     from apollonius.game.types import Role
     from apollonius.solve.catalogue import find_player
 

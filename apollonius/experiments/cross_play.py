@@ -13,6 +13,7 @@ from pathlib import Path
 from apollonius.agents.catalogue import find_agent
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.experiments.markdown import markdown_head, markdown_row
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.folder import agent_file, load_config
@@ -36,7 +37,7 @@ def main() -> None:
     game, kind = make_game("paper"), kind_of(options.run)
     kept = load_config(options.run / "config.toml").self_play.snapshot_percents
     columns = [*[f"{percent} %" for percent in kept], "all"]
-    print("| pursuer \\ evader | " + " | ".join(columns) + " |\n" + "|---" * (len(columns) + 1) + "|")
+    print(markdown_head(["pursuer \\ evader", *columns]))
     in_column = [0] * len(kept)
     for own in kept:
         pursuer = find_agent(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
@@ -56,7 +57,7 @@ def row(name: str, wins: list[int], games: int) -> str:
     cells = [
         f"{won / of:.1%} [{low:.1%}, {high:.1%}]" for won, of in counts for low, high in [wilson_interval(won, of)]
     ]
-    return f"| {name} | " + " | ".join(cells) + " |"
+    return markdown_row([name, *cells])
 
 
 if __name__ == "__main__":

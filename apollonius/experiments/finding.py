@@ -6,6 +6,7 @@ from typing import Any
 
 from apollonius.evaluate.match import MatchResult
 from apollonius.experiments.claims import Claim
+from apollonius.experiments.markdown import markdown_table
 
 
 @dataclass(frozen=True)
@@ -29,14 +30,11 @@ def percent(rate: float) -> str:
 
 def outcome_table(columns: Sequence[tuple[str, dict[str, float]]]) -> str:
     """Shares of outcomes as a Markdown table, a column each, in the order of the paper's tables."""
-    head = "| | " + " | ".join(name for name, _ in columns) + " |\n" + "|---" * (len(columns) + 1) + "|\n"
-    rows = {outcome: [shares.get(outcome) for _, shares in columns] for outcome in columns[0][1]}
-    return head + "\n".join(
-        f"| {outcome.replace('_', ' ')} | "
-        + " | ".join("-" if share is None else percent(share) for share in shares)
-        + " |"
-        for outcome, shares in rows.items()
-    )
+    rows = [
+        [outcome.replace("_", " "), *(percent(shares[outcome]) if outcome in shares else "-" for _, shares in columns)]
+        for outcome in columns[0][1]
+    ]
+    return markdown_table(["", *(name for name, _ in columns)], rows)
 
 
 def mean_shares(results: Sequence[MatchResult]) -> dict[str, float]:

@@ -7,9 +7,19 @@ import numpy as np
 from apollonius.evaluate.statistics import mean_band
 
 
+def markdown_row(cells: Sequence[str]) -> str:
+    """A line of a table, without a newline."""
+    return "| " + " | ".join(cells) + " |"
+
+
+def markdown_head(cells: Sequence[str]) -> str:
+    """The first two lines of a table."""
+    return markdown_row(cells) + "\n" + markdown_row(["---"] * len(cells))
+
+
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table, without a newline at its end."""
-    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))
+    """A whole table, without a newline at its end."""
+    return "\n".join([markdown_head(head), *map(markdown_row, rows)])
 
 
 def mean_over_seeds(values: Sequence[float], form: str, reach: str | None = None) -> str:

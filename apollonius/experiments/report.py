@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from apollonius.agents.store import write_atomically
 from apollonius.experiments.claims import Claim
 from apollonius.experiments.finding import Finding, percent
+from apollonius.experiments.markdown import markdown_table
 from apollonius.experiments.study import Study
 
 
@@ -35,13 +36,13 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
 
 def claim_table(claims: Sequence[Claim]) -> str:
     """All claims with the paper's value, ours, its interval and the verdict, as a Markdown table."""
-    head = "| claim | source | paper | to reach | here | 95 % interval | by seed | verdict |\n" + "|---" * 8 + "|\n"
-    return head + "\n".join(_claim_row(claim) for claim in claims)
+    head = ["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]
+    return markdown_table(head, [_claim_row(claim) for claim in claims])
 
 
-def _claim_row(claim: Claim) -> str:
+def _claim_row(claim: Claim) -> list[str]:
     low, high = claim.interval
-    cells = (
+    return [
         claim.name,
         claim.source,
         percent(claim.paper),
@@ -50,8 +51,7 @@ def _claim_row(claim: Claim) -> str:
         f"{percent(low)} to {percent(high)}",
         ", ".join(percent(value) for value, _ in claim.seeds),
         claim.verdict,
-    )
-    return "| " + " | ".join(cells) + " |"
+    ]
 
 
 def _section(finding: Finding) -> str:

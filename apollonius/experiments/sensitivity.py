@@ -12,6 +12,7 @@ from apollonius.experiments import figure4, figure6, table2, table3
 from apollonius.experiments.claims import Claim
 from apollonius.experiments.finding import percent
 from apollonius.experiments.jobs import available_cores
+from apollonius.experiments.markdown import markdown_table
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
 from apollonius.game.presets import make_game
@@ -44,10 +45,9 @@ def claims_of(study: Study) -> list[Claim]:
 def table(claims: dict[str, list[Claim]]) -> str:
     """Claims by variant as a Markdown table, a column each."""
     first = next(iter(claims.values()))
-    head = "| | " + " | ".join(claim.name for claim in first) + " |\n" + "|---" * (len(first) + 1) + "|\n"
-    paper = "| the paper | " + " | ".join(percent(claim.paper) for claim in first) + " |\n"
-    rows = [f"| {name} | " + " | ".join(map(_cell, row)) + " |" for name, row in claims.items()]
-    return head + paper + "\n".join(rows)
+    paper = ["the paper", *(percent(claim.paper) for claim in first)]
+    rows = [[name, *map(_cell, row)] for name, row in claims.items()]
+    return markdown_table(["", *(claim.name for claim in first)], [paper, *rows])
 
 
 def _cell(claim: Claim) -> str:

@@ -34,15 +34,18 @@ def match(wins, capture, changes):
     }
 
 
+def cells_of(table):
+    """The rows of a Markdown table, cell by cell."""
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]]
+
+
 def test_a_table_has_a_row_for_each_pairing_and_means_over_seeds():
     rows = {
         "P_zoo": {"random": match(0.5, None, 0.3), "continuous seed-0": match(0.2, 50.0, 0.3)},
         "continuous seed-0": {"random": match(0.6, 100.0, 0.02), "continuous seed-0": match(0.4, 80.0, 0.01)},
         "continuous seed-1": {"random": match(0.8, 120.0, 0.04), "continuous seed-0": match(0.4, 80.0, 0.01)},
     }
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table(pairings(rows), dt=0.1).splitlines()][
-        2:
-    ]
+    lines = cells_of(table(pairings(rows), dt=0.1))
     assert [line[:2] for line in lines] == [
         ["P_zoo", "random"], ["P_zoo", CONTINUOUS], [CONTINUOUS, "random"], [CONTINUOUS, CONTINUOUS],
     ]  # fmt: skip
@@ -62,7 +65,7 @@ def test_kinds_are_compared_seed_by_seed():
     }
     for row in rows.values():
         row["continuous seed-0"] = match(0.3, None, 0.1)
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in comparison(pairings(rows)).splitlines()][2:]
+    lines = cells_of(comparison(pairings(rows)))
     assert [line[:2] for line in lines] == [
         ["pursuer", "random"], ["pursuer", DISCRETE], ["pursuer", CONTINUOUS], ["evader", CONTINUOUS],
         ["evader", DISCRETE],
