@@ -71,12 +71,15 @@ def begin(
     disturbance: Disturbance = NONE,
 ) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    return Games(starts, _seat(pursuer, words[0], disturbance), _seat(evader, words[1], disturbance))
+    chasing, fleeing = words
+    chaser = fresh_player(pursuer.draw(chasing), chasing, disturbance)
+    return Games(starts, chaser, fresh_player(evader.draw(fleeing), fleeing, disturbance))
 
 
-def _seat(players: Players, words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
+def fresh_player(member: Int[Array, " games"], words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
+    """Members of a pool at the beginnings of games, with handicaps drawn from random words where there are any."""
     handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(words, disturbance)
-    return Player(players.draw(words), jnp.zeros(words.shape, jnp.float32), handicap)
+    return Player(member, jnp.zeros(words.shape, jnp.float32), handicap)
 
 
 def step_games(
@@ -88,7 +91,6 @@ def step_games(
     disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
-
     both = ((Role.PURSUER, pursuer, games.pursuer), (Role.EVADER, evader, games.evader))
 
     def sees(state: GameState, words: UInt32[Array, "2 games"]) -> list[Float[Array, "games _"]]:
@@ -150,7 +152,7 @@ def collect(
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
         fresh = begin(fresh_state, pursuer, evader, fresh_words, disturbance)
-        return jax.vmap(_anew)(over, fresh, after), transition
+        return jax.vmap(anew)(over, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
@@ -186,6 +188,9 @@ class Results(eqx.Module):
     watched: Any = None
 
 
+Carry = tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]
+
+
 @functools.partial(jax.jit, static_argnames="slots")
 def play_out(
     game: Game,
@@ -214,12 +219,7 @@ def play_out(
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
         return begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
 
-    def unfinished(carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]) -> Bool[Array, ""]:
-        return jnp.any(carry[2] < count)
-
-    def one_step(
-        carry: tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results],
-    ) -> tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]:
+    def one_step(carry: Carry) -> Carry:
         games, watched, index, upcoming, results = carry
         words = random_words(key, index, games.state.steps)
         after, transition = step_games(game, pursuer, evader, games, words)
@@ -228,19 +228,20 @@ def play_out(
         record = jnp.where(over, index, count)
         ended = Results(transition.outcome, after.state.steps, watched)
         results = jax.tree.map(lambda all_, new: all_.at[record].set(new, mode="drop"), results, ended)
-        watched = jax.vmap(_anew, in_axes=(0, None, 0))(over, unwatched, watched)
+        watched = jax.vmap(anew, in_axes=(0, None, 0))(over, unwatched, watched)
         taken = jnp.cumsum(over.astype(jnp.int32))
         next_index = jnp.where(over, upcoming + taken - 1, index)
-        games = jax.vmap(_anew)(over, load(next_index), after)
+        games = jax.vmap(anew)(over, load(next_index), after)
         return games, watched, next_index, upcoming + taken[-1], results
 
     first = jnp.arange(slots)
     nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32), _repeated(unwatched, count))
     begun = (load(first), _repeated(unwatched, slots), first, jnp.asarray(slots), nothing)
-    return jax.lax.while_loop(unfinished, one_step, begun)[-1]
+    return jax.lax.while_loop(lambda carry: jnp.any(carry[2] < count), one_step, begun)[-1]
 
 
-def _anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+def anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+    """The new one of a game that is over, else the old one."""
     return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)
 
 

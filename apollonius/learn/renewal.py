@@ -13,7 +13,7 @@ from apollonius.learn import opponents, payoffs
 from apollonius.learn.algorithm import algorithm_of
 from apollonius.learn.replay import cut
 from apollonius.learn.state import Learning, Plan, TrainState
-from apollonius.rollout import Games, Player
+from apollonius.rollout import Games, anew, fresh_player
 
 Mixture = Float[Array, " versions"]
 
@@ -100,13 +100,12 @@ def reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, M
             archive=opponents.renew(_archive(side), config, key, mixture),
         )
 
-    def anew(new: Array, old: Array) -> Array:
-        return jnp.where(seated, new, old)
-
-    def player(old: Player) -> Player:
-        return Player(old.member, anew(jnp.zeros(()), old.episode_return))
-
-    games = Games(jax.tree.map(anew, fresh, state.games.state), player(state.games.pursuer), player(state.games.evader))
+    words = jax.random.bits(jax.random.fold_in(start_key, 1), (2, plan.learner.games), jnp.uint32)
+    pursuers, evaders = (
+        fresh_player(side.member, word, plan.stage.disturbance)
+        for side, word in zip((state.games.pursuer, state.games.evader), words, strict=True)
+    )
+    games = jax.vmap(anew)(seated, Games(fresh, pursuers, evaders), state.games)
     chasing, fleeing = mixtures or (None, None)
     return replace(
         state,

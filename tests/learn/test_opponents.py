@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
+from apollonius.agents.disturbance import NONE, Disturbance
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import Seated, solo, stack
@@ -37,8 +38,10 @@ def networks(count, seed=0):
     return [make_network("paper", width=8, depth=1, key=jax.random.key(seed + number)) for number in range(count)]
 
 
-def plan_of(config):
-    stage = SelfPlayConfig(env_steps=4 * CHUNK, evaluations=4, evaluation_games=64, opponents=config)
+def plan_of(config, disturbance=NONE):
+    stage = SelfPlayConfig(
+        env_steps=4 * CHUNK, evaluations=4, evaluation_games=64, opponents=config, disturbance=disturbance
+    )
     return Plan(DQN, stage)
 
 
@@ -134,9 +137,9 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
-def play(config, chunks, seed=0, renewed=()):
+def play(config, chunks, seed=0, renewed=(), disturbance=NONE):
     """States after each chunk, copied; before those named, opponents change."""
-    plan = plan_of(config)
+    plan = plan_of(config, disturbance)
     state = start_self_play(plan, GAME, jax.random.key(seed), None)
     states = [jax.tree.map(jnp.copy, state)]
     for chunk in range(chunks):
@@ -167,6 +170,16 @@ def test_no_opponent_changes_within_a_game(played):
         assert same(one.pursuer.archive.seated, other.pursuer.archive.seated)
     members = [state.games.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
+
+
+def test_robots_of_games_that_begin_anew_are_new_ones_too():
+    _, before, after, _ = play(CONFIG, 2, renewed=(1,), disturbance=Disturbance(delay=2, turn_time=0.5))
+    seated = np.arange(GAMES) < 4 * SEAT_GAMES
+    for side in ("pursuer", "evader"):
+        old, new = (getattr(state.games, side).handicap for state in (before, after))
+        assert np.array_equal(np.asarray(old.turn_time != new.turn_time), seated)
+        assert same(*(jax.tree.map(lambda leaf: leaf[~seated], handicap) for handicap in (old, new)))
+        assert not np.asarray(new.pending)[seated].any(), "a robot at rest has no commands to come"
 
 
 def test_an_opponents_number_is_in_every_transition_of_a_game(played):
