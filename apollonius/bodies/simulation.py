@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.policy import Pool
+from apollonius.agents.policy import AbstractPolicy, Pool, solo
 from apollonius.bodies.drive import Drive, References
 from apollonius.bodies.physics import Physics
+from apollonius.evaluate.match import begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.replay import Replay, as_rows, as_state, together
@@ -90,6 +91,24 @@ def simulate(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PR
         alive = alive[outcome[alive] == Outcome.ONGOING]
     index, states, actions, after, ideal = (np.concatenate(parts) for parts in zip(*log, strict=True))
     return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after, ideal)
+
+
+def simulate_match(
+    game: Game,
+    pursuer: AbstractPolicy,
+    evader: AbstractPolicy,
+    games: int,
+    seed: int,
+    drive: Drive,
+    viable: bool = False,
+) -> Simulated:
+    """The games of `play_match`, from the same starts, with bodies.
+
+    Raises:
+        InvalidInput: as `simulate`.
+    """
+    starts, key = begin(game, games, seed, viable)
+    return simulate(game, solo(pursuer), solo(evader), starts, key, drive)
 
 
 def record_course(simulated: Simulated, game: Game, names: tuple[str, str], seed: int, index: int) -> Replay:

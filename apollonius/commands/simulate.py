@@ -24,23 +24,21 @@ def add_simulate(subparsers: Any) -> None:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Play a match by the rules and with bodies, and print both."""
-    from apollonius.agents.policy import solo
     from apollonius.bodies.comparison import compare
     from apollonius.bodies.drive import PARTS, without
-    from apollonius.bodies.simulation import record_course, simulate
-    from apollonius.evaluate.match import begin, play_games, worst_first
+    from apollonius.bodies.simulation import record_course, simulate_match
+    from apollonius.evaluate.match import play_games, worst_first
     from apollonius.replay import save_replay
 
     game, pursuer, evader = requested_match(options)
     drive, viable = _drive(options.drive), options.starts == "viable"
-    starts, key = begin(game, options.games, options.seed, viable)
-    players = solo(pursuer.policy), solo(evader.policy)
-    simulated = simulate(game, *players, starts, key, drive)
-    rules = play_games(game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable)
+    match = game, pursuer.policy, evader.policy, options.games, options.seed
+    simulated = simulate_match(*match, drive, viable)
+    rules = play_games(*match, viable=viable)
     comparisons = {"as it is": compare(game, rules, simulated, viable)}
     kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
     for kind, parts in kinds.items() if options.ablate else ():
-        other = simulate(game, *players, starts, key, without(drive, *parts))
+        other = simulate_match(*match, without(drive, *parts), viable)
         comparisons[kind] = compare(game, rules, other, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
@@ -48,9 +46,9 @@ def run_simulate(options: argparse.Namespace) -> int:
         replay = record_course(simulated, game, (pursuer.name, evader.name), options.seed, index)
         save_replay(replay, options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
     if options.json:
-        match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
+        asked = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
-        print(json.dumps(match | {"seed": options.seed, "drives": found}))
+        print(json.dumps(asked | {"seed": options.seed, "drives": found}))
     else:
         print(f"{pursuer.name} (pursuer) against {evader.name} (evader), {options.games:,} games")
         print(_table(comparisons["as it is"]))

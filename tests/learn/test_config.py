@@ -65,7 +65,7 @@ def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_p
 def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_its_file(tmp_path):
     config = load_config(Path(__file__).parents[2] / "examples" / "robust.toml")
     noise = {"position_noise": 0.01, "speed_noise": 0.01, "heading_noise": 0.01}
-    assert config.fixed_target.disturbance == Disturbance(delay=1, limits=0.1, turn_time=0.6, **noise)
+    assert config.self_play.disturbance == Disturbance(delay=1, limits=0.1, turn_time=0.6, **noise)
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
 
