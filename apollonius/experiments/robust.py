@@ -12,7 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,18 +22,19 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import write_atomically
 from apollonius.bodies.comparison import compare
 from apollonius.bodies.drive import Drive
+from apollonius.bodies.physics import Physics
 from apollonius.bodies.simulation import simulate_match
 from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import play_games
 from apollonius.experiments.jobs import ENGINES, STOPPED, Job, ShouldStop, available_cores, run_jobs
 from apollonius.experiments.robust_report import Comparisons, write_results
 from apollonius.experiments.training import train_runs
-from apollonius.game.presets import make_game
+from apollonius.game.game import Game
+from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file, load_config
 
-GAME = make_game("paper")
 AGENTS = {Role.PURSUER: "P_curriculum", Role.EVADER: "E_curriculum"}
 """What the agents of a run of self-play are called."""
 
@@ -44,12 +45,14 @@ class Meeting:
 
     Attributes:
         file: where its results are kept.
+        game: by whose rules.
         pursuer, evader: the agents or their files.
         games: how many, by the rules and with bodies.
         seed: of the starts.
     """
 
     file: Path
+    game: Game
     pursuer: str
     evader: str
     games: int
@@ -59,8 +62,8 @@ class Meeting:
         """Play the match and keep it. Returns False if there was no time to begin."""
         if should_stop():
             return False
-        match = (GAME, *self.players, self.games, self.seed)
-        comparison = compare(GAME, play_games(*match), simulate_match(*match, Drive()))
+        match = (self.game, *self.players, self.games, self.seed)
+        comparison = compare(self.game, play_games(*match), simulate_match(*match, Drive()))
         record = {"of": self.asked, "comparison": comparison.to_dict()}
         self.file.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(self.file, json.dumps(record, indent=1).encode())
@@ -80,15 +83,14 @@ class Meeting:
     def asked(self) -> dict[str, Any]:
         """All that the results depend on; agents are told apart by their numbers."""
         prints = [fingerprint(player) for player in self.players]
-        return {"agents": prints, "drive": asdict(Drive()), "games": self.games, "seed": self.seed}
+        numbers = {"games": self.games, "seed": self.seed}
+        return {"agents": prints, "game": to_dict(self.game), "drive": to_dict(Drive()), **numbers}
 
     @property
     def players(self) -> tuple[AbstractPolicy, AbstractPolicy]:
         """Pursuer and evader."""
-        return (
-            find_agent(self.pursuer, Role.PURSUER, GAME).policy,
-            find_agent(self.evader, Role.EVADER, GAME).policy,
-        )
+        pursuer = find_agent(self.pursuer, Role.PURSUER, self.game)
+        return pursuer.policy, find_agent(self.evader, Role.EVADER, self.game).policy
 
 
 def entrants(config: RunConfig, runs: Mapping[str, Path], role: Role, stranger: str) -> dict[str, str]:
@@ -100,12 +102,12 @@ def entrants(config: RunConfig, runs: Mapping[str, Path], role: Role, stranger: 
 
 
 def meetings(
-    folder: Path, pursuers: Mapping[str, str], evaders: Mapping[str, str], games: int, seed: int
+    folder: Path, game: Game, pursuers: Mapping[str, str], evaders: Mapping[str, str], games: int, seed: int
 ) -> dict[tuple[str, str], Meeting]:
     """Everyone against everyone, but that agents of different seeds do not meet."""
     own = set(pursuers) & set(evaders)
     return {
-        (name, other): Meeting(folder / f"{name}--{other}.json", pursuer, evader, games, seed)
+        (name, other): Meeting(folder / f"{name}--{other}.json", game, pursuer, evader, games, seed)
         for name, pursuer in pursuers.items()
         for other, evader in evaders.items()
         if name == other or not {name, other} <= own
@@ -133,13 +135,14 @@ def main(arguments: list[str] | None = None) -> int:
     # Seeds share their compilations; the processes that do the work inherit this.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
     config = load_config(options.config)
+    Physics(config.game, Drive())  # what cannot be simulated is refused before it is trained for
     runs = {f"seed-{seed}": out / f"seed-{seed}" for seed in range(options.seeds)}
     pursuers = entrants(config, runs, Role.PURSUER, options.pursuer)
     evaders = entrants(config, runs, Role.EVADER, options.evader)
     wanted = {run: (replace(config, seed=seed), tuple(AGENTS.values())) for seed, run in enumerate(runs.values())}
     if not train_runs(wanted, cores, print, options.on):
         return STOPPED
-    matches = meetings(out / "matches", pursuers, evaders, options.games, options.seed)
+    matches = meetings(out / "matches", config.game, pursuers, evaders, options.games, options.seed)
     jobs = [Job(f"the match of {' and '.join(p)}", m.play, ()) for p, m in matches.items() if not m.file.exists()]
     if not run_jobs(jobs, cores, print, options.on):
         return STOPPED

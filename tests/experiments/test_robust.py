@@ -10,6 +10,7 @@ from apollonius.errors import InvalidInput
 from apollonius.experiments import robust
 from apollonius.experiments.robust import Meeting, entrants, meetings
 from apollonius.experiments.robust_report import gap_table, outcomes, seeds_of, tracking, write_results
+from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -66,7 +67,7 @@ def test_the_example_is_trained_with_every_seed_and_only_a_seeds_own_agents_meet
     evaders = entrants(config, runs, Role.EVADER, "E_curriculum")
     assert list(pursuers) == ["P_prioritised", "P_pool", "seed-0", "seed-1"]
     assert evaders["seed-1"].endswith("seed-1/agents/E_curriculum.safetensors")
-    asked = meetings(tmp_path, pursuers, evaders, 10, 0)
+    asked = meetings(tmp_path, config.game, pursuers, evaders, 10, 0)
     assert len(asked) == 16 - 2
     assert ("seed-0", "seed-1") not in asked
     assert asked[("P_pool", "seed-1")].evader == evaders["seed-1"]
@@ -87,7 +88,7 @@ def test_bad_numbers_are_refused_before_anything_is_written(tmp_path):
 
 def test_a_match_is_kept_once_for_those_who_played_it(tmp_path):
     pytest.importorskip("mujoco")
-    meeting = Meeting(tmp_path / "matches" / "one.json", "pure-pursuit", "still", 3, 0)
+    meeting = Meeting(tmp_path / "matches" / "one.json", make_game("paper"), "pure-pursuit", "still", 3, 0)
     assert not meeting.play(lambda: True)
     assert not meeting.file.exists()
     assert meeting.play(lambda: False)
