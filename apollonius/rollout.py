@@ -14,11 +14,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
-from apollonius.agents.policy import Pool, Seated
+from apollonius.agents.policy import Held, Pool, Seated
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Outcome, Role
 
-Players = Pool | Seated
+Players = Pool | Seated | Held
 """All who play one side of a batch of games."""
 
 

@@ -176,6 +176,41 @@ class Seated(eqx.Module):
         return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
 
 
+class Held(eqx.Module):
+    """Players who are given random words of their own instead of every step's, so that what they try can last.
+
+    Attributes:
+        players: whoever they are.
+        words: one for each game.
+    """
+
+    players: Pool | Seated
+    words: UInt32[Array, " games"]
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all of them expect."""
+        return self.players.observation
+
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game."""
+        return self.players.draws
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets."""
+        return self.players.draw(words)
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Actions:
+        """Each game's action, by its own word."""
+        return self.players.act(member, observation, self.words)
+
+
 def solo(policy: AbstractPolicy) -> Pool:
     """The pool of just this player."""
     return Pool(jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], policy))

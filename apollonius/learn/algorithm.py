@@ -53,6 +53,7 @@ class Algorithm:
         update: a learner after one update from a batch, and its loss. The key is consumed.
         after_updates: a learner at the end of an iteration.
         exploration: how much an agent explores that begins with a given share of random actions.
+        noise_steps: steps for which a game keeps the random word that it explores by.
     """
 
     network: type[Network]
@@ -63,6 +64,7 @@ class Algorithm:
     update: Callable[[Any, Batch, PRNGKeyArray, Any, Moment], tuple[Learner, Scalar]]
     after_updates: Callable[[Any, Any, Int[Array, ""]], Learner]
     exploration: Callable[[Any, float, int, Int[Array, ""]], Scalar]
+    noise_steps: Callable[[Any], int]
 
 
 def algorithm_of(config: LearnerConfig) -> Algorithm:
@@ -118,6 +120,7 @@ ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
         exploration=lambda config, first, stage, env_steps: linear(
             first, config.final_epsilon, config.exploration_fraction * stage, env_steps
         ),
+        noise_steps=lambda config: 1,
     ),
     SACConfig: Algorithm(
         network=GaussianActor,
@@ -128,6 +131,7 @@ ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
         update=_update_actor,
         after_updates=lambda learner, config, env_steps: learner,
         exploration=lambda config, first, stage, env_steps: jnp.ones(()),
+        noise_steps=lambda config: config.noise_steps,
     ),
 }
 """By the kind of their configuration. The actors of `SACConfig` explore by the entropy that they keep."""

@@ -110,9 +110,12 @@ class SACConfig(LearnerConfig):
     """
 
     depth: int = 3
+    final_n_step: int = 8
+    learning_rate: float = 1e-3
+    final_learning_rate: float = 1e-4
     averaging: float = 1e-3
     env_steps_per_update: int = 256
-    target_averaging: float = 5e-3
+    target_averaging: float = 2e-2
     """Part of the way that the target critics go towards the critics at each update (tau)."""
     target_entropy: float = -1.0
     """Entropy that the temperature keeps a state's actions at, on average [nats, of gears in [-1, 1]]; uniformly random
@@ -120,6 +123,10 @@ class SACConfig(LearnerConfig):
     to pass a disc."""
     first_temperature: float = 0.1
     """The temperature before the first update."""
+    noise_steps: int = 16
+    """Steps for which a game keeps the normal numbers that its actions are drawn by (as in gSDE: Raffin et al., "Smooth
+    exploration for robotic reinforcement learning", 2021): a robot of bounded acceleration averages those away that are
+    new every 0.1 s, and never sees what it would do elsewhere."""
     critics_first: int = 500
     """Updates of the critics alone before the actor learns, for they begin from random weights even where it does not.
     """
@@ -131,6 +138,9 @@ class SACConfig(LearnerConfig):
         random = 2 * log(2)
         require(self.target_entropy < random, "target_entropy", self.target_entropy, "less than 1.39: random gears'")
         require(self.critics_first >= 0, "critics_first", self.critics_first, "at least 0")
+        whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
+        bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
+        require(whole, "noise_steps", self.noise_steps, bound)
 
 
 PROFILES: dict[str, DQNConfig] = {

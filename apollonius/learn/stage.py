@@ -11,14 +11,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.policy import Pool
+from apollonius.agents.policy import Held, Pool, Seated
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, Role, Scalar
 from apollonius.learn import opponents, replay
 from apollonius.learn.algorithm import Learner, Moment, algorithm_of
 from apollonius.learn.schedule import linear
 from apollonius.learn.state import Learning, Plan, TrainState, players
-from apollonius.rollout import Side, Transition, collect
+from apollonius.rollout import Players, Side, Transition, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one of them."""
@@ -70,8 +70,8 @@ def _iterate(
         exploration(plan.learner, first, plan.stage.env_steps, state.env_steps)
         for first in (plan.stage.pursuer_epsilon, plan.stage.evader_epsilon)
     ]
-    pursuers = players(plan, Role.PURSUER, state.pursuer, pursuer, amounts[0])
-    evaders = players(plan, Role.EVADER, state.evader, evader, amounts[1])
+    pursuers = _explorers(plan, Role.PURSUER, state, players(plan, Role.PURSUER, state.pursuer, pursuer, amounts[0]))
+    evaders = _explorers(plan, Role.EVADER, state, players(plan, Role.EVADER, state.evader, evader, amounts[1]))
     steps, disturbance = plan.learner.steps_per_iteration, plan.stage.disturbance
     games, transitions = collect(game, pursuers, evaders, state.games, starts, play_key, steps, disturbance)
     env_steps = state.env_steps + plan.learner.env_steps_per_iteration
@@ -96,6 +96,16 @@ def _iterate(
         evader_loss=evader_loss,
         updates=_updates(after) - _updates(state),
     )
+
+
+def _explorers(plan: Plan, role: Role, state: TrainState, players: Pool | Seated) -> Players:
+    """The players of one side, with random words that last where it learns by an algorithm that wants it so."""
+    side = state.pursuer if role == Role.PURSUER else state.evader
+    rounds = algorithm_of(plan.learner).noise_steps(plan.learner) // plan.learner.steps_per_iteration
+    if side is None or rounds <= 1:
+        return players
+    key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // rounds)
+    return Held(players, jax.random.bits(key, (plan.learner.games,), jnp.uint32))
 
 
 def _updates(state: TrainState) -> Int[Array, ""]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import Pool, solo
+from apollonius.agents.policy import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
@@ -19,7 +19,7 @@ from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.payoffs import Payoffs, nothing_played
 from apollonius.learn.scheme import OpponentConfig
-from apollonius.rollout import Games, Players, begin
+from apollonius.rollout import Games, begin
 
 DEVICES = "devices"
 """Name of the axis of devices that share a training."""
@@ -132,7 +132,7 @@ def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None = None)
     return algorithm.start_from(plan.learner, network, key)
 
 
-def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None, Players]:
+def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None, Pool | Seated]:
     """What one side begins with, and who plays it."""
     if isinstance(side, Pool):
         return None, side
@@ -145,7 +145,7 @@ def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None
     return learning, players(plan, role, learning, None, jnp.ones(()))
 
 
-def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, amount: Scalar) -> Players:
+def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, amount: Scalar) -> Pool | Seated:
     """Who plays one side: a given pool, or its learner, exploring by some amount (`agents.trained.exploring`), and, in
     the seats, its earlier versions.
     """

@@ -9,7 +9,7 @@ from scipy.stats import kstest, norm
 
 from apollonius.agents.catalogue import find_pool, find_valued
 from apollonius.agents.network import make_actor
-from apollonius.agents.policy import AbstractContinuous, Seated, acts_continuously, solo, stack
+from apollonius.agents.policy import AbstractContinuous, Held, Seated, acts_continuously, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
 from apollonius.agents.store import describe, save_agent
@@ -139,6 +139,16 @@ def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     seats = Seated(SquashedMean(actors[2]), seated, seats=2, first=1, games=1)
     by_seat = [at_best(actors[number])(SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
     np.testing.assert_allclose(seats.act(member, seen, words), jnp.stack(by_seat), atol=1e-6)
+
+
+def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
+    pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
+    member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(SEEN, (4, 1))
+    held = Held(pool, WORDS[4:8])
+    np.testing.assert_array_equal(held.act(member, seen, WORDS[:4]), pool.act(member, seen, WORDS[4:8]))
+    assert (held.act(member, seen, WORDS[:4]) != pool.act(member, seen, WORDS[:4])).all()
+    np.testing.assert_array_equal(held.draw(WORDS), pool.draw(WORDS))
+    assert (held.draws, held.observation) == (True, "paper")
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):

@@ -71,6 +71,31 @@ def test_a_side_remembers_gears_and_learns_from_them():
     assert not eqx.tree_equal(jax.tree.map(np.array, state.pursuer.learner.network), before)
 
 
+def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_side_has_its_own():
+    """Actors that know nothing and say the same everywhere: what is left is the noise."""
+    config = replace(SAC, noise_steps=16, learning_starts=10 * CHUNK)
+    state = start_self_play(Plan(config, SelfPlayConfig(env_steps=4 * CHUNK)), GAME, jax.random.key(0), None)
+    state = eqx.tree_at(
+        lambda this: (this.pursuer.learner.network, this.evader.learner.network),
+        state,
+        replace_fn=lambda network: jax.tree.map(lambda leaf: 0 * leaf, network),
+    )
+    state, _ = play_and_learn(Plan(config, SelfPlayConfig(env_steps=4 * CHUNK)), GAME, state, None, None)
+    chased, fled = (np.asarray(side.replay.rows.action).reshape(8, 16, 64, 2) for side in (state.pursuer, state.evader))
+    for gears in (chased, fled):
+        assert (gears == gears[:, :1]).all()
+        assert np.unique(gears[:, 0, :, 0]).size == 8 * 64
+    assert (chased != fled).all()
+
+
+@pytest.mark.parametrize(("updates", "steps"), [(64, 0), (256, 6)])
+def test_noise_that_does_not_last_for_whole_rounds_of_play_is_refused(updates, steps):
+    with pytest.raises(
+        InvalidInput, match=f"noise_steps = {steps} is not possible: it must be a multiple of env_steps_per_update"
+    ):
+        replace(SAC, env_steps_per_update=updates, noise_steps=steps)
+
+
 def test_a_first_pursuer_with_another_kind_of_actions_is_refused(tmp_path):
     path = tmp_path / "P.safetensors"
     save_agent(describe(make_actor("paper", 16, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
