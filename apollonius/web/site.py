@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, zoo_names
-from apollonius.agents.policy import acts_continuously
 from apollonius.agents.store import load_agent
 from apollonius.errors import require
 from apollonius.game.file import find_game, game_names
@@ -59,8 +58,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     name = against or BEST[side]
     bare = name.removeprefix(SHIELDED)
     found = find_agent(name, side, rules)
-    playable = (found.header is not None or bare in BUILT_IN) and not acts_continuously(found.policy)
-    require(playable, "--against", name, f"a trained agent with discrete actions, or one of {', '.join(BUILT_IN)}")
+    playable = found.header is not None or bare in BUILT_IN
+    require(playable, "--against", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
     agents = {}
     if found.header is not None and bare not in zoo_names():
         path = Path(bare).resolve()

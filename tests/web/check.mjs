@@ -1,10 +1,12 @@
-// Answers questions about the page's rules and players: a JSON object on standard input, another on standard output.
+// Answers questions about the page's rules, players and replays: a JSON object on standard input, another on standard
+// output.
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
-const { page, games = [], agent, observations = [], positions = [] } = JSON.parse(readFileSync(0, "utf8"));
+const { page, games = [], agent, observations = [], positions = [], match } = JSON.parse(readFileSync(0, "utf8"));
 const rules = await import(pathToFileURL(`${page}/rules.js`));
 const agents = await import(pathToFileURL(`${page}/agents.js`));
+const { Match } = await import(pathToFileURL(`${page}/match.js`));
 
 const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
 const asState = (row, steps = 0) => {
@@ -25,14 +27,29 @@ function play({ game, states, actions }) {
   return { rows, outcomes };
 }
 
+function read(path) {
+  const bytes = readFileSync(path);
+  return agents.readAgent(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
+}
+
+/** A player of a match, by its name: built in, or the path of an agent's file. */
+function findPlayer(name) {
+  const player = agents.BUILT_IN[name] ?? agents.atBest(read(name));
+  return { name, act: (...seen) => player(...seen)[0] };
+}
+
 const answer = { games: games.map(play) };
 if (agent) {
-  const bytes = readFileSync(agent.path);
-  const network = agents.readAgent(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
-  const [bare, behindShield] = [agents.greedy(network), agents.shielded(agents.greedy(network))];
-  answer.values = observations.map((observation) => [...agents.actionValues(network, observation)]);
+  const network = read(agent.path);
+  const [bare, behindShield] = [agents.atBest(network), agents.shielded(agents.atBest(network))];
+  const chosen = (player) => positions.map((row) => rules.gears(player(agent.game, asState(row), agent.role)[0]));
+  answer.outputs = observations.map((observation) => [...agents.outputs(network, observation)]);
   answer.observed = positions.map((row) => rules.observe(network.header.observation, agent.game, asState(row), agent.role));
-  answer.actions = positions.map((row) => bare(agent.game, asState(row), agent.role)[0]);
-  answer.shielded = positions.map((row) => behindShield(agent.game, asState(row), agent.role)[0]);
+  [answer.gears, answer.shielded] = [chosen(bare), chosen(behindShield)];
+}
+if (match) {
+  const played = new Match(match.game, { pursuer: findPlayer(match.pursuer), evader: findPlayer(match.evader) }, match.seed);
+  while (!played.isOver) played.step();
+  answer.replay = played.replay();
 }
 console.log(JSON.stringify(answer));

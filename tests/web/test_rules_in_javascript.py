@@ -1,8 +1,9 @@
-"""The page's rules and players are those of the package: golden games, observations, actions, shields."""
+"""The page's rules, players and replays are those of the package: games, observations, actions, shields."""
 
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -11,11 +12,11 @@ import numpy as np
 import pytest
 
 from apollonius.agents.catalogue import ZOO, find_agent
-from apollonius.agents.network import make_network
+from apollonius.agents.network import apply, make_actor, make_network
 from apollonius.agents.policy import solo
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
@@ -78,19 +79,33 @@ def test_golden_games_come_out_the_same():
         assert set(game["outcomes"][:-1]) <= {"ongoing"}
 
 
-@pytest.fixture(params=["P_pool", "plain"])
-def agent_file(request, tmp_path):
-    """A trained pursuer with the encoded observation, and an untrained evader with the paper's."""
-    if request.param != "plain":
-        return ZOO / f"{request.param}.safetensors"
+@pytest.fixture
+def plain(tmp_path):
+    """The file of an untrained evader with discrete actions and the paper's observation."""
     network = make_network("paper", width=16, depth=2, key=jax.random.key(5))
     save_agent(describe(network, Role.EVADER, {}, {}), tmp_path / "plain.safetensors")
     return tmp_path / "plain.safetensors"
 
 
+@pytest.fixture
+def smooth(tmp_path):
+    """The file of an untrained pursuer with continuous actions; gears of all sizes, as its weights are large."""
+    network = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
+    save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "smooth.safetensors")
+    return tmp_path / "smooth.safetensors"
+
+
+@pytest.fixture(params=["P_pool", "plain", "smooth"])
+def agent_file(request):
+    """A trained pursuer with the encoded observation, and the untrained agents."""
+    return ZOO / "P_pool.safetensors" if request.param == "P_pool" else request.getfixturevalue(request.param)
+
+
 def test_networks_and_shields_choose_the_same_actions(agent_file):
     game = make_game("paper")
-    rows = visited(game, find_agent("P_pool", Role.PURSUER), find_agent("E_curriculum", Role.EVADER), 128, 100)[:10_000]
+    usual = visited(game, find_agent("P_pool", Role.PURSUER), find_agent("E_curriculum", Role.EVADER), 128, 60)[:5000]
+    fast_and_close = replace(game, starts=Starts(speed="moving", clearance=0.05))
+    rows = np.concatenate([usual, as_rows(reset_batch(fast_and_close, jax.random.key(8), 5000))])
     role = Role[load_agent(agent_file).header.role.upper()]
     agent, guarded = (find_agent(f"{prefix}{agent_file}", role, game) for prefix in ("", "shielded:"))
     word = jnp.uint32(0)
@@ -98,21 +113,33 @@ def test_networks_and_shields_choose_the_same_actions(agent_file):
     @jax.jit
     def expected(row):
         seen = game.observe(as_state(row, jnp.asarray(0)), role, agent.policy.observation)
-        return seen, agent.policy.network(seen), agent.policy(seen, word), guarded.policy(seen, word)
+        own, behind_shield = (jnp.stack(gears(player.policy(seen, word))) for player in (agent, guarded))
+        return seen, apply(agent.policy.network.layers, seen), own, behind_shield
 
-    seen, values, actions, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
+    seen, outputs, own, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
     asked = {"path": str(agent_file), "game": to_dict(game), "role": role.name.lower()}
     answer = ask(agent=asked, observations=seen.tolist(), positions=rows.tolist())
     assert len(rows) == 10_000
-    np.testing.assert_allclose(answer["values"], values, atol=1e-4)
+    np.testing.assert_allclose(answer["outputs"], outputs, atol=1e-4)
     np.testing.assert_allclose(answer["observed"], seen, atol=1e-5)
-    assert np.argmax(answer["values"], axis=1).tolist() == actions.tolist()
-    assert answer["actions"] == actions.tolist()
-    assert answer["shielded"] == behind_shield.tolist()
-    assert np.any(actions != behind_shield)
+    np.testing.assert_allclose(answer["gears"], own, atol=1e-5)
+    np.testing.assert_allclose(answer["shielded"], behind_shield, atol=1e-5)
+    held_back = np.any(own != behind_shield, axis=1)
+    assert 100 < held_back.sum() < len(rows)
 
 
-def test_games_among_polygons_come_out_the_same():
+def any_actions(random, size):
+    """Discrete actions of both sides."""
+    return random.integers(9, size=(*size, 2), dtype=np.int32)
+
+
+def any_gears(random, size):
+    """Gears of both sides, a third of them beyond 1, where they are clipped."""
+    return random.uniform(-1.5, 1.5, size=(*size, 2, 2)).astype(np.float32)
+
+
+@pytest.mark.parametrize("draw", [any_actions, any_gears])
+def test_games_among_polygons_come_out_the_same(draw):
     """Random play in a room with a door, a notched pillar and a disc: states, outcomes, clearances."""
     room = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 6.0), (2.5, 6.0), (2.5, 7.5), (7.5, 7.5), (7.5, 2.5),
             (2.5, 2.5), (2.5, 4.0), (2.0, 4.0))  # fmt: skip
@@ -121,7 +148,7 @@ def test_games_among_polygons_come_out_the_same():
     game = Game(arena=arena, starts=Starts(speed="moving"), evader=Unicycle(radius=0.1))
     count, steps = 80, 60
     starts = as_rows(reset_batch(game, jax.random.key(1), count))
-    actions = np.random.default_rng(1).integers(9, size=(count, steps // 5, 2), dtype=np.int32).repeat(5, axis=1)
+    actions = draw(np.random.default_rng(1), (count, steps // 5)).repeat(5, axis=1)
     play = jax.jit(jax.vmap(lambda row, taken: play_actions(game, as_state(row, jnp.asarray(0)), taken)))
     states, outcomes = play(jnp.asarray(starts), jnp.asarray(actions))
     rows = np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
@@ -139,6 +166,30 @@ def test_games_among_polygons_come_out_the_same():
         assert played["outcomes"][-1] == outcome
     see = jax.jit(jax.vmap(lambda row: game.observe(as_state(row, jnp.asarray(0)), Role.PURSUER, "encoded")))
     np.testing.assert_allclose(answer["observed"], see(jnp.asarray(ends)), atol=1e-5)
+
+
+def test_gears_however_small_move_a_robot_at_its_top_speed_alike():
+    """In single precision the top speed, 1.2 m/s, is more than 1.2."""
+    game = make_game("paper")
+    start = jnp.asarray([2.0, 5.0, 1.2, 0.4, 8.0, 5.0, 1.2, -0.4], jnp.float32)
+    sizes = np.asarray([0.0, 1e-30, 1e-15, 1e-12, 1e-9, 1e-6, 1e-5, 1e-3], np.float32)
+    actions = np.stack([sizes, -sizes], axis=1)[:, :, None].repeat(2, axis=2)
+    states, _ = play_actions(game, as_state(start, jnp.asarray(0)), jnp.asarray(actions))
+    told = {"game": to_dict(game), "states": [start.tolist()], "actions": actions.tolist()}
+    assert apart(ask(games=[told])["games"][0]["rows"], as_rows(states)) <= TOLERANCE
+
+
+@pytest.mark.parametrize(("pursuer", "evader"), [("smooth", "still"), ("smooth", "plain"), ("still", "plain")])
+def test_replays_play_again_in_the_package(pursuer, evader, request, tmp_path):
+    """Where a side is continuous a replay holds the gears of both, and otherwise actions."""
+    players = {"pursuer": pursuer, "evader": evader}
+    paths = {side: str(request.getfixturevalue(name)) for side, name in players.items() if name != "still"}
+    replay = ask(match={"game": to_dict(make_game("paper")), "seed": 3} | players | paths)["replay"]
+    (tmp_path / "game.json").write_text(json.dumps(replay))
+    recorded = load_replay(tmp_path / "game.json")
+    assert recorded.actions.shape[1:] == ((2, 2) if pursuer == "smooth" else (2,))
+    assert recorded.outcome != Outcome.ONGOING
+    assert recorded.first_difference() is None
 
 
 def test_a_step_that_is_judged_otherwise_is_seen():

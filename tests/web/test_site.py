@@ -4,9 +4,12 @@ import json
 import re
 import shutil
 
+import jax
 import pytest
 
 from apollonius.agents.catalogue import ZOO, zoo_names
+from apollonius.agents.network import make_actor
+from apollonius.agents.store import describe, save_agent
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.file import find_game, game_names
@@ -68,9 +71,21 @@ def test_an_agent_from_a_run_is_served_too(tmp_path):
     assert (tmp_path / "site" / catalogue["files"]["P_pool of first"]).read_bytes() == path.read_bytes()
 
 
+def test_an_agent_with_continuous_actions_is_served_too(tmp_path):
+    path = tmp_path / "smooth" / "agents" / "P_curriculum.safetensors"
+    path.parent.mkdir(parents=True)
+    actor = make_actor("encoded", width=16, depth=2, key=jax.random.key(0))
+    save_agent(describe(actor, Role.PURSUER, {}, {}), path)
+    write_site(tmp_path / "site", choose(Role.EVADER, f"shielded:{path}", "paper", 0))
+    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    assert catalogue["chosen"]["pursuer"] == "shielded:P_curriculum of smooth"
+    assert "P_curriculum of smooth" in catalogue["agents"]["pursuer"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
+        ((Role.EVADER, "pure-pursuit", "paper", 0), "a trained agent, or one of random, still"),
         ((Role.EVADER, "E_scratch", "paper", 0), "plays the evader"),
         ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
         ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),

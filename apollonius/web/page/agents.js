@@ -1,6 +1,7 @@
-// Who acts: a player is a function from (game, state, role) to actions 0..8 in the order it prefers them.
+// Who acts: a player is a function from (game, state, role) to actions in the order it prefers them: all the discrete
+// ones 0..8, and before them, of a player with continuous actions, its pair of gears.
 
-import { clearanceAlong, move, observe } from "./rules.js";
+import { clearanceAlong, gears, move, observe } from "./rules.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const MARGIN = 1e-3;
@@ -28,8 +29,8 @@ export function readAgent(buffer) {
   return { header, layers };
 }
 
-/** The values of the 9 actions: fully connected layers with ReLU (Fig. 3). */
-export function actionValues(agent, observation) {
+/** What a network says: fully connected layers with ReLU between them (Fig. 3). */
+export function outputs(agent, observation) {
   let hidden = Float32Array.from(observation);
   agent.layers.forEach(({ weight, bias }, index) => {
     const last = index === agent.layers.length - 1;
@@ -48,9 +49,20 @@ export function actionValues(agent, observation) {
 /** Actions by falling value; among equals, the lowest comes first. */
 const byValue = (values) => ACTIONS.toSorted((a, b) => values[b] - values[a] || a - b);
 
+/** The gears that two means stand for, then the discrete actions, those with the nearest gears first. */
+function byNearness(means) {
+  const own = [...means.map(Math.tanh)]; // in single precision, as a replay holds them
+  const away = (action) => gears(action).reduce((sum, gear, index) => sum + (gear - own[index]) ** 2, 0);
+  return [own, ...byValue(ACTIONS.map((action) => -away(action)))];
+}
+
+/** What a network's outputs say to do, by its kind: the values of the 9 actions, or means and spreads of two gears. */
+const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subarray(0, 2)) };
+
 /** A trained agent without exploration. */
-export function greedy(agent) {
-  return (game, state, role) => byValue(actionValues(agent, observe(agent.header.observation, game, state, role)));
+export function atBest(agent) {
+  const { observation, network = "values" } = agent.header;
+  return (game, state, role) => PREFERENCES[network](outputs(agent, observe(observation, game, state, role)));
 }
 
 /** Players that need no file. */
@@ -76,7 +88,7 @@ function roomAfter(game, body, robot, action) {
   return Math.max(...escapes) - body.radius;
 }
 
-/** Another player, held back from actions after which its robot could not stop in time. */
+/** Another player, held back to the first of its actions after which its robot can stop in time. */
 export function shielded(player) {
   return (game, state, role) => {
     const room = (action) => roomAfter(game, game[role], state[role], action);

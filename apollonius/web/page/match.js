@@ -1,6 +1,6 @@
 // A series of games between two players, one game at a time: its course, its end, the score, and its replay.
 
-import { EVADER, PURSUER, drawStart, makeRandom, step, winner } from "./rules.js";
+import { EVADER, PURSUER, drawStart, gears, isContinuous, makeRandom, step, winner } from "./rules.js";
 
 const REPLAY_FORMAT = 1;
 const REPLAY_TOLERANCE = 1e-5; // what the page's rules and the package's may differ by, as tests/web shows
@@ -68,6 +68,7 @@ export class Match {
 
   /** The game as a replay file of the package: `apollonius show FILE` plays it again. */
   replay() {
+    const someContinuous = this.actions.flat().some(isContinuous);
     return {
       format: REPLAY_FORMAT,
       game: this.game,
@@ -78,7 +79,7 @@ export class Match {
       index: this.number - 1,
       outcome: this.outcome,
       tolerance: REPLAY_TOLERANCE,
-      actions: this.actions,
+      actions: someContinuous ? this.actions.map((both) => both.map(gears)) : this.actions,
       states: this.states.map(asRow),
     };
   }

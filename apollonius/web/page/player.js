@@ -1,6 +1,6 @@
 // The page: choices, buttons and keys in, frames out. A match runs at the rules' own clock, drawing at the screen's.
 
-import { BUILT_IN, greedy, readAgent, shielded } from "./agents.js";
+import { BUILT_IN, atBest, readAgent, shielded } from "./agents.js";
 import { between, draw } from "./draw.js";
 import { Match, describeEnd } from "./match.js";
 import { EVADER, PURSUER } from "./rules.js";
@@ -25,7 +25,7 @@ globalThis.apollonius = { page, timing }; // for the console, and for tests
 async function findPlayer(name, role) {
   if (name === YOU) return { name, act: () => steering.action(role, bothArePeople()) };
   const bare = name.replace(SHIELDED, "");
-  const player = BUILT_IN[bare] ?? greedy(await loadAgent(bare));
+  const player = BUILT_IN[bare] ?? atBest(await loadAgent(bare));
   const rank = name.startsWith(SHIELDED) ? shielded(player) : player;
   return { name, rehearse: rank, act: (...seen) => timing.move.measure(() => rank(...seen)[0]) };
 }

@@ -32,17 +32,31 @@ export function wrapAngle(angle) {
 
 // ---- dynamics.py
 
-/** Acceleration [m/s^2] and turn rate [rad/s] of a discrete action 0..8 (Eq. 4, 5). */
-export function controls(body, action) {
-  return [(Math.floor(action / 3) - 1) * body.u1_max, ((action % 3) - 1) * body.u2_max];
+/** Whether an action is a pair of gears, and not one of the discrete ones 0..8. */
+export const isContinuous = (action) => Array.isArray(action);
+
+/** The shares of u1_max and u2_max that an action asks for: of a discrete one -1, 0 or 1 each; others are clipped. */
+export function gears(action) {
+  if (isContinuous(action)) return action.map((share) => clip(share, -1, 1));
+  return [Math.floor(action / 3) - 1, (action % 3) - 1];
 }
+
+/** Acceleration [m/s^2] and turn rate [rad/s] of an action (Eq. 4, 5). */
+export function controls(body, action) {
+  const [gearU1, gearU2] = gears(action);
+  return [gearU1 * body.u1_max, gearU2 * body.u2_max];
+}
+
+// The mean speed of a step whose change [m/s] is below this is the speed at its end. A rounded speed can be beyond its
+// limit by more than a tinier change, for which the formula of the ramp would be far off.
+const LEAST_CHANGE = 1e-6;
 
 /** The robot after holding an action for `dt` [s] (Eq. 1). */
 export function move(body, robot, action, dt) {
   const [u1, u2] = controls(body, action);
   const dv = u1 * dt;
   const v = clip(robot.v + dv, body.v_min, body.v_max);
-  const meanV = dv === 0 ? v : v - (v - robot.v) ** 2 / (2 * dv);
+  const meanV = Math.abs(dv) < LEAST_CHANGE ? v : v - (v - robot.v) ** 2 / (2 * dv);
   const halfTurn = (u2 * dt) / 2;
   const chord = meanV * dt * (halfTurn === 0 ? 1 : Math.sin(halfTurn) / halfTurn);
   const middle = robot.heading + halfTurn;
@@ -171,7 +185,7 @@ export function judge(game, before, after) {
   return after.steps >= game.max_steps ? "no_result" : "ongoing";
 }
 
-/** One transition: both robots hold their actions (0..8) for `dt`; returns {state, outcome}. */
+/** One transition: both robots hold their actions for `dt`; returns {state, outcome}. */
 export function step(game, state, actions) {
   const after = {
     pursuer: move(game.pursuer, state.pursuer, actions.pursuer, game.dt),
