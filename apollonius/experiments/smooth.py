@@ -22,6 +22,7 @@ from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.scheme import OpponentConfig
 
 ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch", "random")}
 """Whom all of them meet beside each other: the paper's own."""
@@ -29,12 +30,17 @@ MATCH_SEED = 1
 
 
 def run_config(kind: str, seed: int, stage_1: int, self_play: int) -> RunConfig:
-    """The curriculum with one kind of action, otherwise alike; `stage_1` and `self_play` are env steps."""
+    """The curriculum with one kind of action, otherwise alike; `stage_1` and `self_play` are env steps.
+
+    Half of the games of self-play are against earlier versions: without them, two that have slowed down together
+    forget what a fast opponent is like.
+    """
+    opponents = OpponentConfig(scheme="prioritised-hard")
     return RunConfig(
         seed=seed,
         sac=SACConfig() if kind == CONTINUOUS else None,
         fixed_target=StageConfig(env_steps=stage_1, evaluations=12, evaluation_games=500),
-        self_play=SelfPlayConfig(env_steps=self_play, evaluations=12, evaluation_games=500),
+        self_play=SelfPlayConfig(env_steps=self_play, evaluations=12, evaluation_games=500, opponents=opponents),
     )
 
 
@@ -50,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/smooth"), help="folder of the runs")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--stage-1", type=int, default=6_000_000, help="env steps against an evader that stays")
-    parser.add_argument("--self-play", type=int, default=12_000_000, help="env steps of self-play")
+    parser.add_argument("--self-play", type=int, default=8_000_000, help="env steps of self-play")
     parser.add_argument("--games", type=int, default=10_000, help="games in each match")
     parser.add_argument("--processes", type=int, help="jobs at a time (default: one for each core)")
     parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")

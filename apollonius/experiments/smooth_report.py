@@ -67,11 +67,14 @@ def kind_of(name: str) -> str:
 
 
 def pairings(rows: Mapping[str, Mapping[str, Match]]) -> Pairings:
-    """Matches by the kinds of both sides."""
+    """Matches of strangers by the kinds of both sides: two that were trained against each other are none, and those
+    with different kinds of action always are.
+    """
     found: Pairings = {}
     for pursuer, row in rows.items():
         for evader, match in row.items():
-            found.setdefault((kind_of(pursuer), kind_of(evader)), []).append(((pursuer, evader), match))
+            if pursuer != evader or kind_of(pursuer) not in KINDS:
+                found.setdefault((kind_of(pursuer), kind_of(evader)), []).append(((pursuer, evader), match))
     return found
 
 
@@ -86,7 +89,10 @@ def comparison(pairs: Pairings) -> str:
     lines: list[list[str]] = []
     for role, win in ((Role.PURSUER, "pursuer_win_rate"), (Role.EVADER, "evader_undefeated_rate")):
         for opponent in dict.fromkeys(pair[1 - role] for pair in pairs):
-            meetings = [pairs[(kind, opponent) if role == Role.PURSUER else (opponent, kind)] for kind in KINDS]
+            both = [(kind, opponent) if role == Role.PURSUER else (opponent, kind) for kind in KINDS]
+            if not all(pair in pairs for pair in both):  # of one seed alone, no two of a kind are strangers
+                continue
+            meetings = [pairs[pair] for pair in both]
             wins = [seed_means(these, role, lambda match, win=win: 100 * match[win]) for these in meetings]
             more = [one - other for one, other in zip(*wins, strict=True)]
             changes = [seed_means(these, role, _change_of(role)) for these in meetings]
@@ -122,11 +128,11 @@ def table(pairs: Pairings, dt: float) -> str:
 def seed_means(
     meetings: Sequence[tuple[tuple[str, str], Match]], role: Role, value: Callable[[Match], float]
 ) -> list[float]:
-    """Of every agent of one side, the mean of a number over its matches, in the order of the agents' first ones."""
+    """Of every agent of one side, the mean of a number over its matches, in the order of their names."""
     values: dict[str, list[float]] = {}
     for names, match in meetings:
         values.setdefault(names[role], []).append(value(match))
-    return [float(np.mean(of_one)) for of_one in values.values()]
+    return [float(np.mean(values[name])) for name in sorted(values)]
 
 
 def _change_of(role: Role) -> Callable[[Match], float]:
