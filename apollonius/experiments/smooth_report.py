@@ -46,7 +46,7 @@ def write_results(
     write_atomically(out / "smooth.json", json.dumps(rows, indent=1).encode())
     write_atomically(out / "smooth.md", (written + "\n").encode())
     pair = [next(agent for name, agent in pursuers.items() if kind_of(name) == kind) for kind in (DISCRETE, CONTINUOUS)]
-    evader = next(agent for name, agent in evaders.items() if kind_of(name) not in KINDS)
+    evader = next(agent for name, agent in evaders.items() if kind_of(name) == CONTINUOUS)
     policies = [find_agent(agent, Role.PURSUER, game).policy for agent in pair]
     draw(game, policies, find_agent(evader, Role.EVADER, game).policy, out / "smooth.png")
     return written

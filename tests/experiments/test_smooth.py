@@ -134,7 +134,7 @@ def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
     # A discrete agent under a continuous name draws the figure as well.
     rows = {"discrete seed-0": row, "continuous seed-0": row}
     rows = {name: row | dict.fromkeys(rows, row["still"]) for name in rows}
-    written = write_results(tmp_path, rows, dict.fromkeys(rows, "P_stage1"), {"still": "still"})
+    written = write_results(tmp_path, rows, dict.fromkeys(rows, "P_stage1"), {"continuous seed-0": "still"})
     assert (tmp_path / "smooth.md").read_text() == written + "\n"
     assert (tmp_path / "smooth.png").stat().st_size > 10_000
 
