@@ -1,6 +1,6 @@
 """How long one decision takes: `python benchmarks/decision.py [--agent P_pool] [--calls 20000]`.
 
-From the raw state of both robots to an action and its controls, one at a time, called from Python: the package's own
+From the raw state of both robots to controls, one at a time, called from Python: the package's own
 player compiled with JAX, and the policy as ONNX, as a NumPy file, and as C through ctypes with `-O3` and with
 `-O3 -march=native`. Beside them the network alone in onnxruntime, which has neither observation nor controls, with
 several settings, of which the fastest counts. They take turns, in states of real games.
@@ -20,10 +20,12 @@ import numpy as np
 from apollonius.adapters.export import c, onnx
 from apollonius.adapters.export import numpy as numpy_file
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
-from apollonius.adapters.export.parity import Decide, compare, microseconds
-from apollonius.agents.catalogue import find_valued
-from apollonius.agents.greedy import Greedy
-from apollonius.evaluate.decisions import decisions
+from apollonius.adapters.export.parity import Answer, Decide, compare, largest_difference, microseconds
+from apollonius.agents.catalogue import find_trained
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.trained import at_best
+from apollonius.evaluate.decisions import Decisions, decisions
+from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -38,7 +40,7 @@ NETWORKS: dict[str, dict[str, str]] = {
 """Settings of onnxruntime for the bare network; the fastest of them is what all else is measured by."""
 
 
-def in_jax(game: Game, role: Role, player: Greedy) -> Decide:
+def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
     """The package's player, from the state on; its weights are constants of the compiled function."""
 
     @jax.jit
@@ -47,11 +49,12 @@ def in_jax(game: Game, role: Role, player: Greedy) -> Decide:
         seen = game.observe(as_state(rows, jnp.asarray(0)), role, player.observation)
         action = player(seen, jnp.uint32(0))
         body = game.pursuer if role == Role.PURSUER else game.evader
-        return jnp.stack([action.astype(jnp.float32), *body.controls(action)])
+        said = [] if is_continuous(action) else [action.astype(jnp.float32)]
+        return jnp.stack([*said, *body.controls(action)])
 
-    def decide(state: np.ndarray) -> tuple[int, float, float]:
-        action, u1, u2 = np.asarray(play(state))
-        return int(action), float(u1), float(u2)
+    def decide(state: np.ndarray) -> Answer:
+        *action, u1, u2 = np.asarray(play(state)).tolist()
+        return (int(action[0]), u1, u2) if action else (u1, u2)
 
     return decide
 
@@ -71,6 +74,14 @@ def exported(blueprint: Blueprint) -> dict[str, Decide]:
         }
 
 
+def differences(decide: Decide, blueprint: Blueprint, played: Decisions) -> dict[str, float]:
+    """From the package's player: other actions, or the largest difference of controls as a share of their largest."""
+    if blueprint.continuous:
+        return {"largest_difference": largest_difference(decide, blueprint, played.states, played.actions)}
+    parity = compare(decide, blueprint, played.states, played.observations, played.actions)
+    return {"ties": parity.ties, "errors": parity.errors}
+
+
 def main() -> None:
     """Measure, and print a line of JSON for each."""
     parser = argparse.ArgumentParser(description="How long one decision takes.")
@@ -78,7 +89,8 @@ def main() -> None:
     parser.add_argument("--game", default="paper")
     parser.add_argument("--calls", type=int, default=20_000)
     options = parser.parse_args()
-    player, agent, path = find_valued(options.agent)
+    agent, path = find_trained(options.agent)
+    player = at_best(agent.network)
     game, role = make_game(options.game), Role[agent.header.role.upper()]
     blueprint = make_blueprint(path.stem, agent, game)
     played = decisions(game, player, role, STATES)
@@ -94,8 +106,7 @@ def main() -> None:
         row = {"what": name, "median_us": round(median, 1), "p99_us": round(late, 1)}
         row |= {"median_of_fastest_network": round(median / fastest, 2)}
         if name in deciders:
-            parity = compare(deciders[name], blueprint, played.states, played.observations, played.actions)
-            row |= {"ties": parity.ties, "errors": parity.errors}
+            row |= differences(deciders[name], blueprint, played)
         print(json.dumps(row))
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from apollonius.adapters.export.blueprint import Blueprint
     from apollonius.adapters.export.parity import Decide
     from apollonius.agents.policy import AbstractPolicy
+    from apollonius.evaluate.decisions import Decisions
 
 FORMATS = ("onnx", "numpy", "c")
 STATES = 10_000
@@ -36,8 +37,9 @@ def run_export(options: argparse.Namespace) -> int:
     from importlib import import_module
 
     from apollonius.adapters.export.blueprint import make_blueprint
-    from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_valued
+    from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_trained
     from apollonius.agents.store import write_atomically
+    from apollonius.agents.trained import at_best
     from apollonius.game.file import find_game
     from apollonius.game.game import Game
     from apollonius.game.record import from_dict
@@ -56,7 +58,7 @@ def run_export(options: argparse.Namespace) -> int:
         raise InvalidInput("writing ONNX needs a library: pip install 'apollonius[export]'.") from error
     out: Path = options.out
     require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
-    player, agent, path = find_valued(name)
+    agent, path = find_trained(name)
     require(
         options.game or agent.header.game, "--game", None, f"given, since '{name}' does not say what it was made for"
     )
@@ -66,7 +68,7 @@ def run_export(options: argparse.Namespace) -> int:
         files = format_.make_files(blueprint, Path(folder) / out.name)
         for file, content in files.items():
             file.write_bytes(content)
-        checked = _check(blueprint, player, lambda: format_.load(Path(folder) / out.name))
+        checked = _check(blueprint, at_best(agent.network), lambda: format_.load(Path(folder) / out.name))
     out.parent.mkdir(parents=True, exist_ok=True)
     for file, content in files.items():
         write_atomically(out.with_name(file.name), content)
@@ -83,7 +85,7 @@ def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[],
     """
     import numpy as np
 
-    from apollonius.adapters.export.parity import CannotRun, compare, microseconds
+    from apollonius.adapters.export.parity import CannotRun, microseconds
     from apollonius.evaluate.decisions import decisions
     from apollonius.game.types import Role
 
@@ -92,13 +94,8 @@ def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[],
     except CannotRun as reason:
         return [f"not checked: {reason}"]
     played = decisions(blueprint.game, player, Role[blueprint.header.role.upper()], STATES)
-    parity = compare(decide, blueprint, played.states, played.observations, played.actions)
-    if parity.errors:
-        raise InvalidInput(
-            f"{parity.errors:,} of {STATES:,} actions differ from the package's: report this as an error."
-        )
-    ties = f", {parity.ties} of them equal in value to rounding" if parity.ties else ""
-    lines = [f"checked in {STATES:,} states of games: {parity.ties} actions differ from the package's{ties}"]
+    equal = (_same_controls if blueprint.continuous else _same_actions)(decide, blueprint, played)
+    lines = [f"checked in {STATES:,} states of games: {equal}"]
     deciders: dict[str, Callable[[np.ndarray], object]] = {"this file": decide}
     states = {"this file": played.states}
     try:
@@ -112,3 +109,29 @@ def _check(blueprint: "Blueprint", player: "AbstractPolicy", load: "Callable[[],
     if "network" in times:
         beside = f"; onnxruntime, the network alone: {times['network']:.1f} us"
     return [*lines, f"one decision, median of 10,000: {times['this file']:.1f} us{beside}"]
+
+
+def _same_actions(decide: "Decide", blueprint: "Blueprint", played: "Decisions") -> str:
+    """How the actions of a discrete policy differ from the package's: in ties at most, or `InvalidInput` is raised."""
+    from apollonius.adapters.export.parity import compare
+
+    parity = compare(decide, blueprint, played.states, played.observations, played.actions)
+    if parity.errors:
+        raise InvalidInput(
+            f"{parity.errors:,} of {STATES:,} actions differ from the package's: report this as an error."
+        )
+    ties = f", {parity.ties} of them equal in value to rounding" if parity.ties else ""
+    return f"{parity.ties} actions differ from the package's{ties}"
+
+
+def _same_controls(decide: "Decide", blueprint: "Blueprint", played: "Decisions") -> str:
+    """How the controls of a continuous policy differ from the package's: by rounding, or `InvalidInput` is raised."""
+    from apollonius.adapters.export.parity import TOLERANCE, largest_difference
+
+    away = largest_difference(decide, blueprint, played.states, played.actions)
+    if not away <= TOLERANCE:  # also where it is NaN
+        raise InvalidInput(
+            f"controls differ from the package's by {away:.0e} of the largest, more than {TOLERANCE:.0e}: "
+            "report this as an error."
+        )
+    return f"controls differ from the package's by at most {away:.0e} of the largest"

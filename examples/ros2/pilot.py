@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-Decide = Callable[[Sequence[float]], tuple[int, float, float]]
-"""An exported policy: own x, y [m], v [m/s], heading [rad], then the opponent's; in turn an action, u1 and u2."""
+Decide = Callable[[Sequence[float]], Sequence[float]]
+"""An exported policy: own x, y [m], v [m/s], heading [rad], then the opponent's; in turn u1 and u2, and before them a
+discrete policy's action."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Pilot:
     def ask(self, now: float) -> tuple[float, float]:
         """The policy's acceleration [m/s^2] and turn rate [rad/s]; raises where it cannot be asked or believed."""
         own, opponent = self.state("own", now), self.state("opponent", now)
-        _, u1, turn_rate = self.decide([*own, *opponent])
+        *_, u1, turn_rate = self.decide([*own, *opponent])
         limits = self.limits
         if not (abs(u1) <= 1.01 * limits.u1_max and abs(turn_rate) <= 1.01 * limits.u2_max):  # also where either is NaN
             raise ValueError(f"policy: controls {u1}, {turn_rate} beyond {limits.u1_max}, {limits.u2_max}")
@@ -95,9 +96,9 @@ def load_policy(file: Path) -> Decide:
         options.intra_op_num_threads = 1
         session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
 
-        def decide(state: Sequence[float]) -> tuple[int, float, float]:
-            action, controls = session.run(None, {"state": np.array([state], np.float32)})
-            return int(action[0]), float(controls[0, 0]), float(controls[0, 1])
+        def decide(state: Sequence[float]) -> Sequence[float]:
+            outputs = session.run(None, {"state": np.array([state], np.float32)})
+            return [number for output in outputs for number in output.ravel().tolist()]
 
         return decide
     spec = importlib.util.spec_from_file_location("policy", file)

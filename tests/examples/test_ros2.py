@@ -14,7 +14,7 @@ import pytest
 from apollonius.adapters.export import numpy as export_numpy
 from apollonius.adapters.export import onnx as export_onnx
 from apollonius.adapters.export.blueprint import make_blueprint
-from apollonius.agents.network import make_network
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -68,6 +68,12 @@ def test_the_speed_stays_within_its_limits_and_near_the_measured_one(pilot):
     assert [pilot.command(10.0).speed for _ in range(40)][-1] == pytest.approx(1.2)
 
 
+def test_it_does_as_a_continuous_policy_says(pilot):
+    pilot.decide = lambda state: (-0.15, 0.25)
+    command = pilot.command(10.1)
+    assert (command.speed, command.turn_rate, command.trouble) == (pytest.approx(0.485), 0.25, "")
+
+
 TROUBLES = {
     "own never seen": lambda pilot: pilot.seen.pop("own"),
     "opponent never seen": lambda pilot: pilot.seen.pop("opponent"),
@@ -104,10 +110,11 @@ def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(p
     assert (again.speed, again.turn_rate, again.trouble) == (pytest.approx(0.03), 0.8, "")
 
 
+@pytest.mark.parametrize(("make", "brake"), [(make_network, (1, -0.3, 0.0)), (make_actor, (-0.3, 0.0))])
 @pytest.mark.parametrize("format_", [export_numpy, export_onnx])
-def test_it_loads_what_is_exported(pilot_module, tmp_path, format_):
+def test_it_loads_what_is_exported(pilot_module, tmp_path, format_, make, brake):
     game = make_game("paper")
-    agent = describe(make_network("encoded", 8, 1, jax.random.key(0)), Role.PURSUER, {}, {})
+    agent = describe(make("encoded", 8, 1, jax.random.key(0)), Role.PURSUER, {}, {})
     blueprint = make_blueprint("small", agent, game)
     out = tmp_path / f"small{format_.SUFFIX}"
     for path, content in format_.make_files(blueprint, out).items():
@@ -115,7 +122,7 @@ def test_it_loads_what_is_exported(pilot_module, tmp_path, format_):
     decide = pilot_module.load_policy(out)
     state = [*OWN, *OPPONENT]
     assert decide(state) == pytest.approx(format_.load(out)(np.array(state, np.float32)))
-    assert decide([math.nan] * 8) == (1, pytest.approx(-0.3), 0.0)
+    assert decide([math.nan] * 8) == pytest.approx(brake)
 
 
 class Node:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from apollonius.agents.classical import BRAKE_STRAIGHT
+from apollonius.agents.network import GaussianActor
 from apollonius.agents.store import Agent, AgentHeader
 from apollonius.errors import require
 from apollonius.game.dynamics import Unicycle
@@ -25,6 +26,8 @@ LARGEST = 1e6
 """No number of a state is beyond this. Compared is the sum of their squares: one test, and a NaN fails it too."""
 FALLBACK = BRAKE_STRAIGHT
 """The action for what is no state: full braking, straight ahead."""
+FALLBACK_GEARS = (-1.0, 0.0)
+"""The same as shares of u1_max and u2_max, for a policy whose actions are continuous."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +53,27 @@ def _plain(body: Unicycle) -> Body:
 
 @dataclass(frozen=True)
 class Blueprint:
-    """One side's policy: eight numbers in (own x, y, v, heading, then the opponent's), an action and its controls out.
+    """One side's policy: eight numbers in (own x, y, v, heading, then the opponent's), controls out.
+
+    A discrete policy says its action too: the one of the nine that it values most. A continuous one makes gears, the
+    shares of the largest controls, of its network's outputs: their hyperbolic tangents.
 
     Attributes:
         agent: what the agent is called, without what could end a comment or a string.
         header: what the agent's file says.
         game: whose limits and arena are in the observation.
-        layers: weight [out, in] and bias [out] of each layer.
+        layers: weight [out, in] and bias [out] of each layer; the outputs are nine values, or the means of two gears.
     """
 
     agent: str
     header: AgentHeader
     game: Game
     layers: tuple[tuple[Float32[np.ndarray, "_ _"], Float32[np.ndarray, "_"]], ...]
+
+    @property
+    def continuous(self) -> bool:
+        """Whether its actions are pairs of gears."""
+        return self.header.network == "gaussian"
 
     @cached_property
     def own(self) -> Body:
@@ -95,6 +106,11 @@ class Blueprint:
         """Acceleration u1 [m/s^2] and turn rate u2 [rad/s] of each action (Eq. 4, 5)."""
         both = [self._bodies[0].controls(jnp.asarray(action)) for action in range(NUM_ACTIONS)]
         return np.asarray(both, np.float32)
+
+    @cached_property
+    def largest_controls(self) -> Float32[np.ndarray, "2"]:
+        """The largest acceleration u1 [m/s^2] and turn rate u2 [rad/s], either sign."""
+        return np.array([self.own.u1_max, self.own.u2_max], np.float32)
 
     def values(self, observation: Float32[np.ndarray, " size"]) -> Float64[np.ndarray, "9"]:
         """The network's action values for an observation, in double precision."""
@@ -141,6 +157,9 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
     finite = all(np.isfinite(part).all() for layer in layers for part in layer)
     require(finite, "weights", "NaN or infinite", "finite; train the agent again")
+    if isinstance(agent.network, GaussianActor):
+        *hidden, (weight, bias) = layers
+        layers = (*hidden, (weight[:2], bias[:2]))  # the means; how far it explores is of no use on a robot
     arena, measures = game.arena, agent.header.observation != "paper"
     bound = "walls and discs, the only ones that an exported policy measures the clearances in its observation from"
     require(not (measures and (arena.polygons or arena.map)), "obstacles", "polygons or a map", bound)

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body, identifier
-from apollonius.adapters.export.parity import CannotRun, Decide
-from apollonius.adapters.export.template import fill, shared
+from apollonius.adapters.export.parity import Answer, CannotRun, Decide
+from apollonius.adapters.export.template import fill
 
 SUFFIX = ".c"
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O3")
@@ -38,7 +38,7 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
     discs = [f"{{{x}, {y}, {radius}}}" for x, y, radius in (map(_real, disc) for disc in blueprint.discs)]
     source = fill(
         "policy.c.in",
-        **shared(blueprint),
+        blueprint,
         name=name,
         header=header.name,
         largest_square=f"{LARGEST**2:g}f",
@@ -46,24 +46,26 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
         walls=", ".join(f"{wall} = {_real(place)}" for wall, place in walls),
         own=_body(blueprint.own),
         opponent=_body(blueprint.opponent),
+        u2_max=_real(blueprint.own.u2_max),
         controls=",\n".join(f"    {{{_real(u1)}, {_real(u2)}}}" for u1, u2 in blueprint.controls.tolist()),
         declarations="\n".join(f"{declared};" for declared in arrays),
         weights="\n\n".join(f"{declared} = {{\n{_rows(array)}\n}};" for declared, array in arrays.items()),
         observation=fill(
             f"{blueprint.header.observation}.c.in",
+            blueprint,
             discs=len(discs),
             disc_table=", ".join([*discs, "{0}"]),
         ).rstrip(),
         layers=_calls([weight.shape for weight, _ in layers]),
-        values="here" if len(layers) % 2 == 0 else "next",
+        outputs="here" if len(layers) % 2 == 0 else "next",
     )
     about = "\n".join(f"   {line}" for line in blueprint.about)
-    said = fill("policy.h.in", **shared(blueprint), name=name, guard=name.upper(), about=about)
+    said = fill("policy.h.in", blueprint, name=name, guard=name.upper(), about=about)
     return {out: source.encode(), header: said.encode()}
 
 
 def load(source: Path, flags: Sequence[str] = FLAGS) -> Decide:
-    """Compile a source with GCC and call it.
+    """Compile a source with GCC and call it as its header says: a discrete policy returns its action.
 
     Raises:
         CannotRun: where there is no gcc.
@@ -75,12 +77,15 @@ def load(source: Path, flags: Sequence[str] = FLAGS) -> Decide:
         library = Path(folder) / "policy.so"
         subprocess.run(["gcc", *flags, "-shared", "-fPIC", str(source), "-lm", "-o", str(library)], check=True)
         function = getattr(ctypes.CDLL(str(library)), f"{identifier(source)}_decide")
+    returns_action = f"int {function.__name__}(" in source.with_suffix(".h").read_text()
     state, controls = np.zeros(8, np.float32), np.zeros(2, np.float32)
     places = [ctypes.c_void_p(array.ctypes.data) for array in (state, controls)]
 
-    def decide(now: Float32[np.ndarray, "8"]) -> tuple[int, float, float]:
+    def decide(now: Float32[np.ndarray, "8"]) -> Answer:
         state[:] = now
-        return function(*places), float(controls[0]), float(controls[1])
+        action = function(*places)
+        both = float(controls[0]), float(controls[1])
+        return (action, *both) if returns_action else both
 
     return decide
 

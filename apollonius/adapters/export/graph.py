@@ -8,6 +8,8 @@ from onnx import NodeProto, TensorProto, helper, numpy_helper
 
 ONE = "1"
 """In a `Row`, the constant term."""
+Layers = list[tuple[np.ndarray, np.ndarray]]
+"""Weight [out, in] and bias [out] of each layer."""
 Row = dict[str, float]
 """A number that is linear in others: their factors by name."""
 
@@ -34,8 +36,8 @@ class Graph:
         weight, bias = matrix(self.columns[source], list(rows.values()))
         return self.add("Gemm", [source, *_single(weight, bias)], output, [*rows], transB=1)
 
-    def network(self, source: str, layers: list[tuple[np.ndarray, np.ndarray]], output: str) -> str:
-        """Layers of weight [out, in] and bias [out], a ReLU after each but the last."""
+    def network(self, source: str, layers: Layers, output: str) -> str:
+        """Layers, a ReLU after each but the last."""
         for number, (weight, bias) in enumerate(layers[:-1]):
             affine = self.add("Gemm", [source, *_single(weight, bias)], f"layer {number}", transB=1)
             source = self.add("Relu", [affine], f"hidden {number}")

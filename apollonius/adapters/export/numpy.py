@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body, identifier
-from apollonius.adapters.export.parity import Decide
-from apollonius.adapters.export.template import fill, shared
+from apollonius.adapters.export.parity import Answer, Decide
+from apollonius.adapters.export.template import fill
 
 SUFFIX = ".py"
 _LINE = 116
@@ -23,7 +23,7 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
     sizes = [blueprint.header.observation_size, *(len(bias) for _, bias in blueprint.layers)]
     text = fill(
         "policy.py.in",
-        **shared(blueprint),
+        blueprint,
         name=identifier(out),
         about="\n".join(blueprint.about),
         largest_square=f"{LARGEST**2:g}",
@@ -33,7 +33,7 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
         discs=blueprint.discs,
         controls="[\n" + "".join(f"    ({u1!s}, {u2!s}),\n" for u1, u2 in blueprint.controls) + "]",
         sizes=sizes,
-        observation=fill(f"{blueprint.header.observation}.py.in").rstrip(),
+        observation=fill(f"{blueprint.header.observation}.py.in", blueprint).rstrip(),
         weights=textwrap.fill(base64.b64encode(numbers.tobytes()).decode(), _LINE),
     )
     return {out: text.encode()}
@@ -48,7 +48,7 @@ def load(source: Path) -> Decide:
     spec.loader.exec_module(module)
     decide = module.decide
 
-    def decide_on(state: Float32[np.ndarray, "8"]) -> tuple[int, float, float]:
+    def decide_on(state: Float32[np.ndarray, "8"]) -> Answer:
         return decide(state.tolist())
 
     return decide_on

@@ -10,10 +10,18 @@ from jaxtyping import Float, Float32, Int
 
 from apollonius.adapters.export.blueprint import Blueprint
 
-Decide = Callable[[Float32[np.ndarray, "8"]], tuple[int, float, float]]
-"""An exported policy: a state (`Blueprint`) in; the action and its controls u1 [m/s^2], u2 [rad/s] out."""
+Answer = tuple[int, float, float] | tuple[float, float]
+"""Controls u1 [m/s^2] and u2 [rad/s]; before them, of a discrete policy, the action."""
+Decide = Callable[[Float32[np.ndarray, "8"]], Answer]
+"""An exported policy: a state (`Blueprint`) in, its answer out."""
 ROUNDING = 1e-5
 """Relative error of action values in single precision, with room."""
+TOLERANCE = 1e-4
+"""By how much of its largest value a continuous policy's control may differ from the package's.
+
+Single precision makes 7e-6 of it in trained agents: observations differ by up to 6e-7, and sums are added up in another
+order. This is about ten times as much, and nothing to a drive; a wrong number or a missing term makes far more.
+"""
 _BLOCK = 100
 
 
@@ -23,7 +31,7 @@ class CannotRun(Exception):
 
 @dataclass(frozen=True)
 class Parity:
-    """In how many states an exported policy did what the package's player did not.
+    """In how many states an exported discrete policy did what the package's player did not.
 
     Attributes:
         states: how many there were.
@@ -43,10 +51,11 @@ def compare(
     observations: Float32[np.ndarray, "count size"],
     actions: Int[np.ndarray, " count"],
 ) -> Parity:
-    """An exported policy in states in which the package's player saw these observations and chose these actions."""
+    """An exported discrete policy in states in which the package's player saw this and did that."""
     ties = errors = 0
     for state, observation, action in zip(states, observations, actions, strict=True):
-        chosen, *controls = decide(state)
+        number, *controls = decide(state)
+        chosen = int(number)
         if (np.array(controls, np.float32) != blueprint.controls[chosen]).any():
             errors += 1
         elif chosen != action:
@@ -54,6 +63,20 @@ def compare(
             is_tie = bool(abs(values[chosen] - values[action]) <= ROUNDING * np.max(np.abs(values)))
             ties, errors = ties + is_tie, errors + (not is_tie)
     return Parity(len(states), ties, errors)
+
+
+def largest_difference(
+    decide: Decide,
+    blueprint: Blueprint,
+    states: Float32[np.ndarray, "count 8"],
+    gears: Float32[np.ndarray, "count 2"],
+) -> float:
+    """Of an exported continuous policy's controls from those of the package's player, which chose these gears in these
+    states: a share of each control's largest value; NaN where a control is.
+    """
+    said = np.array([decide(state) for state in states], float)
+    away = np.abs(said - gears * blueprint.largest_controls)
+    return float(np.max(away / np.maximum(blueprint.largest_controls, 1e-6)))  # where the robot cannot turn, both are 0
 
 
 def microseconds(

@@ -1,23 +1,33 @@
-"""Text with places to fill in: the files in `templates/`, which are the exported policies but for their numbers."""
+"""Text with places to fill in: the files in `templates/`, which are the exported policies but for their numbers.
+
+Lines that follow one that says `@discrete` or `@continuous` are for policies of that kind only, up to `@both`.
+"""
 
 from pathlib import Path
 from string import Template
 
-from apollonius.adapters.export.blueprint import FALLBACK, LARGEST, Blueprint
+from apollonius.adapters.export.blueprint import FALLBACK, FALLBACK_GEARS, LARGEST, Blueprint
 
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def fill(template: str, **values: object) -> str:
+def fill(template: str, blueprint: Blueprint, **values: object) -> str:
     """The file of this name in `templates/`, its places filled in."""
-    return Template((TEMPLATES / template).read_text()).substitute(values)
+    kind, kept = "both", []
+    for line in (TEMPLATES / template).read_text().splitlines(keepends=True):
+        if line.startswith("@"):
+            kind = line.strip("@\n")
+        elif kind in ("both", "continuous" if blueprint.continuous else "discrete"):
+            kept.append(line)
+    return Template("".join(kept)).substitute(_shared(blueprint), **values)
 
 
-def shared(blueprint: Blueprint) -> dict[str, object]:
+def _shared(blueprint: Blueprint) -> dict[str, object]:
     """What is written alike in every language."""
     return {
         "title": blueprint.title,
         "dt": f"{blueprint.game.dt:g}",
         "largest": f"{LARGEST:,.0f}",
         "fallback": FALLBACK,
+        "fallback_gears": ", ".join(f"{gear:g}" for gear in FALLBACK_GEARS),
     }

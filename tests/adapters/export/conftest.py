@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
-from apollonius.agents.network import QNetwork, make_network
+from apollonius.agents.network import GaussianActor, QNetwork, make_actor, make_network
 from apollonius.agents.store import describe
+from apollonius.agents.trained import at_best
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
@@ -27,7 +28,7 @@ UNEQUAL = Game(
 """Whoever takes one robot, one axis or one disc for the other is found out."""
 EMPTY = Game(arena=Arena())
 GAMES = {"paper": make_game("paper"), "unequal": UNEQUAL, "empty": EMPTY}
-CASES = [
+PLAYED = [
     ("encoded", "paper", Role.PURSUER),
     ("encoded", "unequal", Role.PURSUER),
     ("encoded", "unequal", Role.EVADER),
@@ -35,23 +36,32 @@ CASES = [
     ("paper", "unequal", Role.PURSUER),
     ("paper", "unequal", Role.EVADER),
 ]
-ONE_OF_EACH_PROFILE = [CASES[1], CASES[5]]
+DISCRETE, CONTINUOUS = ([(kind, *played) for played in PLAYED] for kind in ("discrete", "continuous"))
+ONE_OF_EACH_PROFILE = [DISCRETE[1], DISCRETE[5]]
+ONE_OF_EACH = [*ONE_OF_EACH_PROFILE, CONTINUOUS[1], CONTINUOUS[5]]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A policy, and what the package's player sees and does in some states."""
+    """A policy, and what the package's player sees and does in some states: actions or gears, and their controls."""
 
     blueprint: Blueprint
     states: np.ndarray
     observations: np.ndarray
     actions: np.ndarray
+    controls: np.ndarray
 
 
 def small_network(profile: str, seed: int = 0) -> QNetwork:
     """Weights so large, and values so level, that a small error of the observation often changes the choice."""
     network = make_network(profile, width=21, depth=2, key=jax.random.key(seed))
     return jax.tree.map(lambda leaf: 4 * leaf, network)
+
+
+def small_actor(profile: str, seed: int = 0) -> GaussianActor:
+    """Weights so large that gears are anywhere, but not so large that nearly all are at an end."""
+    actor = make_actor(profile, width=21, depth=2, key=jax.random.key(seed))
+    return jax.tree.map(lambda leaf: 2 * leaf, actor)
 
 
 def some_states(game: Game, count: int) -> np.ndarray:
@@ -62,11 +72,11 @@ def some_states(game: Game, count: int) -> np.ndarray:
     return rng.uniform(low * 2, high * 2, (count, 8)).astype(np.float32)
 
 
-@pytest.fixture(scope="session", params=CASES, ids=lambda case: "-".join(map(str, case)))
+@pytest.fixture(scope="session", params=DISCRETE, ids=lambda case: "-".join(map(str, case)))
 def case(request):
     """One policy of many kinds."""
-    profile, name, role = request.param
-    game, network = GAMES[name], small_network(profile)
+    kind, profile, name, role = request.param
+    game, network = GAMES[name], (small_network if kind == "discrete" else small_actor)(profile)
     blueprint = make_blueprint("small", describe(network, role, to_dict(game), {}), game)
     bodies = (game.pursuer, game.evader) if role == Role.PURSUER else (game.evader, game.pursuer)
 
@@ -78,8 +88,8 @@ def case(request):
             for robot in (RobotState(*state[:4]), RobotState(*state[4:]))
         )
         seen = observe(profile, game.arena, bodies[0], own, bodies[1], opponent)
-        return seen, jnp.argmax(network(seen))
+        action = at_best(network)(seen, jnp.uint32(0))
+        return seen, action, jnp.stack(bodies[0].controls(action))
 
     states = some_states(game, 400)
-    seen, actions = play(jnp.asarray(states))
-    return Case(blueprint, states, np.asarray(seen), np.asarray(actions))
+    return Case(blueprint, states, *map(np.asarray, play(jnp.asarray(states))))

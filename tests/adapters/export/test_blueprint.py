@@ -4,6 +4,7 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from apollonius.adapters.export.blueprint import identifier, make_blueprint
@@ -14,7 +15,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
-from tests.adapters.export.conftest import small_network
+from tests.adapters.export.conftest import small_actor, small_network
 
 AGENT = describe(small_network("paper"), Role.EVADER, {}, {})
 
@@ -38,6 +39,16 @@ def test_a_network_that_went_astray_is_refused(broken):
     network = eqx.tree_at(lambda net: net.layers[1].bias, AGENT.network, replace_fn=lambda bias: bias.at[0].set(broken))
     with pytest.raises(InvalidInput, match="weights = NaN or infinite"):
         make_blueprint("E", dataclasses.replace(AGENT, network=network), Game())
+
+
+def test_of_a_continuous_policy_the_spreads_are_left_out():
+    actor = small_actor("paper")
+    other = eqx.tree_at(lambda net: net.layers[-1].bias, actor, replace_fn=lambda bias: bias.at[2:].add(1.0))
+    one, two = (make_blueprint("E", describe(net, Role.EVADER, {}, {}), Game()) for net in (actor, other))
+    assert one.layers[-1][0].shape == (2, 21)
+    for (weight, bias), (same_weight, same_bias) in zip(one.layers, two.layers, strict=True):
+        np.testing.assert_array_equal(weight, same_weight)
+        np.testing.assert_array_equal(bias, same_bias)
 
 
 def test_clearances_from_polygons_are_refused_and_not_left_out():

@@ -1,5 +1,7 @@
 """`apollonius export`: what it writes and says, and what it refuses."""
 
+import math
+import re
 import sys
 from pathlib import Path
 from shutil import which
@@ -8,7 +10,7 @@ import jax
 import pytest
 
 from apollonius.adapters.export import numpy as export_numpy
-from apollonius.agents.network import make_network
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.cli import main
 from apollonius.game.presets import make_game
@@ -18,11 +20,15 @@ from apollonius.game.types import Role
 
 @pytest.fixture(autouse=True)
 def small(tmp_path, monkeypatch):
-    """A folder of its own, with the files of a small evader and of one that does not say what it was made for."""
+    """A folder of its own, with the files of a small evader, of a continuous one, and of one that does not say what it
+    was made for.
+    """
     monkeypatch.chdir(tmp_path)
     network = make_network("encoded", 8, 1, jax.random.key(0))
     save_agent(describe(network, Role.EVADER, to_dict(make_game("robot")), {}), Path("small.safetensors"))
     save_agent(describe(network, Role.EVADER, {}, {}), Path("silent.safetensors"))
+    actor = make_actor("encoded", 8, 1, jax.random.key(0))
+    save_agent(describe(actor, Role.EVADER, to_dict(make_game("robot")), {}), Path("smooth.safetensors"))
     return {path.name for path in tmp_path.iterdir()}
 
 
@@ -33,7 +39,7 @@ def export(*arguments):
         return leaving.code
 
 
-@pytest.mark.parametrize(
+in_every_format = pytest.mark.parametrize(
     ("to", "files"),
     [
         ("onnx", ["new/evader.onnx"]),
@@ -41,6 +47,9 @@ def export(*arguments):
         pytest.param("c", ["new/evader.c", "new/evader.h"], marks=pytest.mark.skipif(not which("gcc"), reason="gcc")),
     ],
 )
+
+
+@in_every_format
 def test_a_policy_is_written_and_checked_and_timed_beside_onnxruntime(capsys, to, files):
     assert export("small.safetensors", "--to", to, "--out", files[0]) == 0
     printed = capsys.readouterr()
@@ -53,6 +62,17 @@ def test_a_policy_is_written_and_checked_and_timed_beside_onnxruntime(capsys, to
     assert sorted(map(str, Path("new").iterdir())) == files
     if to != "onnx":
         assert "radius 0.2 m" in Path(files[-1]).read_text(), "the game it was made for"
+
+
+@in_every_format
+def test_a_continuous_policy_is_written_and_checked_and_timed(capsys, to, files):
+    assert export("smooth.safetensors", "--to", to, "--out", files[0]) == 0
+    where, checked, timed = capsys.readouterr().out.splitlines()
+    assert where == f"The evader smooth of a pursuit-evasion game is in {' and '.join(files)}"
+    said = r"checked in 10,000 states of games: controls differ from the package's by at most \de-0[67] of the largest"
+    assert re.fullmatch(said, checked)
+    assert re.fullmatch(r"one decision, median of 10,000: [\d.]+ us; onnxruntime, the network alone: [\d.]+ us", timed)
+    assert sorted(map(str, Path("new").iterdir())) == files
 
 
 def test_another_game_is_built_in_where_asked_for(capsys):
@@ -122,4 +142,24 @@ def test_a_policy_that_decides_otherwise_is_not_written(capsys, small, tmp_path,
     monkeypatch.setattr(export_numpy, "load", lambda source: lambda state: (0, -0.3, -0.8))
     assert export("small.safetensors", "--to", "numpy", "--out", "a.py") == 2
     assert "of 10,000 actions differ from the package's" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == small
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"), [(2e-4, "by 2e-04 of the largest, more than 1e-04"), (math.nan, "by nan of")]
+)
+def test_a_continuous_policy_that_steers_otherwise_is_not_written(capsys, small, tmp_path, monkeypatch, wrong, said):
+    load = export_numpy.load
+
+    def load_wrong(source):
+        decide = load(source)
+        u2_max = make_game("robot").evader.u2_max
+        return lambda state: (decide(state)[0], decide(state)[1] + wrong * u2_max)
+
+    monkeypatch.setattr(export_numpy, "load", load_wrong)
+    assert export("smooth.safetensors", "--to", "numpy", "--out", "a.py") == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert f"controls differ from the package's {said}" in printed.err
     assert {path.name for path in tmp_path.iterdir()} == small

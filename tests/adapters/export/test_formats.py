@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from apollonius.adapters.export.parity import compare
+from tests.adapters.export.conftest import CONTINUOUS, ONE_OF_EACH
 
 FORMATS = ["onnx", "numpy", pytest.param("c", marks=pytest.mark.skipif(which("gcc") is None, reason="needs gcc"))]
 
@@ -27,15 +28,32 @@ def test_it_decides_as_the_player_and_brakes_in_a_broken_state(decide, case):
     parity = compare(decide, case.blueprint, case.states, case.observations, case.actions)
     assert (parity.states, parity.errors, parity.ties) == (400, 0, 0)
     brake = (1, pytest.approx(-case.blueprint.own.u1_max), 0.0)
-    states = case.states[case.actions != 1]
+    assert all(decide(state) == brake for state in broken(case.states[case.actions != 1]))
+
+
+@pytest.mark.parametrize("case", CONTINUOUS, indirect=True)
+def test_a_continuous_one_steers_as_the_player_and_brakes_in_a_broken_state(decide, case):
+    between = np.abs(case.actions) < 0.9
+    assert between.mean(axis=0).min() > 0.5, "gears in all their range"
+    assert case.actions.std(axis=0).min() > 0.1
+    own = case.blueprint.own
+    said = np.array([decide(state) for state in case.states])
+    np.testing.assert_allclose(said / [own.u1_max, own.u2_max], case.controls / [own.u1_max, own.u2_max], atol=2e-5)
+    brake = (pytest.approx(-own.u1_max), 0.0)
+    assert all(decide(state) == brake for state in broken(case.states[between.all(axis=1)]))
+
+
+def broken(states):
+    """What is no state: NaNs, infinities, and numbers too large, in each place and in all."""
     for place in range(8):
-        for broken in (np.nan, np.inf, -np.inf, 3e38, -2e6):
+        for number in (np.nan, np.inf, -np.inf, 3e38, -2e6):
             state = states[place].copy()
-            state[place] = broken
-            assert decide(state) == brake
-    assert decide(np.full(8, np.nan, np.float32)) == brake
+            state[place] = number
+            yield state
+    yield np.full(8, np.nan, np.float32)
 
 
+@pytest.mark.parametrize("case", ONE_OF_EACH, indirect=True)
 def test_a_file_written_again_is_the_same(case):
     for name in ("onnx", "numpy", "c"):
         format_ = import_module(f"apollonius.adapters.export.{name}")

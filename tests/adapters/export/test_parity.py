@@ -6,8 +6,9 @@ import itertools
 import numpy as np
 import pytest
 
-from apollonius.adapters.export.parity import compare, microseconds
-from tests.adapters.export.conftest import ONE_OF_EACH_PROFILE
+from apollonius.adapters.export.parity import compare, largest_difference, microseconds
+from apollonius.game.dynamics import Unicycle
+from tests.adapters.export.conftest import CONTINUOUS, ONE_OF_EACH_PROFILE, UNEQUAL
 
 one_case = pytest.mark.parametrize("case", ONE_OF_EACH_PROFILE[:1], indirect=True)
 
@@ -45,6 +46,30 @@ def test_other_actions_and_other_controls_are_errors_and_ties_are_not(case):
 def test_values_in_double_precision_are_those_of_the_network(case):
     best = [int(np.argmax(case.blueprint.values(observation))) for observation in case.observations]
     assert best == case.actions.tolist()
+
+
+@pytest.mark.parametrize("case", CONTINUOUS[1:3], indirect=True)
+def test_the_largest_difference_is_a_share_of_the_control_that_differs_most(case):
+    right, (u1_max, u2_max) = case.controls.tolist(), case.blueprint.largest_controls.tolist()
+
+    def away(u1, u2):
+        """By how much a policy is away that adds these to its fourth controls, shares of the largest."""
+        wrong = (right[3][0] + u1 * u1_max, right[3][1] + u2 * u2_max)
+        said = scripted([*right[:3], wrong, *right[4:]])
+        return largest_difference(said, case.blueprint, case.states, case.actions)
+
+    assert away(0, 0) < 1e-6
+    assert away(0.001, 0) == pytest.approx(0.001, rel=1e-3)
+    assert away(0.001, -0.003) == pytest.approx(0.003, rel=1e-3)
+    assert np.isnan(away(0, np.nan))
+
+
+@pytest.mark.parametrize("case", CONTINUOUS[2:3], indirect=True)
+def test_where_a_robot_cannot_turn_it_must_not_be_told_to(case):
+    still = dataclasses.replace(case.blueprint, game=dataclasses.replace(UNEQUAL, evader=Unicycle(u2_max=0.0)))
+    seen = (case.states[:1], np.float32([[0.5, 1.0]]))
+    assert largest_difference(scripted([(0.15, 0.0)]), still, *seen) < 1e-6
+    assert largest_difference(scripted([(0.15, 0.1)]), still, *seen) > 1
 
 
 def test_each_is_timed_over_its_own_states():
