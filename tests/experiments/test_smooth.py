@@ -1,10 +1,12 @@
 """Continuous agents beside discrete ones: matches go on where they were stopped, and seeds become means."""
 
+import json
 from dataclasses import replace
 
 import jax.numpy as jnp
 import pytest
 
+from apollonius.agents.catalogue import find_trained
 from apollonius.experiments import smooth
 from apollonius.experiments.everyone import Everyone, play_row
 from apollonius.experiments.smooth_report import (
@@ -19,6 +21,7 @@ from apollonius.experiments.smooth_report import (
     turn_rates,
     write_results,
 )
+from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 
@@ -114,6 +117,12 @@ def test_everyone_trains_alike_but_for_seed_and_kind_and_meets_the_zoo(tmp_path)
     assert list(found) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
     assert found["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
     assert [kind_of(name) for name in found] == ["E_curriculum", "E_scratch", "random", CONTINUOUS, DISCRETE]
+
+
+def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default():
+    config = smooth.run_config(CONTINUOUS, 0, 6_000_000, 8_000_000)
+    for name in ("P_smooth", "E_smooth"):
+        assert find_trained(name)[0].header.training["config"] == json.loads(json.dumps(to_dict(config)))
 
 
 @pytest.mark.slow

@@ -70,9 +70,10 @@ def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_i
     assert load_config(tmp_path / "run" / "config.toml") == config
 
 
-def test_the_example_of_prioritised_self_play_is_what_two_agents_of_the_zoo_were_trained_by():
-    config = load_config(Path(__file__).parents[2] / "examples" / "prioritised.toml")
-    for name in ("P_prioritised", "E_prioritised"):
+@pytest.mark.parametrize("example", ["prioritised", "robust"])
+def test_an_example_is_what_two_agents_of_the_zoo_were_trained_by(example):
+    config = load_config(Path(__file__).parents[2] / "examples" / f"{example}.toml")
+    for name in (f"P_{example}", f"E_{example}"):
         assert find_trained(name)[0].header.training["config"] == json.loads(json.dumps(to_dict(config)))
 
 
