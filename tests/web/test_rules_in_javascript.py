@@ -95,7 +95,7 @@ def smooth(tmp_path):
     return tmp_path / "smooth.safetensors"
 
 
-@pytest.fixture(params=["P_pool", "plain", "smooth"])
+@pytest.fixture(params=[pytest.param("P_pool", marks=pytest.mark.slow), "plain", "smooth"])
 def agent_file(request):
     """A trained pursuer with the encoded observation, and the untrained agents."""
     return ZOO / "P_pool.safetensors" if request.param == "P_pool" else request.getfixturevalue(request.param)
