@@ -1,5 +1,7 @@
 """How impossible input is refused: one line that names the value, the bound and the remedy."""
 
+import sys
+from collections.abc import Callable
 from typing import Any
 
 
@@ -35,3 +37,12 @@ def require_positive(record: object, *names: str) -> None:
     for name in names:
         value = getattr(record, name)
         require(value > 0, name, value, "more than 0")
+
+
+def exit_status(program: Callable[[], int]) -> int:
+    """What a program ends with; after impossible input, a line on standard error and 2."""
+    try:
+        return program()
+    except InvalidInput as error:
+        print(error, file=sys.stderr)
+        return 2

@@ -4,6 +4,7 @@ A job is a function that can be imported by its name, leaves its results in file
 it does not matter where it runs, nor how often it is begun.
 """
 
+import argparse
 import multiprocessing
 import os
 import queue
@@ -13,6 +14,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from apollonius.errors import InvalidInput, require
@@ -38,6 +40,24 @@ def available_cores() -> list[int]:
     if hasattr(os, "sched_getaffinity"):
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """The options of an experiment that say where its jobs run and how many at a time."""
+    parser.add_argument("--processes", type=int, help="jobs at a time (default: one for each core)")
+    parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
+
+
+def chosen_cores(processes: int | None, out: Path) -> list[int]:
+    """The cores for as many jobs at a time, which share their compilations in a folder of `out`.
+
+    Raises:
+        InvalidInput: for fewer than one.
+    """
+    require(processes is None or processes >= 1, "--processes", processes, "at least 1")
+    # The processes that do the work inherit this.
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
+    return available_cores()[:processes]
 
 
 def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:

@@ -20,7 +20,7 @@ import jax
 import numpy as np
 
 from apollonius.agents.store import describe, save_agent
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput, exit_status, require
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.record import to_dict
 from apollonius.game.types import Role
@@ -98,4 +98,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

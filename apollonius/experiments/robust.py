@@ -9,7 +9,6 @@ those it came to and strangers against each other, by the rules and with bodies 
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,9 +23,9 @@ from apollonius.bodies.comparison import compare
 from apollonius.bodies.drive import Drive
 from apollonius.bodies.physics import Physics
 from apollonius.bodies.simulation import simulate_match
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput, exit_status, require
 from apollonius.evaluate.match import play_games
-from apollonius.experiments.jobs import ENGINES, STOPPED, Job, ShouldStop, available_cores, run_jobs
+from apollonius.experiments.jobs import STOPPED, Job, ShouldStop, add_workers, chosen_cores, run_jobs
 from apollonius.experiments.robust_report import Comparisons, write_results
 from apollonius.experiments.training import train_runs
 from apollonius.game.game import Game
@@ -124,16 +123,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--evader", default="E_curriculum", help="an evader that training does not know")
     parser.add_argument("--games", type=int, default=1000, help="games in each match")
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts")
-    parser.add_argument("--processes", type=int, help="jobs at a time (default: one for each core)")
-    parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
+    add_workers(parser)
     options = parser.parse_args(arguments)
     require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
     require(options.games >= 1, "--games", options.games, "at least 1")
     require(options.config.is_file(), "--config", options.config, "a .toml file; check the path")
-    cores = available_cores()[: options.processes]
     out = options.out.absolute()
-    # Seeds share their compilations; the processes that do the work inherit this.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
+    cores = chosen_cores(options.processes, out)
     config = load_config(options.config)
     Physics(config.game, Drive())  # what cannot be simulated is refused before it is trained for
     runs = {f"seed-{seed}": out / f"seed-{seed}" for seed in range(options.seeds)}
@@ -152,4 +148,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

@@ -7,15 +7,14 @@ trains what is missing there, one process on every core, then judges what is not
 """
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from apollonius.errors import require
-from apollonius.experiments.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
+from apollonius.errors import exit_status, require
+from apollonius.experiments.jobs import STOPPED, Job, add_workers, chosen_cores, run_jobs
 from apollonius.experiments.scheme_measures import Effort, everyone, judge_run
 from apollonius.experiments.scheme_report import write_results
 from apollonius.experiments.training import train_runs
@@ -72,16 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--rating-games", type=int, default=Effort.rating_games, help="games of all last agents' matches"
     )
-    parser.add_argument("--processes", type=int, help="trainings at a time (default: one for each core)")
-    parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
+    add_workers(parser)
     parser.add_argument("--only", choices=("train", "judge"), help="stop after training, or train nothing")
     options = parser.parse_args(arguments)
     require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
-    cores = available_cores()[: options.processes]
     effort = Effort(options.response_env_steps, options.games, options.rating_games)
     out = options.out.absolute()
-    # Seeds share their compilations; the processes that do the work inherit this.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
+    cores = chosen_cores(options.processes, out)
     configs = {
         out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps, options.pursuer, options.evader)
         for seed in range(options.seeds)
@@ -101,4 +97,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

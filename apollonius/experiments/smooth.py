@@ -8,14 +8,13 @@ Q-learning, one process on every core, plays all pursuers against all evaders, t
 """
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from apollonius.errors import require
+from apollonius.errors import exit_status, require
 from apollonius.experiments.everyone import Everyone
-from apollonius.experiments.jobs import ENGINES, STOPPED, available_cores, run_jobs
+from apollonius.experiments.jobs import STOPPED, add_workers, chosen_cores, run_jobs
 from apollonius.experiments.smooth_report import CONTINUOUS, KINDS, rows_of, write_results
 from apollonius.experiments.training import train_runs
 from apollonius.game.types import Role
@@ -58,15 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--stage-1", type=int, default=6_000_000, help="env steps against an evader that stays")
     parser.add_argument("--self-play", type=int, default=8_000_000, help="env steps of self-play")
     parser.add_argument("--games", type=int, default=10_000, help="games in each match")
-    parser.add_argument("--processes", type=int, help="jobs at a time (default: one for each core)")
-    parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
+    add_workers(parser)
     options = parser.parse_args(arguments)
     require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
     require(options.games >= 1, "--games", options.games, "at least 1")
-    cores = available_cores()[: options.processes]
     out = options.out.absolute()
-    # Seeds share their compilations; the processes that do the work inherit this.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
+    cores = chosen_cores(options.processes, out)
     configs = {
         out / kind / f"seed-{seed}": run_config(kind, seed, options.stage_1, options.self_play)
         for seed in range(options.seeds)
@@ -84,4 +80,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_status(main))

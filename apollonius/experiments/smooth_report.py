@@ -67,13 +67,11 @@ def kind_of(name: str) -> str:
 
 
 def pairings(rows: Mapping[str, Mapping[str, Match]]) -> Pairings:
-    """Matches of strangers by the kinds of both sides: two that were trained against each other are none, and those
-    with different kinds of action always are.
-    """
+    """Matches of strangers by the kinds of both sides: two of one name were trained against each other."""
     found: Pairings = {}
     for pursuer, row in rows.items():
         for evader, match in row.items():
-            if pursuer != evader or kind_of(pursuer) not in KINDS:
+            if pursuer != evader:
                 found.setdefault((kind_of(pursuer), kind_of(evader)), []).append(((pursuer, evader), match))
     return found
 
