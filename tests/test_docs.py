@@ -1,6 +1,10 @@
-"""The code in the documents runs, and comes to what the text says."""
+"""The code in the documents runs, and comes to what the text says; commands can be given as they stand there."""
 
+import argparse
+import importlib
 import re
+import runpy
+import tomllib
 from pathlib import Path
 
 import jax
@@ -9,11 +13,95 @@ import numpy as np
 import pytest
 import tomli_w
 
+from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, zoo_names
 from apollonius.cli import main
+from apollonius.game.file import find_game, game_names
 from apollonius.game.record import to_dict
+from tests.documents import ALL, DOCUMENTS, LANGUAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = REPOSITORY / "docs"
+PLACEHOLDERS = {"N": "1", "S": "1", "SIDE": "pursuer", "HOST:PORT": "localhost:1"}
+"""What stands in the text for a number or a choice; other words in capitals stand for names."""
+FILES = (".safetensors", ".npz", ".json", ".toml")
+
+
+class Parsed(Exception):
+    """What a command was asked for, instead of doing it."""
+
+
+@pytest.fixture
+def only_parse(monkeypatch):
+    """Programs go no further than their arguments."""
+    parse = argparse.ArgumentParser.parse_args
+
+    def stop(parser, arguments=None):
+        raise Parsed(parse(parser, arguments))
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
+
+
+def check_command(words, monkeypatch):
+    """A command that a document gives can be given; the players and games in it exist."""
+    match [PLACEHOLDERS.get(word, word) for word in words]:
+        case ["make", target]:
+            assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
+            return
+        case ["pip", "install", what]:
+            project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+            extra = re.fullmatch(r"\.\[(.*)\]", what)
+            assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])
+            return
+        case ["gcc" | "python3", *_]:
+            return  # the tests of exported files and of the ROS node run these
+        case ["apollonius", *arguments]:
+            program = main
+        case ["python", "-m", module, *arguments]:
+            program = importlib.import_module(module).main
+        case ["python", script, *arguments]:
+            if "stable_baselines" in script:
+                pytest.importorskip("stable_baselines3")
+            program = runpy.run_path(str(REPOSITORY / script))["main"]
+        case _:
+            pytest.fail("a command of an unknown kind: say here how it is checked")
+    monkeypatch.setattr("sys.argv", [words[0], *arguments])
+    with pytest.raises(Parsed) as parsed:
+        program(*([arguments] if program is main else []))
+    options = vars(parsed.value.args[0])
+    for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
+        for name in [player] if isinstance(player, str) else player or []:
+            bare = name.removeprefix(SHIELDED)
+            known = {*BUILT_IN, *CLASSICAL, *zoo_names(), "..."}
+            assert bare in known or bare.isupper() or bare.endswith(FILES), name
+    game = options.get("game")
+    assert game is None or game in game_names() or game.endswith(".toml")
+
+
+@pytest.mark.parametrize("block", ALL, ids=str)
+def test_every_block_says_what_it_is(block):
+    assert block.language in LANGUAGES
+
+
+@pytest.mark.usefixtures("only_parse")
+@pytest.mark.parametrize("block", [block for block in ALL if block.language == "sh"], ids=str)
+def test_every_command_can_be_given(block, monkeypatch):
+    for words in block.commands():
+        check_command(words, monkeypatch)
+
+
+@pytest.mark.usefixtures("only_parse")
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_every_command_in_the_text_can_be_given(document, monkeypatch):
+    for words in asides(document):
+        check_command(words, monkeypatch)
+
+
+@pytest.mark.parametrize("block", [block for block in ALL if block.language == "toml"], ids=str)
+def test_every_game_in_the_documents_is_one(block, tmp_path):
+    path = tmp_path / "game.toml"
+    path.write_text(block.code)
+    if "map =" not in block.code:  # whose files `tests/game/test_map_file.py` makes
+        assert find_game(str(path)).capture_distance == 0.6
 
 
 def run(name):

@@ -1,0 +1,54 @@
+"""The code blocks of README and docs, as a reader of the page sees them.
+
+A block says what it is after its fence: `python` and `sh` are run, `toml` is a game, `c` is compiled, `text` is output,
+a formula or a drawing.
+"""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from markdown_it import MarkdownIt
+
+REPOSITORY = Path(__file__).parents[1]
+DOCUMENTS = (REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md")))
+LANGUAGES = ("python", "sh", "toml", "c", "text")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code, with the line of its document in which it begins."""
+
+    document: Path
+    line: int
+    language: str
+    code: str
+
+    def __str__(self) -> str:
+        return f"{self.document.relative_to(REPOSITORY)}:{self.line}"
+
+    def commands(self) -> list[list[str]]:
+        """The words of each command of a `sh` block, comments left out."""
+        lines = self.code.replace("\\\n", " ").splitlines()
+        return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+def blocks(document: Path) -> list[Block]:
+    """The blocks of a document in their order; indented ones have no language."""
+    tokens = MarkdownIt().parse(document.read_text())
+    return [
+        Block(document, token.map[0] + 1, token.info, token.content)
+        for token in tokens
+        if token.type in ("fence", "code_block") and token.map
+    ]
+
+
+def asides(document: Path) -> list[list[str]]:
+    """The words of the commands that stand in the text, between backticks: whole ones, not the bare name of one."""
+    tokens = MarkdownIt().enable("table").parse(document.read_text())
+    spans = [part.content for token in tokens for part in token.children or () if part.type == "code_inline"]
+    return [words for span in spans if (words := span.split())[0] == "apollonius" and len(words) > 2]
+
+
+ALL = [block for document in DOCUMENTS for block in blocks(document)]
+"""Every block of every document."""
