@@ -13,8 +13,7 @@ def run(study: Study) -> Finding:
     """Greedy success in a fixed set of games, and the reward of the exploring pursuer."""
     successes, rewards = [], []
     for seed in study.seeds:
-        lines = study.metrics("curriculum", seed, "fixed-target")
-        evaluations = [line["evaluation"] for line in lines if "evaluation" in line]
+        evaluations = study.evaluations("curriculum", seed, "fixed-target")
         games = sum(evaluations[0]["outcomes"].values())
         successes.append(
             (

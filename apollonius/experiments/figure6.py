@@ -1,6 +1,7 @@
 """Fig. 6: agents of the curriculum against agents of self-play from scratch."""
 
-from apollonius.experiments.claims import rate_claim
+from apollonius.evaluate.match import MatchResult
+from apollonius.experiments.claims import Claim, rate_claim
 from apollonius.experiments.finding import Finding, mean_shares, outcome_table, win_count
 from apollonius.experiments.study import Study
 from apollonius.show import palette, style
@@ -9,13 +10,8 @@ from apollonius.show.curves import draw_bars
 
 def run(study: Study) -> Finding:
     """Both cross-pairings: the pursuer's wins, and the evader's undefeated games."""
-    chasing = [study.match("P_curriculum", "E_scratch", seed) for seed in study.seeds]
-    fleeing = [study.match("P_scratch", "E_curriculum", seed) for seed in study.seeds]
-    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
-    claims = (
-        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
-        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
-    )
+    chasing, fleeing = _pairings(study, 100)
+    claims = make_claims(study)
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):
         draw_bars(
@@ -30,3 +26,19 @@ def run(study: Study) -> Finding:
     data = {"chasing": [match.to_dict() for match in chasing], "fleeing": [match.to_dict() for match in fleeing]}
     text = outcome_table(columns)
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
+
+
+def make_claims(study: Study, percent: int = 100) -> tuple[Claim, ...]:
+    """What the paper says of both pairings, at a percentage of self-play."""
+    chasing, fleeing = _pairings(study, percent)
+    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
+    return (
+        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
+        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+    )
+
+
+def _pairings(study: Study, percent: int) -> tuple[list[MatchResult], list[MatchResult]]:
+    """The curriculum's pursuers against evaders from scratch, and its evaders against pursuers from scratch."""
+    chasing = [study.match("P_curriculum", "E_scratch", seed, percent) for seed in study.seeds]
+    return chasing, [study.match("P_scratch", "E_curriculum", seed, percent) for seed in study.seeds]

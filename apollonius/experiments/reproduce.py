@@ -4,14 +4,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from apollonius.errors import require
-from apollonius.experiments import beyond, figure4, figure5, figure6, figure7, figure8, table2, table3
+from apollonius.experiments import beyond, course, figure4, figure5, figure6, figure7, figure8, table2, table3
 from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.report import write_report
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
 from apollonius.learn.config import PRESETS
 
-EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, beyond)
+EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, course, beyond)
 """In the order of the report."""
 
 

@@ -22,6 +22,8 @@ RUN_OF = {
     "P_random": "random",
 }
 """The training run that each agent comes from."""
+SELF_PLAYED = ("P_curriculum", "E_curriculum", "P_scratch", "E_scratch")
+"""The agents that are also kept as they were at earlier moments of self-play."""
 MATCH_SEED = 0
 """Seed of the starts of every match: all pairings meet the same ones."""
 
@@ -59,7 +61,7 @@ class Study:
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
-    _played: dict[tuple[str, str, int], Results] = field(default_factory=dict, repr=False)
+    _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
 
     @property
     def game(self) -> Game:
@@ -71,26 +73,31 @@ class Study:
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, seed: int, percent: int = 100) -> Named:
-        """An agent of a seed, `random` or `still`; or an earlier one, kept at a percentage of self-play.
+        """An agent of a seed, `random` or `still`; one of self-play as it was at a percentage of it.
 
         `shielded:` before its name puts it behind a shield.
         """
         bare = name.removeprefix(SHIELDED)
         role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
-        player = str(agent_file(self.run(RUN_OF[bare], seed), bare, percent)) if bare in RUN_OF else bare
+        moment = percent if bare in SELF_PLAYED else 100
+        player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
         return find_agent(SHIELDED + player if bare != name else player, role, self.game)
 
-    def play(self, pursuer: str, evader: str, seed: int) -> Results:
-        """The games of a match between two agents of a seed."""
-        match = (pursuer, evader, seed)
+    def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
+        """The games of a match between two agents of a seed, those of self-play at a percentage of it."""
+        match = (pursuer, evader, seed, percent)
         if match not in self._played:
-            chasing, fleeing = self.agent(pursuer, seed).policy, self.agent(evader, seed).policy
+            chasing, fleeing = (self.agent(name, seed, percent).policy for name in (pursuer, evader))
             self._played[match] = play_games(self.game, chasing, fleeing, self.games, MATCH_SEED)
         return self._played[match]
 
-    def match(self, pursuer: str, evader: str, seed: int) -> MatchResult:
-        """What a match between two agents of a seed came to."""
-        return count(self.game, self.play(pursuer, evader, seed))
+    def match(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> MatchResult:
+        """What a match between two agents of a seed came to, those of self-play at a percentage of it."""
+        return count(self.game, self.play(pursuer, evader, seed, percent))
+
+    def evaluations(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
+        """The greedy evaluations in the course of a stage: episodes, env steps, games by outcome."""
+        return [line["evaluation"] for line in self.metrics(name, seed, stage) if "evaluation" in line]
 
     def metrics(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
         """The lines of a run's `metrics.jsonl` that belong to a stage."""

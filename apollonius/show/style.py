@@ -37,20 +37,22 @@ _SETTINGS: dict[Any, Any] = {
 
 
 @contextmanager
-def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0) -> Iterator[list[Axes]]:
-    """A figure of panels side by side, saved as PNG when the block ends.
+def picture(
+    path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0, rows: int = 1
+) -> Iterator[list[Axes]]:
+    """A figure of panels in rows, saved as PNG when the block ends.
 
     Args:
         path: where to save it; its folder must exist.
-        columns: number of panels.
+        columns, rows: number of panels.
         width, height: of a panel [inches].
 
     Yields:
-        The panels, from left to right.
+        The panels, from left to right, row by row.
     """
     with mpl.rc_context(_SETTINGS):
-        figure = Figure(figsize=(columns * width, height), layout="constrained")
-        yield list(figure.subplots(1, columns, squeeze=False)[0])
+        figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
+        yield list(figure.subplots(rows, columns, squeeze=False).flat)
         figure.savefig(path)
 
 
