@@ -46,7 +46,7 @@ def train_shared(config: RunConfig, folder: Path) -> None:
     """
     require(config.stages == "self-play", "stages", config.stages, "'self-play', which is what devices share")
     mesh, leads = all_devices(), jax.process_index() == 0
-    plan = share(Plan(config.dqn, config.self_play), mesh.size)
+    plan = share(Plan(config.learner, config.self_play), mesh.size)
     if leads:
         create_run(config, folder)
     game, key = plan.stage.rewarded(config.game), jax.random.key(config.seed)
