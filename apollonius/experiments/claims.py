@@ -4,7 +4,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apollonius.evaluate.statistics import difference_interval, seeds_interval, wilson_interval
+from apollonius.evaluate.statistics import (
+    difference_interval,
+    rate_difference_interval,
+    rate_interval,
+    wilson_interval,
+)
 
 Interval = tuple[float, float]
 
@@ -24,18 +29,13 @@ class Claim:
     """Whether the bound is an upper one."""
     seeds: tuple[tuple[float, Interval], ...]
     """Measured, seed by seed, each with its interval over games."""
+    interval: Interval
+    """95 % interval of the mean: over seeds, or of a single one over its games."""
 
     @property
     def mean(self) -> float:
         """Mean over seeds."""
         return sum(value for value, _ in self.seeds) / len(self.seeds)
-
-    @property
-    def interval(self) -> Interval:
-        """Of the mean over seeds, by bootstrap; with one seed, of its games alone."""
-        if len(self.seeds) == 1:
-            return self.seeds[0][1]
-        return seeds_interval([value for value, _ in self.seeds])
 
     @property
     def verdict(self) -> str:
@@ -50,7 +50,7 @@ class Claim:
 
     def to_dict(self) -> dict[str, Any]:
         """The claim with its mean, interval and verdict, as JSON-like data."""
-        return asdict(self) | {"mean": self.mean, "interval": self.interval, "verdict": self.verdict}
+        return asdict(self) | {"mean": self.mean, "verdict": self.verdict}
 
 
 def rate_claim(
@@ -58,7 +58,7 @@ def rate_claim(
 ) -> Claim:
     """A claim about how often something happens; `counts` are (times, games) of each seed."""
     seeds = tuple((times / games, wilson_interval(times, games)) for times, games in counts)
-    return Claim(name, source, paper, bound, at_most, seeds)
+    return Claim(name, source, paper, bound, at_most, seeds, rate_interval(counts))
 
 
 def difference_claim(
@@ -66,4 +66,4 @@ def difference_claim(
 ) -> Claim:
     """A claim about how much more often one thing happens than another; `rates` are both, of each seed."""
     seeds = tuple((first - second, difference_interval(first, second, games)) for first, second in rates)
-    return Claim(name, source, paper, bound, False, seeds)
+    return Claim(name, source, paper, bound, False, seeds, rate_difference_interval(rates, games))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from apollonius.evaluate.statistics import mean_band
+from apollonius.evaluate.statistics import seeds_interval
 
 
 def markdown_row(cells: Sequence[str]) -> str:
@@ -35,5 +35,5 @@ def mean_over_seeds(values: Sequence[float], form: str, reach: str | None = None
     middle = form.format(float(np.mean(values)))
     if len(values) < 2:
         return middle
-    low, high = mean_band(np.asarray(values)[:, None])
-    return f"{middle} ± {(reach or form).format(float(high[0] - low[0]) / 2)}"
+    low, high = seeds_interval(values)
+    return f"{middle} ± {(reach or form).format((high - low) / 2)}"

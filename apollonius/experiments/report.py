@@ -17,6 +17,7 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
         "budget": study.budget,
         "seeds": list(study.seeds),
         "games": study.games,
+        "intervals": _intervals(study),
         "claims": [claim.to_dict() for claim in claims],
         "findings": {
             finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
@@ -27,11 +28,18 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     sections = [
         "# The paper's evaluation, again",
         f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
-        "the same starts. Intervals are 95 %: with one seed Wilson's over its games, with more a bootstrap over seeds.",
+        f"the same starts. Intervals are 95 %, {_intervals(study)}.",
         claim_table(claims),
         *[_section(finding) for finding in findings],
     ]
     write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
+
+
+def _intervals(study: Study) -> str:
+    """What the intervals of the claims are of."""
+    if len(study.seeds) == 1:
+        return "of the games of the one seed"
+    return "of the mean over seeds (Student's t, and never narrower than that of all their games)"
 
 
 def claim_table(claims: Sequence[Claim]) -> str:

@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import mean_band, paired_difference_interval, wilson_interval
+from apollonius.evaluate.statistics import (
+    difference_interval,
+    mean_band,
+    paired_difference_interval,
+    rate_difference_interval,
+    rate_interval,
+    seeds_interval,
+    wilson_interval,
+)
 
 Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
@@ -56,6 +64,54 @@ def test_the_band_holds_the_true_mean_as_often_as_it_says(seeds):
     curves = np.random.default_rng(0).normal(7.0, 2.0, size=(seeds, 20_000))
     low, high = mean_band(curves)
     assert np.mean((low <= 7) & (high >= 7)) == pytest.approx(0.95, abs=0.006)
+
+
+@pytest.mark.parametrize("seeds", [3, 5])
+def test_the_interval_over_seeds_holds_the_true_mean_as_often_as_it_says(seeds):
+    studies = np.random.default_rng(1).normal(0.7, 0.04, size=(2000, seeds))
+    covered = [low <= 0.7 <= high for low, high in map(seeds_interval, studies.tolist())]
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.012)
+
+
+@pytest.mark.parametrize("seeds", [3, 5])
+@pytest.mark.parametrize(("mean", "spread"), [(0.7, 0.04), (0.7, 0.0), (0.02, 0.005)])
+def test_the_interval_of_a_rate_over_seeds_holds_it_at_least_as_often_as_it_says(seeds, mean, spread):
+    """Where seeds do not differ it is that of their games, or Student's, whichever reaches further."""
+    generator = np.random.default_rng(2)
+    studies = generator.binomial(2000, np.clip(generator.normal(mean, spread, size=(1000, seeds)), 0, 1))
+    covered = []
+    for study in studies:
+        low, high = rate_interval([(int(times), 2000) for times in study])
+        assert 0 <= low <= study.mean() / 2000 <= high <= 1
+        covered.append(low <= mean <= high)
+    assert np.mean(covered) > 0.937  # 0.95 less two standard errors of this mean
+
+
+def test_the_interval_of_a_rate_is_students_where_seeds_differ_and_wilsons_where_they_agree():
+    counts = [(600, 1000), (700, 1000), (800, 1000)]
+    assert rate_interval(counts) == pytest.approx(seeds_interval([0.6, 0.7, 0.8]))
+    assert rate_interval([(700, 1000)] * 3) == wilson_interval(2100, 3000)
+    assert rate_interval([(0, 2000)] * 3) == wilson_interval(0, 6000)
+    assert rate_interval(counts[:1]) == wilson_interval(600, 1000)
+    assert rate_interval([(0, 10), (10, 10)]) == (0, 1)
+
+
+def test_the_interval_of_a_difference_of_rates_is_of_the_same_kind():
+    rates = [(0.7, 0.4), (0.5, 0.4), (0.6, 0.4)]
+    assert rate_difference_interval(rates, 1000) == pytest.approx(seeds_interval([0.3, 0.1, 0.2]))
+    assert rate_difference_interval([(0.7, 0.4)] * 3, 1000) == pytest.approx(difference_interval(0.7, 0.4, 3000))
+    assert rate_difference_interval(rates[:1], 1000) == difference_interval(0.7, 0.4, 1000)
+    assert rate_difference_interval([(0.0, 1.0), (1.0, 0.0)], 10) == (-1, 1)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "trials", "interval"),
+    [(0.9, 0.3, 10, (0.1705, 0.8090)), (1.0, 0.0, 10, (0.6075, 1.0))],
+    ids=str,
+)
+def test_the_interval_of_a_difference_is_newcombes(first, second, trials, interval):
+    """Table II of his paper, method 10."""
+    assert difference_interval(first, second, trials) == pytest.approx(interval, abs=1e-4)
 
 
 def test_a_lone_seed_has_no_band():

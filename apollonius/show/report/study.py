@@ -37,7 +37,7 @@ def study_page(folder: Path) -> Page:
         summary = (
             f"Six agents, trained with budget {budget} and seed{'s' if len(seeds) > 1 else ''} "
             f"{', '.join(map(str, seeds))}; {results['games']:,} games in a match, all on the same starts. Intervals "
-            f"are 95 %: {'a bootstrap over seeds' if len(seeds) > 1 else 'of the games of the one seed'}. "
+            f"are 95 %, {results['intervals']}. "
             f"Of {len(claims)} claims, {held} hold, {refuted} do not, and {open_} are undecided."
         )
         command = f"apollonius reproduce --budget {budget} --seeds {len(seeds)} --games {results['games']} --out NEW"
