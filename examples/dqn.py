@@ -9,6 +9,7 @@ again in the same step: a target looks at `infos["final_obs"]`, not at the new g
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import equinox as eqx
@@ -21,20 +22,27 @@ import apollonius
 from apollonius.adapters.vector import ManyGames
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe
+from apollonius.errors import exit_status, require
 from apollonius.game.record import to_dict
 
 GAMES, BATCH, REPLAY, STARTS, GAMMA, TARGET_PERIOD = 64, 256, 100_000, 5_000, 0.99, 500
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: list[str] | None = None) -> int:
+    """Train, and write the agent."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env-steps", type=int, default=500_000)
     parser.add_argument("--opponent", default="still")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("chaser.safetensors"))
     options = parser.parse_args(arguments)
-
+    bound = f"at least {STARTS + GAMES}: learning begins after {STARTS}"
+    require(STARTS + GAMES <= options.env_steps < 2**31, "--env-steps", options.env_steps, bound)
+    require(0 <= options.seed < 2**32, "--seed", options.seed, "between 0 and 2^32 - 1")
+    require(options.out.suffix == ".safetensors", "--out", options.out, "a file that ends in .safetensors")
     envs = ManyGames(apollonius.Role.PURSUER, GAMES, opponent=options.opponent)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+
     rng = np.random.default_rng(options.seed)
     network = make_network("encoded", width=128, depth=3, key=jax.random.key(options.seed))
     target = network
@@ -81,7 +89,7 @@ def main(arguments: list[str] | None = None) -> None:
             losses.append(float(loss))
         if step % TARGET_PERIOD == 0:
             target = network
-        if ended >= 1000 or stored > options.env_steps - GAMES:
+        if losses and (ended >= 1000 or stored > options.env_steps - GAMES):
             rate = captured / max(ended, 1)
             print(f"{stored:>9,} env steps  {rate:6.1%} captured  loss {np.mean(losses):.3f}", flush=True)
             ended, captured, losses = 0, 0, []
@@ -89,7 +97,9 @@ def main(arguments: list[str] | None = None) -> None:
     training = {"command": "examples/dqn.py", "env_steps": options.env_steps, "seed": options.seed}
     game = to_dict(apollonius.make_game("paper"))
     apollonius.save_agent(describe(network, apollonius.Role.PURSUER, game, training), options.out)
+    print(f"the agent is {options.out}; next: apollonius evaluate {options.out} still --games 2000")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(exit_status(main))

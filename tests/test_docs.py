@@ -5,6 +5,7 @@ import importlib
 import re
 import runpy
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import jax
@@ -17,6 +18,7 @@ from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, zoo_names
 from apollonius.cli import main
 from apollonius.game.file import find_game, game_names
 from apollonius.game.record import to_dict
+from apollonius.game.types import Outcome
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
@@ -41,19 +43,19 @@ def only_parse(monkeypatch):
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
 
 
-def check_command(words, monkeypatch):
-    """A command that a document gives can be given; the players and games in it exist."""
+def asked(words, monkeypatch):
+    """The options of a command that a document gives; None for a program that is not ours."""
     match [PLACEHOLDERS.get(word, word) for word in words]:
         case ["make", target]:
             assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
-            return
+            return None
         case ["pip", "install", what]:
             project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
             extra = re.fullmatch(r"\.\[(.*)\]", what)
             assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])
-            return
+            return None
         case ["gcc" | "python3", *_]:
-            return  # the tests of exported files and of the ROS node run these
+            return None  # the tests of exported files and of the ROS node run these
         case ["apollonius", *arguments]:
             program = main
         case ["python", "-m", module, *arguments]:
@@ -67,7 +69,12 @@ def check_command(words, monkeypatch):
     monkeypatch.setattr("sys.argv", [words[0], *arguments])
     with pytest.raises(Parsed) as parsed:
         program(*([arguments] if program is main else []))
-    options = vars(parsed.value.args[0])
+    return vars(parsed.value.args[0])
+
+
+def check_command(words, monkeypatch):
+    """A command that a document gives can be given; the players and games in it exist."""
+    options = asked(words, monkeypatch) or {}
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
             bare = name.removeprefix(SHIELDED)
@@ -102,6 +109,77 @@ def test_every_game_in_the_documents_is_one(block, tmp_path):
     path.write_text(block.code)
     if "map =" not in block.code:  # whose files `tests/game/test_map_file.py` makes
         assert find_game(str(path)).capture_distance == 0.6
+
+
+def made_by(words, options):
+    """Files and folders that a command leaves behind, with `*` for what is not known before it has run."""
+    match words:
+        case ["apollonius", "train", *_]:
+            stage1 = {"P_stage1"} if options["stage"] in (None, "both") else {"P_*"}
+            kind = "scratch" if options["stage"] == "self-play" and not options["pursuer"] else "curriculum"
+            both = {f"P_{kind}", f"E_{kind}"} if options["stage"] != "fixed-target" else set()
+            folder = options["out"]
+            made = {f"{folder}/agents/{name}.safetensors" for name in stage1 | both} if folder else set()
+        case ["apollonius", "reproduce", *_]:
+            made = {str(options["out"] or f"runs/reproduce-{options['budget']}")}
+        case _:
+            made = set()
+    if options.get("record"):
+        made |= {f"{options['replays']}/game-*-{outcome.name.lower()}.json" for outcome in Outcome}
+    return made | {str(options[name]) for name in ("out", "keep") if options.get(name)}
+
+
+def needed_by(options):
+    """Files and folders that a command reads: whatever it names that looks like one, but for what it writes."""
+    written = ("out", "plot", "replays", "keep", "site")
+    values = [value for name, value in options.items() if name not in written]
+    names = [str(name) for value in values for name in (value if isinstance(value, list | tuple) else [value])]
+    bare = [name.removeprefix(SHIELDED) for name in names]
+    return [name for name in bare if name.endswith(FILES) or name.startswith("runs/")]
+
+
+@pytest.mark.usefixtures("only_parse")
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_every_file_that_a_command_reads_is_made_before(document, monkeypatch):
+    """By the commands that stand before it, by a block that begins with the file's name, or it is in the repository."""
+    made = set()
+    for block in (block for block in ALL if block.document == document):
+        named = re.match(r"# (\S+)\n", block.code)
+        made |= {named[1]} if named and block.language == "toml" else set()
+        for words in block.commands() if block.language == "sh" else ():
+            options = asked(words, monkeypatch) or {}
+            for name in needed_by(options):
+                there = any(fnmatch(name, pattern) for pattern in made) or (REPOSITORY / name).exists()
+                assert there, f"{block}: nothing before makes {name}"
+            made |= made_by(words, options)
+
+
+def anchors(document):
+    """What can stand after the # of a link to a document, as GitHub makes it from the headings."""
+    headings = re.findall(r"^#+ (.*)$", document.read_text(), re.MULTILINE)
+    bare = [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower() for heading in headings]
+    return {re.sub(r"[^\w\- ]", "", heading).replace(" ", "-") for heading in bare}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.name)
+def test_every_link_leads_somewhere(document):
+    for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        if not link.startswith("http"):
+            file, _, anchor = link.partition("#")
+            target = document.parent / file if file else document
+            assert target.exists(), link
+            assert not anchor or anchor in anchors(target), link
+
+
+def test_the_shield_promises_nothing_but_from_rest():
+    """With moving starts some games cannot be won by any of its manoeuvres."""
+    for path in (
+        *DOCUMENTS,
+        REPOSITORY / "apollonius/web/page/index.html",
+        REPOSITORY / "apollonius/commands/options.py",
+    ):
+        for sentence in re.split(r"[.;:]\s", path.read_text()):
+            assert "never crash" not in sentence or "rest" in sentence, f"{path.name}: {sentence}"
 
 
 def run(name):

@@ -6,7 +6,8 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.options import AGENT
+PLAYER = "random, still, a zoo agent or a .safetensors file, which the page can play; shielded: may stand before it"
+"""Help for an argument that names a player of the page."""
 
 
 def add_play(subparsers: Any) -> None:
@@ -15,7 +16,7 @@ def add_play(subparsers: Any) -> None:
     parser.add_argument(
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
     )
-    parser.add_argument("--against", metavar="AGENT", help=f"your opponent: {AGENT} (default: the best there is)")
+    parser.add_argument("--against", metavar="AGENT", help=f"your opponent: {PLAYER} (default: the best there is)")
     parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument("--port", type=int, help="port of the page on this machine (default: the first free one)")

@@ -7,7 +7,7 @@ import shutil
 import jax
 import pytest
 
-from apollonius.agents.catalogue import ZOO, zoo_names
+from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, ZOO, zoo_names
 from apollonius.agents.network import make_actor
 from apollonius.agents.store import describe, save_agent
 from apollonius.cli import main
@@ -29,6 +29,16 @@ def test_the_site_is_whole(tmp_path):
     page = (tmp_path / "index.html").read_text()
     for file in re.findall(r'(?:src|href)="([^"]+)"', page):
         assert (tmp_path / file).is_file()
+
+
+def test_the_help_offers_only_players_that_the_page_has(capsys):
+    with pytest.raises(SystemExit):
+        main(["play", "--help"])
+    offered = set(re.findall(r"[a-z-]+", capsys.readouterr().out))
+    assert offered >= set(BUILT_IN)
+    assert not offered & set(CLASSICAL)
+    for name in BUILT_IN:
+        assert choose(Role.EVADER, name, "paper", 0).pursuer == name
 
 
 def test_the_page_asks_nobody_else():
