@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from apollonius.game.types import Outcome as Outcome
     from apollonius.game.types import RobotState as RobotState
     from apollonius.game.types import Role as Role
+    from apollonius.playout import play_at_once as play_at_once
+    from apollonius.playout import play_out as play_out
     from apollonius.replay import load_replay as load_replay
     from apollonius.replay import save_replay as save_replay
     from apollonius.rollout import collect as collect
-    from apollonius.rollout import play_out as play_out
     from apollonius.solve.catalogue import find_player as find_player
     from apollonius.solve.contest import make_contest as make_contest
     from apollonius.solve.guarantee import make_duel as make_duel
@@ -72,8 +73,9 @@ _HOMES = {
     "game.reward": ("Reward",),
     "game.starts": ("Starts",),
     "game.types": ("GameState", "Outcome", "RobotState", "Role"),
+    "playout": ("play_at_once", "play_out"),
     "replay": ("load_replay", "save_replay"),
-    "rollout": ("collect", "play_out"),
+    "rollout": ("collect",),
     "solve.catalogue": ("find_player",),
     "solve.contest": ("make_contest",),
     "solve.guarantee": ("make_duel", "solve_duel"),

@@ -1,11 +1,9 @@
 """Batched play of two sides: the waist of the hourglass, used by training and by judging.
 
-`collect` plays for a number of steps and starts finished games again (the only auto-reset there is).
-`play_out` plays given starts to their ends, once each.
+`collect` plays for a number of steps and starts finished games again (the only auto-reset there is);
+`apollonius.playout` plays given starts to their ends, once each.
 """
 
-import functools
-from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
@@ -16,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
 from apollonius.agents.policy import Held, Pool, Seated
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Outcome, Role
+from apollonius.game.types import GameState, Role
 
 Players = Pool | Seated | Held
 """All who play one side of a batch of games."""
@@ -168,82 +166,6 @@ def random_words(
     return jax.vmap(draw)(index, step).T
 
 
-class AbstractWatcher(eqx.Module):
-    """What else is to be known of games than how they end. One game at a time; batching is the caller's `vmap`."""
-
-    @abstractmethod
-    def begin(self) -> Any:
-        """What is known of a game before its first step: arrays."""
-
-    @abstractmethod
-    def follow(self, known: Any, transition: Transition) -> Any:
-        """The same after a step."""
-
-
-class Results(eqx.Module):
-    """How games ended: outcome and length [steps] of each, and what a watcher knows of it, leaves `[games, ...]`."""
-
-    outcome: Int[Array, " games"]
-    steps: Int[Array, " games"]
-    watched: Any = None
-
-
-Carry = tuple[Games, Any, Int[Array, " slots"], Int[Array, ""], Results]
-
-
-@functools.partial(jax.jit, static_argnames="slots")
-def play_out(
-    game: Game,
-    pursuer: Pool,
-    evader: Pool,
-    starts: GameState,
-    key: PRNGKeyArray,
-    slots: int = 256,
-    watcher: AbstractWatcher | None = None,
-) -> Results:
-    """Play each of the given starts to its end, once.
-
-    At most `slots` games are under way at a time; the next start takes the place of a finished game. The random words
-    of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
-
-    Args:
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-        watcher: follows every game.
-    """
-    count = jax.tree.leaves(starts)[0].shape[0]
-    slots = min(slots, count)
-    unwatched = watcher.begin() if watcher else None
-
-    def load(index: Int[Array, " slots"]) -> Games:
-        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(index, count - 1)], starts)
-        return begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
-
-    def one_step(carry: Carry) -> Carry:
-        games, watched, index, upcoming, results = carry
-        words = random_words(key, index, games.state.steps)
-        after, transition = step_games(game, pursuer, evader, games, words)
-        over = transition.terminated | transition.truncated
-        watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
-        record = jnp.where(over, index, count)
-        ended = Results(transition.outcome, after.state.steps, watched)
-        results = jax.tree.map(lambda all_, new: all_.at[record].set(new, mode="drop"), results, ended)
-        watched = jax.vmap(anew, in_axes=(0, None, 0))(over, unwatched, watched)
-        taken = jnp.cumsum(over.astype(jnp.int32))
-        next_index = jnp.where(over, upcoming + taken - 1, index)
-        games = jax.vmap(anew)(over, load(next_index), after)
-        return games, watched, next_index, upcoming + taken[-1], results
-
-    first = jnp.arange(slots)
-    nothing = Results(jnp.full(count, Outcome.ONGOING), jnp.zeros(count, jnp.int32), _repeated(unwatched, count))
-    begun = (load(first), _repeated(unwatched, slots), first, jnp.asarray(slots), nothing)
-    return jax.lax.while_loop(lambda carry: jnp.any(carry[2] < count), one_step, begun)[-1]
-
-
 def anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
     """The new one of a game that is over, else the old one."""
     return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)
-
-
-def _repeated(tree: Any, times: int) -> Any:
-    return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), tree)

@@ -11,8 +11,8 @@ LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
-    "errors matrix_game game agents rollout replay solve learn evaluate bodies show experiments adapters web bench "
-    "terminal"
+    "errors matrix_game game agents rollout playout replay solve learn evaluate bodies show experiments adapters web "
+    "bench terminal"
 )
 MAY_IMPORT = {
     "errors": "",
@@ -20,21 +20,22 @@ MAY_IMPORT = {
     "game": "errors",
     "agents": "errors game",
     "rollout": "errors game agents",
+    "playout": "errors game agents rollout",
     "replay": "errors game agents rollout",
     "solve": "errors game agents",
-    "learn": "errors matrix_game game agents rollout",
-    "evaluate": "errors matrix_game game agents rollout replay solve",
-    "bodies": "errors matrix_game game agents rollout replay solve evaluate",
-    "show": "errors matrix_game game agents rollout replay solve evaluate",
-    "adapters": "errors matrix_game game agents rollout replay solve evaluate show",
+    "learn": "errors matrix_game game agents rollout playout",
+    "evaluate": "errors matrix_game game agents rollout playout replay solve",
+    "bodies": "errors matrix_game game agents rollout playout replay solve evaluate",
+    "show": "errors matrix_game game agents rollout playout replay solve evaluate",
+    "adapters": "errors matrix_game game agents rollout playout replay solve evaluate show",
     "web": "errors game agents",
-    "experiments": "errors matrix_game game agents rollout replay solve learn evaluate bodies show",
-    "bench": "errors matrix_game game agents rollout replay solve learn evaluate",
-    "terminal": "errors matrix_game game agents rollout replay solve learn evaluate",
+    "experiments": "errors matrix_game game agents rollout playout replay solve learn evaluate bodies show",
+    "bench": "errors matrix_game game agents rollout playout replay solve learn evaluate",
+    "terminal": "errors matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
     "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "errors matrix_game game agents rollout replay solve learn evaluate show adapters",
+    "apollonius": "errors matrix_game game agents rollout playout replay solve learn evaluate show adapters",
     "zoo": "",
 }
 """The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""

@@ -18,8 +18,8 @@ from apollonius.evaluate.match import play_games, record_game
 from apollonius.game.game import judge, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
+from apollonius.playout import play_out
 from apollonius.replay import as_state, load_replay, save_replay, trace
-from apollonius.rollout import play_out
 
 GAME = make_game("robot")
 GAMES = 24

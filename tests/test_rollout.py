@@ -21,7 +21,8 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState, Role
-from apollonius.rollout import begin, collect, play_out
+from apollonius.playout import play_at_once, play_out
+from apollonius.rollout import begin, collect
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
@@ -200,8 +201,8 @@ def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
     np.testing.assert_array_equal(Pool(Uniform(), 3).act(members, seen, words), alone)
 
 
-def played_out(players, starts, game=GAME, slots=5, seed=0):
-    return numpy(play_out(game, *players, row(starts, slice(PLAYED_OUT)), jax.random.key(seed), slots))
+def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
+    return numpy(play_out(game, *players, row(starts, slice(count)), jax.random.key(seed), slots, **how))
 
 
 def random_results(**how):
@@ -211,6 +212,41 @@ def random_results(**how):
 @pytest.mark.parametrize("slots", [1, 1000])
 def test_results_do_not_depend_on_how_many_games_run_side_by_side(slots):
     assert identical(random_results(slots=slots), random_results())
+
+
+def test_one_compilation_serves_every_number_of_games(monkeypatch):
+    traced = []
+    act = Scripted.__call__
+    monkeypatch.setattr(Scripted, "__call__", lambda *seen: traced.append(seen) or act(*seen))
+    jax.clear_caches()
+    whole = random_results()
+    once = len(traced)
+    for count in (9, 24, 36):
+        part = random_results(count=count)
+        assert identical(part, row(whole, slice(count)))
+    assert len(traced) == once > 0
+
+
+def test_play_out_tells_how_many_games_have_ended():
+    told = []
+    random_results(report=lambda *numbers: told.append(numbers))
+    done = [number for number, _ in told]
+    assert done == sorted(done)
+    assert done[0] < done[-1] == PLAYED_OUT
+    assert {total for _, total in told} == {PLAYED_OUT}
+
+
+def test_play_out_can_be_stopped_while_games_go_on():
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        random_results(report=stop)
+
+
+def test_games_go_the_same_as_a_part_of_what_is_compiled():
+    sides, starts = (pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), (0, slice(PLAYED_OUT)))
+    assert identical(numpy(jax.jit(play_at_once)(GAME, *sides, starts, jax.random.key(0))), random_results())
 
 
 def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts():

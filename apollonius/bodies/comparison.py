@@ -13,7 +13,7 @@ from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome
-from apollonius.rollout import Results
+from apollonius.playout import Results
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {
     "pursuer wins": PURSUER_WINS,

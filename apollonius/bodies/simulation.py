@@ -14,8 +14,9 @@ from apollonius.bodies.physics import Physics
 from apollonius.evaluate.match import begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
+from apollonius.playout import Results
 from apollonius.replay import Replay, as_rows, as_state, together
-from apollonius.rollout import Results, random_words
+from apollonius.rollout import random_words
 
 
 @dataclass(frozen=True)

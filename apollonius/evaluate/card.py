@@ -14,7 +14,7 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
-from apollonius.rollout import Results
+from apollonius.playout import Results
 from apollonius.solve.players import AbstractLookahead, SaddlePolicy
 
 _REGIONS = 5

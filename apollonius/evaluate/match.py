@@ -16,8 +16,8 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome
+from apollonius.playout import Report, Results, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
-from apollonius.rollout import Results, play_out
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 _reset_batch = jax.jit(reset_batch, static_argnames="games")
@@ -63,6 +63,7 @@ def play_match(
     seed: int,
     slots: int = 512,
     viable: bool = False,
+    report: Report = lambda done, total: None,
 ) -> MatchResult:
     """Play a number of games and count.
 
@@ -71,11 +72,12 @@ def play_match(
 
     Args:
         viable: leave out the starts from which a robot cannot help crashing.
+        report: called several times in a second with the numbers of games ended, and of games.
 
     Raises:
         InvalidInput: unless `games` is at least 1 and `seed` is not negative.
     """
-    return count(game, play_games(game, pursuer, evader, games, seed, slots, viable), viable)
+    return count(game, play_games(game, pursuer, evader, games, seed, slots, viable, report), viable)
 
 
 def play_games(
@@ -86,10 +88,11 @@ def play_games(
     seed: int,
     slots: int = 512,
     viable: bool = False,
+    report: Report = lambda done, total: None,
 ) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
     starts, key = begin(game, games, seed, viable)
-    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots, watcher=Changes())
+    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots, watcher=Changes(), report=report)
 
 
 def replay_game(

@@ -16,7 +16,7 @@ from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, distance, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
-from apollonius.rollout import play_out
+from apollonius.playout import play_out
 from apollonius.solve.reach import Chase, Reach, solve_reach
 from apollonius.solve.table_policy import TablePolicy
 

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from apollonius.game.dynamics import gears
-from apollonius.rollout import AbstractWatcher, Results, Transition
+from apollonius.playout import AbstractWatcher, Results
+from apollonius.rollout import Transition
 
 
 class Course(eqx.Module):

@@ -11,7 +11,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
-from apollonius.rollout import Results
+from apollonius.playout import Results
 
 RUN_OF = {
     "P_stage1": "curriculum",

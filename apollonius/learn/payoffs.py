@@ -13,7 +13,7 @@ from apollonius.game.types import Scalar
 from apollonius.learn.opponents import Archive, version
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.matrix_game import equilibrium, hedge
-from apollonius.rollout import play_out
+from apollonius.playout import play_at_once
 
 Payoffs = Float[Array, "pursuers evaders"]
 """The pursuer's share of wins, a row for each of its versions, a column for each of the evader's; nan if not played."""
@@ -43,7 +43,7 @@ def play_missing(
 
         def play() -> Scalar:
             chasing, fleeing = at_best(version(pursuers, row)), at_best(version(evaders, column))
-            results = play_out(game, solo(chasing), solo(fleeing), starts, play_key, slots=games)
+            results = play_at_once(game, solo(chasing), solo(fleeing), starts, play_key)
             return jnp.mean(pursuer_wins(results.outcome).astype(jnp.float32))
 
         # One match after the other, so that pairs which are not there take no time.

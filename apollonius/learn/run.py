@@ -34,7 +34,7 @@ from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan, TrainState
-from apollonius.rollout import play_out
+from apollonius.playout import play_out
 
 FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
 CHECKPOINT_SECONDS = 60.0

@@ -16,7 +16,7 @@ from apollonius.evaluate.match import count, play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
-from apollonius.rollout import Results
+from apollonius.playout import Results
 from apollonius.solve.viability import doomed_start_rate, solve_viability
 from tests.solve.small import MOVING
 

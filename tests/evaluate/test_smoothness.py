@@ -13,7 +13,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import begin, count, play_games, play_match, replay_game
 from apollonius.evaluate.smoothness import mean_change
 from apollonius.game.presets import make_game
-from apollonius.rollout import play_out
+from apollonius.playout import play_out
 
 GAME = make_game("one-large")
 WILD = SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0))

@@ -23,7 +23,7 @@ from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.run import Run
 from apollonius.learn.scheme import OpponentConfig
-from apollonius.rollout import Results
+from apollonius.playout import Results
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
 
 REPOSITORY = Path(__file__).parents[2]

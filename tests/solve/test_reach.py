@@ -16,7 +16,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
-from apollonius.rollout import play_out
+from apollonius.playout import play_out
 from apollonius.solve.grid import make_grid
 from apollonius.solve.reach import HORIZON, make_chase, solve_reach
 from apollonius.solve.table_policy import TablePolicy
