@@ -102,6 +102,11 @@ class RunConfig:
         past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
+        longest = games * self.game.max_steps
+        require(
+            past.renewal >= longest or not past.keeps_records, "renewal", past.renewal,
+            f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end",
+        )  # fmt: skip
         require(
             self.pursuer is None or self.stages != "both", "pursuer", self.pursuer,
             "left out unless stages is one stage: the curriculum trains the pursuer from scratch",

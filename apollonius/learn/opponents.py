@@ -31,7 +31,7 @@ class Archive(eqx.Module):
 
     Attributes:
         networks: leaves with a leading axis of length `versions`, of which `count` are filled.
-        games, lost: games that sat versions finished lately, and how many of them they lost.
+        games, lost: games of sat versions counted lately (`counted`), and how many of them they lost.
         quality: scores of the scheme `latest-80-20`.
         seats: the version in each seat; where an exploiter sits, the number of versions there can be.
         seated: the networks of the seats, leaves with a leading axis of length `seats`.
@@ -132,6 +132,32 @@ def renew(
     )
 
 
+def counted(
+    over: Bool[Array, "steps games"],
+    played: Int[Array, " games"],
+    before: Int[Array, ""],
+    sitting: int,
+    longest: Int[Array, ""] | int,
+) -> Bool[Array, "steps games"]:
+    """Where games end that say how good a version is: those that began so early that they end before seats change
+    hands, however long they last.
+
+    Of the games that begin later, the short ones would be counted and the long ones broken off; and which side wins has
+    to do with how long it takes. Of those that begin before a fixed step all are counted, so that the share of them
+    that a version loses is its share of all games (Wald's identity).
+
+    Args:
+        over: where games end.
+        played: steps that each game under way had taken before the first of these.
+        before: steps of the sitting before the first of these.
+        sitting: steps between two changes of seats.
+        longest: steps that a game can last.
+    """
+    steps = jnp.arange(over.shape[0])[:, None]
+    begins = jnp.concatenate([-played[None], jnp.where(over[:-1], steps[1:], -played)])
+    return over & (before + jax.lax.cummax(begins) <= sitting - longest)
+
+
 def record(
     archive: Archive,
     config: OpponentConfig,
@@ -139,10 +165,13 @@ def record(
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
 ) -> Archive:
-    """The archive with the games of its seats that ended counted. A game that nobody won is lost by the pursuer. The
-    games of an exploiter are nobody's.
+    """The archive with these games of its seats counted. A game that nobody won is lost by the pursuer. The games of an
+    exploiter are nobody's.
 
     A version's quality falls by eta / (N p) for each game it lost, N the number of versions and p its probability.
+
+    Args:
+        over: where games end that are to be counted (`counted`).
     """
     first, games = first_game(config, role, outcome.shape[1]), seat_games(config, outcome.shape[1])
     theirs = slice(first, first + config.seats * games)

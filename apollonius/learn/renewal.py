@@ -44,7 +44,8 @@ def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     """
     config = plan.opponents
     interval = max(1, config.entrants * plan.stage.env_steps // config.versions)
-    due = state.env_steps // interval > (state.env_steps - config.renewal) // interval
+    since = plan.sitting * plan.learner.games
+    due = state.env_steps // interval > (state.env_steps - since) // interval
     pursuer, evader = _enter(plan, state.pursuer, due), _enter(plan, state.evader, due)
     if state.payoffs is None:
         return replace(state, pursuer=pursuer, evader=evader)

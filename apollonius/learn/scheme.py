@@ -36,7 +36,8 @@ class OpponentConfig:
     seats: int = 8
     """Earlier versions of each side that play at a time."""
     renewal: int = 524_288
-    """Env steps between two draws of who plays; with `alternating`, between two changes of who learns."""
+    """Env steps between two draws of who plays; with `alternating`, between two changes of who learns. Versions are
+    judged by games that can last to the time limit before the next draw, so it must leave that time."""
     payoff_games: int = 32
     """Games of every version with every version of the other side, where the scheme asks who beats whom."""
     margin: float = 0.05
@@ -55,6 +56,11 @@ class OpponentConfig:
     def share(self) -> float:
         """Share of the games with an earlier version."""
         return _SHARES.get(self.scheme, self.past_share)
+
+    @property
+    def keeps_records(self) -> bool:
+        """Whether versions are drawn by how they fare against the other side's learner."""
+        return self.scheme in ("latest-80-20", "prioritised-hard", "prioritised-even", "league")
 
     @property
     def keeps_payoffs(self) -> bool:

@@ -75,8 +75,8 @@ def _iterate(
     steps, disturbance = plan.learner.steps_per_iteration, plan.stage.disturbance
     games, transitions = collect(game, pursuers, evaders, state.games, starts, play_key, steps, disturbance)
     env_steps = state.env_steps + plan.learner.env_steps_per_iteration
-    pursuer_side, pursuer_loss = _learn(plan, state.pursuer, transitions, Role.PURSUER, env_steps, pursuer_key)
-    evader_side, evader_loss = _learn(plan, state.evader, transitions, Role.EVADER, env_steps, evader_key)
+    pursuer_side, pursuer_loss = _learn(plan, game, state, transitions, Role.PURSUER, env_steps, pursuer_key)
+    evader_side, evader_loss = _learn(plan, game, state, transitions, Role.EVADER, env_steps, evader_key)
     ended = transitions.terminated | transitions.truncated
     after = TrainState(
         games=games,
@@ -117,13 +117,15 @@ def _updates(state: TrainState) -> Int[Array, ""]:
 
 def _learn(
     plan: Plan,
-    side: Learning | None,
+    game: Game,
+    state: TrainState,
     transitions: Transition,
     role: Role,
     env_steps: Int[Array, ""],
     key: PRNGKeyArray,
 ) -> tuple[Learning | None, Float[Array, ""]]:
-    """Store one side's transitions and make its updates."""
+    """Store one side's transitions and make its updates. `state` is what there was before them."""
+    side = state.pursuer if role == Role.PURSUER else state.evader
     if side is None:
         return None, jnp.zeros(())
     config, algorithm = plan.learner, algorithm_of(plan.learner)
@@ -165,7 +167,9 @@ def _learn(
     archive = side.archive
     if archive is not None:
         ended = transitions.terminated | transitions.truncated
-        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, ended)
+        before = state.iterations * config.steps_per_iteration % plan.sitting
+        over = opponents.counted(ended, state.games.state.steps, before, plan.sitting, game.max_steps)
+        archive = opponents.record(archive, plan.opponents, role, transitions.outcome, over)
     return Learning(learner, memory, archive, exploiter), loss
 
 

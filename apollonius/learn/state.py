@@ -57,10 +57,19 @@ class Plan:
         """Env steps in one compiled call."""
         return self.iterations_per_chunk * self.learner.env_steps_per_iteration
 
+    @property
+    def chunks_per_sitting(self) -> int:
+        """Compiled calls between two changes of opponents."""
+        return -(-self.opponents.renewal // self.env_steps_per_chunk)
+
+    @property
+    def sitting(self) -> int:
+        """Steps of every game between two changes of opponents."""
+        return self.chunks_per_sitting * self.env_steps_per_chunk // self.learner.games
+
     def renews_after(self, chunks: int) -> bool:
         """Whether opponents change after so many chunks of a stage."""
-        interval = max(1, self.opponents.renewal // self.env_steps_per_chunk)
-        return self.opponents.share > 0 and chunks > 0 and chunks % interval == 0
+        return self.opponents.share > 0 and chunks > 0 and chunks % self.chunks_per_sitting == 0
 
     @property
     def chunks(self) -> int:

@@ -137,6 +137,47 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
+SITTING, LONGEST = 1024, 1000
+"""Steps between two changes of seats, and that a game can last, as in self-play by default."""
+
+
+def simulated(rng, games):
+    """A sitting of games one after the other, of which the pursuer wins 70 %, soon, and the evader the rest, late."""
+    won = rng.random((SITTING // 20, games)) < 0.7
+    ends = np.cumsum(np.where(won, rng.integers(20, 300, won.shape), rng.integers(600, LONGEST + 1, won.shape)), axis=0)
+    number, game = np.nonzero(ends <= SITTING)
+    outcome, over = np.full((SITTING, games), Outcome.ONGOING), np.zeros((SITTING, games), bool)
+    outcome[ends[number, game] - 1, game] = np.where(won[number, game], Outcome.CAPTURED, Outcome.NO_RESULT)
+    over[ends[number, game] - 1, game] = True
+    return outcome, over
+
+
+@pytest.mark.parametrize("steps", [SITTING, 64], ids=["at once", "in pieces"])
+def test_the_record_of_a_version_is_its_share_of_all_games_long_ones_too(steps):
+    """Of all that end before seats change hands pursuers would win some 87 %: long games are broken off."""
+    rng, games = np.random.default_rng(0), 2048
+
+    @jax.jit
+    def recorded(archive, outcome, over, played, before):
+        over = opponents.counted(over, played, before, SITTING, LONGEST)
+        return opponents.record(archive, CONFIG, Role.PURSUER, outcome, over)
+
+    archive, naive = archive_of(1), []
+    for _ in range(4):
+        outcome, over = simulated(rng, games)
+        naive.append((outcome[over] == Outcome.CAPTURED).mean())
+        played = np.zeros(games, int)
+        for before in range(0, SITTING, steps):
+            piece = slice(before, before + steps)
+            archive = recorded(archive, jnp.asarray(outcome[piece]), jnp.asarray(over[piece]), played, before)
+            for ended in over[piece]:
+                played = np.where(ended, 0, played + 1)
+    counted, won = float(archive.games[0]), float(archive.games[0] - archive.lost[0])
+    assert counted >= 4 * 2 * games // 8, "the first game of each place, at least"
+    assert won / counted == pytest.approx(0.7, abs=3 * np.sqrt(0.7 * 0.3 / counted))
+    assert np.mean(naive) > 0.8
+
+
 def play(config, chunks, seed=0, renewed=(), disturbance=NONE):
     """States after each chunk, copied; before those named, opponents change."""
     plan = plan_of(config, disturbance)
@@ -216,11 +257,26 @@ def test_the_version_that_enters_is_the_average_that_learned(played):
     assert not same(entered, jax.tree.map(lambda leaf: leaf[0], after.archive.networks))
 
 
-def test_seated_games_end_in_the_records(played):
-    for side in ("pursuer", "evader"):
-        archive = getattr(played[3], side).archive
-        assert archive.games[0] > 50
+def test_seated_games_that_began_in_time_end_in_the_records(played):
+    """Those of the first chunk, which the memory still holds: 128 steps, of which a game can last 100."""
+    for side, first in (("pursuer", 0), ("evader", 2 * SEAT_GAMES)):
+        rows = getattr(played[1], side).replay.rows
+        over = np.asarray(rows.terminated | rows.truncated)[:, first : first + 2 * SEAT_GAMES]
+        ends = [np.flatnonzero(game) for game in over.T]
+        begins = [np.concatenate([[0], game[:-1] + 1]) for game in ends]
+        counted = sum(int(np.sum(game <= CHUNK // GAMES - GAME.max_steps)) for game in begins)
+        archive = getattr(played[1], side).archive
+        assert over.sum() > counted == archive.games[0] >= 2 * SEAT_GAMES
         assert 0 < archive.lost[0] < archive.games[0]
+
+
+def test_seats_change_hands_no_sooner_than_they_are_told_to():
+    for renewal, chunks in ((CHUNK, 1), (CHUNK + 1, 2), (2 * CHUNK, 2), (1, 1)):
+        plan = plan_of(replace(CONFIG, renewal=renewal))
+        assert plan.sitting * GAMES == chunks * CHUNK >= renewal
+        assert [plan.renews_after(number) for number in range(5)] == [
+            number > 0 and number % chunks == 0 for number in range(5)
+        ]
 
 
 def test_one_seed_is_identical_and_two_are_not(played):
@@ -270,6 +326,16 @@ def test_impossible_schemes_are_refused(change, complaint):
 def test_an_unknown_scheme_is_refused():
     with pytest.raises(InvalidInput, match="scheme"):
         from_dict(SelfPlayConfig, {"opponents": {"scheme": "newest"}}, "'config.toml'")
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_scheme_that_would_judge_by_short_games_only_is_refused(scheme):
+    past = replace(RUN.self_play, opponents=OpponentConfig(scheme=scheme, renewal=GAMES * GAME.max_steps - 1, seats=3))
+    if scheme in ("uniform", "gated"):
+        replace(RUN, self_play=past)
+    else:
+        with pytest.raises(InvalidInput, match=r"renewal = 6399 .* at least games x max_steps = 6,400"):
+            replace(RUN, self_play=past)
 
 
 def test_a_scheme_without_games_for_its_seats_is_refused():
