@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt32
 
+from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import Game
@@ -24,7 +25,8 @@ _NO_WORD = np.uint32(0)
 class LiveGame:
     """One game, one step at a time, either side's action from outside or from a player of the package.
 
-    All that a step needs and tells is one array each: passing a game's many numbers costs several times the step.
+    It pickles, before its first reset as well as under way. All that a step needs and tells is one array each: passing
+    a game's many numbers costs several times the step.
 
     Args:
         game: the rules.
@@ -40,37 +42,15 @@ class LiveGame:
         inside: dict[Role, AbstractPolicy] | None = None,
         actions: str = "discrete",
     ) -> None:
-        players = inside or {}
         self._space = action_space(actions)
         self.idle = np.zeros(self._space.shape or ())
         """What stands for the action of a side that is played from inside."""
         size = OBSERVATION_SIZES[observation]
         self.game = game
         self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
-
-        def tell(state: GameState, rest: list[Array]) -> Float[Array, " told"]:
-            robots = jnp.stack(jax.tree.leaves((state.pursuer, state.evader)))
-            seen = [game.observe(state, role, observation) for role in Role]
-            return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])
-
         # The game is a constant of both functions.
-        @jax.jit
-        def begin(word: UInt32[Array, ""]) -> Float[Array, " told"]:
-            return tell(game.reset(jax.random.key(word)), [jnp.zeros(())] * 5)
-
-        @jax.jit
-        def step(
-            told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], word: UInt32[Array, ""]
-        ) -> Float[Array, " told"]:
-            actions: list[Action] = list(given[1:].reshape(2, *self.idle.shape))
-            state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
-            for role, player in players.items():
-                actions[role] = player(game.observe(state, role, player.observation), word)
-            after: Timestep = game.step(state, *actions)
-            flags = [after.terminated, after.truncated, after.outcome]
-            return tell(after.state, [after.pursuer_reward, after.evader_reward, *flags])
-
-        self._begin, self._step = begin, step
+        self._begin = Compiled(_begin, game, observation)
+        self._step = Compiled(_step, game, observation, inside or {}, self.idle.shape)
         self._told: Array | None = None
         self._read = np.zeros(0, np.float32)
         self._steps = 0
@@ -130,3 +110,26 @@ class LiveGame:
     def robots(self) -> list[float]:
         """x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader."""
         return self._read[_ROBOTS].tolist()
+
+
+def _begin(game: Game, observation: str, word: UInt32[Array, ""]) -> Float[Array, " told"]:
+    return _tell(game, observation, game.reset(jax.random.key(word)), [jnp.zeros(())] * 5)
+
+
+def _step(
+    game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
+    told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], word: UInt32[Array, ""],
+) -> Float[Array, " told"]:  # fmt: skip
+    actions: list[Action] = list(given[1:].reshape(2, *shape))
+    state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
+    for role, player in players.items():
+        actions[role] = player(game.observe(state, role, player.observation), word)
+    after: Timestep = game.step(state, *actions)
+    flags = [after.terminated, after.truncated, after.outcome]
+    return _tell(game, observation, after.state, [after.pursuer_reward, after.evader_reward, *flags])
+
+
+def _tell(game: Game, observation: str, state: GameState, rest: list[Array]) -> Float[Array, " told"]:
+    robots = jnp.stack(jax.tree.leaves((state.pursuer, state.evader)))
+    seen = [game.observe(state, role, observation) for role in Role]
+    return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])

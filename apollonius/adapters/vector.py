@@ -2,55 +2,48 @@
 
 from typing import Any
 
-import equinox as eqx
 import gymnasium
 import jax
-import jax.numpy as jnp
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Bool
 
+from apollonius.adapters.compiled import Compiled
+from apollonius.adapters.sitting import SPARE, Sitting, Standing, draw_starts, renew, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space
 from apollonius.agents.catalogue import find_agent
 from apollonius.errors import require
 from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.types import Actions, GameState, Role
+from apollonius.game.types import Role
 
-_SPARE = 4
-"""Starts are drawn beforehand, for this many times the number of games at once."""
-_TOGETHER = 512
-"""Starts that are drawn again and again until the last of them fits: of more, more would be drawn in vain."""
-
-
-class Told(eqx.Module):
-    """What a step tells of every game, and how many starts have been used."""
-
-    seen: Float[Array, "games size"]
-    reward: Float[Array, " games"]
-    terminated: Bool[Array, " games"]
-    truncated: Bool[Array, " games"]
-    outcome: Int[Array, " games"]
-    used: Int[Array, ""]
+_MODES = {mode.value: mode for mode in AutoresetMode}
+"""By the names that Gymnasium's `make_vec` takes."""
 
 
 class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many games seen from one side, all stepped together; the other side is a player of the package.
 
-    A game that ends begins again within the same step (Gymnasium's autoreset mode `SAME_STEP`): the observation
-    returned is the new game's first. In such a step `infos` has
+    What becomes of a game that has ended is Gymnasium's autoreset mode:
 
-    - `final_obs`: what the step led to in every game, `[games, size]`, read-only; `_final_obs`: which games ended;
-    - `final_info`: with `outcome`, how every game then stood, as numbers of `apollonius.Outcome`.
+    - `SAME_STEP`: it begins again within the same step, and the observation returned is the new game's first. In such
+      a step `infos` has `final_obs`, what the step led to in every game, `[games, size]`; `_final_obs`, which games
+      ended; and `final_info` with `outcome`, how every game then stood.
+    - `NEXT_STEP`: it begins again in the next step, which ignores its action, rewards it with 0, and ends nothing.
+    - `DISABLED`: it begins again with `reset(options={"reset_mask": ended})`, before the next step.
+
+    In the last two `infos["outcome"]` says after every step how each game stands. Outcomes are numbers of
+    `apollonius.Outcome`. The games pickle, under way as well as before the first reset.
 
     Args:
         role: the side that acts from outside.
         num_envs: number of games.
         opponent, game, observation, actions: as those of `apollonius.adapters.gymnasium.OneSide`.
+        autoreset_mode: one of Gymnasium's, or its name: `SameStep`, `NextStep` or `Disabled`.
 
     Raises:
-        InvalidInput: for an unknown opponent, game, observation or kind of actions, or less than one game.
+        InvalidInput: for an unknown opponent, game, observation, kind of actions or mode, or less than one game.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
@@ -63,98 +56,123 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         game: Game | str = "paper",
         observation: str = "encoded",
         actions: str = "discrete",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
     ) -> None:
         require(num_envs >= 1, "num_envs", num_envs, "at least 1")
+        mode = autoreset_mode if isinstance(autoreset_mode, AutoresetMode) else _MODES.get(autoreset_mode)
+        require(mode is not None, "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}")
+        assert mode is not None
         game = find_game(game) if isinstance(game, str) else game
+        self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         self.single_observation_space = observation_space(observation)
         self.single_action_space = self._actions = action_space(actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        other = Role(1 - role)
-        player = find_agent(opponent, other, game).policy
-        see = jax.vmap(lambda state: game.observe(state, role, observation))
-        see_other = jax.vmap(lambda state: game.observe(state, other, player.observation))
-
-        # The game is a constant of both functions.
-        @jax.jit
-        def draw(word: UInt32[Array, ""]) -> tuple[GameState, Float[Array, "starts size"]]:
-            keys = jax.random.split(jax.random.key(word), _SPARE * num_envs)
-            starts = jax.lax.map(game.reset, keys, batch_size=_TOGETHER)
-            return starts, see(starts)
-
-        @jax.jit
-        def step(
-            state: GameState, starts: GameState, used: Int[Array, ""], action: Actions,
-            word: UInt32[Array, ""],
-        ) -> tuple[GameState, Told]:  # fmt: skip
-            words = jax.random.bits(jax.random.key(word), (num_envs,), jnp.uint32)
-            answer = jax.vmap(player)(see_other(state), words)
-            both = (action, answer) if role == Role.PURSUER else (answer, action)
-            after = jax.vmap(game.step)(state, *both)
-            reward = after.pursuer_reward if role == Role.PURSUER else after.evader_reward
-            over = after.terminated | after.truncated
-            count = jnp.cumsum(over.astype(jnp.int32))
-            told = Told(see(after.state), reward, after.terminated, after.truncated, after.outcome, used + count[-1])
-            place = jnp.where(over, used + count - 1, 0)
-            state = jax.tree.map(lambda new, old: jnp.where(over, new[place], old), starts, after.state)
-            return state, told
-
-        self._draw, self._step = draw, step
-        self._state: GameState | None = None
+        player = find_agent(opponent, Role(1 - role), game).policy
+        self._mode = mode
+        # The game is a constant of what is compiled.
+        sitting = Sitting(game, role, observation, player, num_envs, mode)
+        self._draw, self._step, self._renew = (
+            Compiled(draw_starts, sitting),
+            Compiled(step_games, sitting),
+            Compiled(renew),
+        )
+        self._now: Standing | None = None
+        self._left = 0
+        """Starts of the pile that have not been used."""
+        self._ended = np.zeros(num_envs, bool)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """New games, all from the game's distribution of starts.
 
+        Args:
+            seed: of these games and of all that are drawn after them.
+            options: `reset_mask`, which games begin again, `[games]`, bool; the others stay as they are.
+
         Raises:
-            InvalidInput: for a list of seeds, as one seeds them all.
+            gymnasium.error.ResetNeeded: for a mask before the first `reset`.
+            InvalidInput: for a list of seeds, as one seeds them all, and for a mask that is none.
         """
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
+        anew = self._mask(options)
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]
-        self._draw_starts()
-        self._state = jax.tree.map(lambda leaf: leaf[: self.num_envs], self._starts)
-        self._used = self.num_envs
-        return self._starts_seen[: self.num_envs].copy(), {}
+        if seed is not None or anew.all():
+            self._left = 0
+        self._provide()
+        now = jax.tree.map(lambda leaf: leaf[: self.num_envs], self._starts) if self._now is None else self._now
+        self._now = now = self._renew(now, self._starts, self._used, anew)
+        self._left -= int(anew.sum())
+        self._ended = self._ended & ~anew
+        return np.array(now.seen), {}
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:  # fmt: skip
-        """One step of every game; those that end begin again.
+        """One step of every game.
 
         Args:
             actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`.
 
         Raises:
-            gymnasium.error.ResetNeeded: before the first `reset`.
+            gymnasium.error.ResetNeeded: before the first `reset`, and for a game that has ended where nothing begins
+                it again.
             InvalidInput: for actions of another shape, and for one that is none.
         """
-        if self._state is None:
+        if self._now is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")
+        if self._mode == AutoresetMode.DISABLED and self._ended.any():
+            ended = int(self._ended.sum())
+            raise gymnasium.error.ResetNeeded(f"{ended} games have ended; reset(options={{'reset_mask': ended}})")
         actions = as_actions(actions, self._actions, (self.num_envs,))
-        if self._used + self.num_envs > len(self._starts_seen):
-            self._draw_starts()
-        self._state, told = self._step(self._state, self._starts, np.int32(self._used), actions, self._word())
-        terminated, truncated = np.array(told.terminated), np.array(told.truncated)
-        final = np.asarray(told.seen)
-        seen, infos, used = final.copy(), {}, int(told.used)
-        if used > self._used:
-            over = terminated | truncated
-            seen[over] = self._starts_seen[self._used : used]
-            self._used = used
-            infos = {
-                "final_obs": final,
-                "_final_obs": over,
-                "final_info": {"outcome": np.asarray(told.outcome), "_outcome": over},
-                "_final_info": over,
-            }
-        return seen, np.array(told.reward), terminated, truncated, infos
+        self._provide()
+        now, told = self._step(self._now, self._ended, self._starts, self._used, actions, self._word())
+        self._now, seen, reward = now, np.array(now.seen), np.array(told.reward)
+        terminated, truncated, outcome = np.array(told.terminated), np.array(told.truncated), np.array(told.outcome)
+        over = terminated | truncated
+        if self._mode == AutoresetMode.SAME_STEP:
+            self._left -= int(over.sum())
+            infos = _final(np.array(told.led_to), outcome, over) if over.any() else {}
+        else:
+            if self._mode == AutoresetMode.NEXT_STEP:
+                self._left -= int(self._ended.sum())
+            self._ended = over
+            infos = {"outcome": outcome, "_outcome": np.ones(self.num_envs, bool)}
+        return seen, reward, terminated, truncated, infos
 
-    def _draw_starts(self) -> None:
-        """A new pile of starts; each is used once, from the first on."""
-        self._starts, seen = self._draw(self._word())
-        self._starts_seen, self._used = np.asarray(seen), 0
+    @property
+    def _used(self) -> np.int32:
+        """The first start of the pile that has not been used."""
+        return np.int32(SPARE * self.num_envs - self._left)
+
+    def _provide(self) -> None:
+        """A new pile of starts where the last might not do; each is used once, from the first on."""
+        if self._left < self.num_envs:
+            self._starts, self._left = self._draw(self._word()), SPARE * self.num_envs
+
+    def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " games"]:
+        """Which games begin again."""
+        if options is None or "reset_mask" not in options:
+            return np.ones(self.num_envs, bool)
+        mask = np.asarray(options["reset_mask"])
+        require(mask.dtype == bool, "number type of reset_mask", mask.dtype, "bool")
+        require(mask.shape == (self.num_envs,), "shape of reset_mask", mask.shape, f"({self.num_envs},)")
+        require(bool(mask.any()), "games in reset_mask", 0, "at least 1")
+        if self._now is None and not mask.all():
+            raise gymnasium.error.ResetNeeded("games begin with reset(), of all of them")
+        return mask
 
     def _word(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
+
+
+def _final(led_to: np.ndarray, outcome: np.ndarray, over: np.ndarray) -> dict[str, Any]:
+    """What Gymnasium wants to be told of games that ended and have begun again."""
+    return {
+        "final_obs": led_to,
+        "_final_obs": over,
+        "final_info": {"outcome": outcome, "_outcome": over},
+        "_final_info": over,
+    }

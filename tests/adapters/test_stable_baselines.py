@@ -1,4 +1,4 @@
-"""Stable-Baselines3's algorithms train on the Gymnasium interface, where it is installed: it is in no extra."""
+"""Stable-Baselines3's algorithms train on the Gymnasium interface, where it is installed: `make test-all` does so."""
 
 import gymnasium
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 import apollonius.adapters.gymnasium  # noqa: F401 (registers the names)
 
 stable_baselines3 = pytest.importorskip("stable_baselines3")
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(("name", "opponent"), [("Pursuit", "still"), ("Evasion", "random")])
@@ -47,3 +48,34 @@ def test_its_algorithms_for_continuous_actions_learn_from_games(algorithm):
     action, _ = learner.predict(observation, deterministic=True)
     assert env.action_space.contains(action)
     assert env.step(action)[0].shape == (17,)
+
+
+def test_its_processes_and_its_files_take_environments(tmp_path):
+    """A game under way is sent to processes that are spawned; a learner is kept with it, and learns on."""
+    env = gymnasium.make("apollonius/Pursuit-v0", opponent="still")
+    learner = stable_baselines3.DQN(
+        "MlpPolicy", env, learning_starts=50, buffer_size=200, policy_kwargs={"net_arch": [8]}, seed=0
+    )
+    learner.learn(total_timesteps=100)
+    processes = stable_baselines3.common.vec_env.SubprocVecEnv([lambda: env] * 2, start_method="spawn")
+    try:
+        processes.seed(5)
+        seen = processes.reset()
+        told = [processes.step(np.array([8, 8]))[0] for _ in range(5)]
+    finally:
+        processes.close()
+    for index, seed in enumerate((5, 6)):
+        np.testing.assert_array_equal(seen[index], env.reset(seed=seed)[0])
+        for step in told:
+            np.testing.assert_array_equal(step[index], env.step(8)[0])
+
+    learner.save(tmp_path / "with.zip", include=["env"])
+    learner.save(tmp_path / "without.zip")
+    for again in (
+        stable_baselines3.DQN.load(tmp_path / "with.zip"),
+        stable_baselines3.DQN.load(tmp_path / "without.zip", env=env),
+    ):
+        observation = seen[0]
+        assert again.predict(observation, deterministic=True)[0] == learner.predict(observation, deterministic=True)[0]
+        again.learn(total_timesteps=100, reset_num_timesteps=False)
+        assert again.num_timesteps == 200

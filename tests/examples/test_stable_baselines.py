@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("stable_baselines3")
+pytestmark = pytest.mark.slow
 EXAMPLE = Path(__file__).parents[2] / "examples" / "stable_baselines.py"
 
 

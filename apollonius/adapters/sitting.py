@@ -1,0 +1,115 @@
+"""Many games seen from one side, in one compiled call: pure functions of how they stand and of a pile of starts."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from gymnasium.vector import AutoresetMode
+from jaxtyping import Array, Bool, Float, Int, UInt32
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.game.game import Game
+from apollonius.game.types import Actions, GameState, Outcome, Role
+
+Tree = TypeVar("Tree")
+SPARE = 4
+"""Starts are drawn beforehand, for this many times the number of games at once."""
+_TOGETHER = 512
+"""Starts that are drawn again and again until the last of them fits: of more, more would be drawn in vain."""
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """What stays the same from step to step.
+
+    Attributes:
+        game: the rules.
+        role: the side from outside.
+        observation: profile of what it sees.
+        opponent: plays the other side.
+        num_envs: number of games.
+        autoreset_mode: when a game that has ended begins again.
+    """
+
+    game: Game
+    role: Role
+    observation: str
+    opponent: AbstractPolicy
+    num_envs: int
+    autoreset_mode: AutoresetMode
+
+    def see(self, state: GameState) -> Float[Array, "games size"]:
+        """What the side from outside sees."""
+        return jax.vmap(lambda one: self.game.observe(one, self.role, self.observation))(state)
+
+    def answer(self, state: GameState, word: UInt32[Array, ""]) -> Actions:
+        """What the opponent does."""
+        words = jax.random.bits(jax.random.key(word), (self.num_envs,), jnp.uint32)
+        other = Role(1 - self.role)
+        return jax.vmap(
+            lambda one, bits: self.opponent(self.game.observe(one, other, self.opponent.observation), bits)
+        )(state, words)
+
+
+class Standing(eqx.Module):
+    """Games as they stand, and what the side from outside sees of them."""
+
+    state: GameState
+    seen: Float[Array, "games size"]
+
+
+class Told(eqx.Module):
+    """What a step tells of every game besides how it then stands; `led_to` is what was seen before any new game."""
+
+    led_to: Float[Array, "games size"]
+    reward: Float[Array, " games"]
+    terminated: Bool[Array, " games"]
+    truncated: Bool[Array, " games"]
+    outcome: Int[Array, " games"]
+
+
+def draw_starts(sitting: Sitting, word: UInt32[Array, ""]) -> Standing:
+    """A pile of starts."""
+    keys = jax.random.split(jax.random.key(word), SPARE * sitting.num_envs)
+    starts = jax.lax.map(sitting.game.reset, keys, batch_size=_TOGETHER)
+    return Standing(starts, sitting.see(starts))
+
+
+def step_games(
+    sitting: Sitting, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
+    action: Actions, word: UInt32[Array, ""],
+) -> tuple[Standing, Told]:  # fmt: skip
+    """One step of every game; those that have `ended` before do not count where they begin again in this step."""
+    answer = sitting.answer(now.state, word)
+    both = (action, answer) if sitting.role == Role.PURSUER else (answer, action)
+    after = jax.vmap(sitting.game.step)(now.state, *both)
+    reward = after.pursuer_reward if sitting.role == Role.PURSUER else after.evader_reward
+    led_to = Standing(after.state, sitting.see(after.state))
+    told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
+    match sitting.autoreset_mode:
+        case AutoresetMode.SAME_STEP:
+            return renew(led_to, starts, used, told.terminated | told.truncated), told
+        case AutoresetMode.NEXT_STEP:
+            begun = Told(
+                led_to=led_to.seen,
+                reward=jnp.zeros_like(reward),
+                terminated=jnp.zeros_like(ended),
+                truncated=jnp.zeros_like(ended),
+                outcome=jnp.full_like(after.outcome, Outcome.ONGOING),
+            )
+            return renew(led_to, starts, used, ended), _choose(ended, begun, told)
+        case AutoresetMode.DISABLED:
+            return led_to, told
+
+
+def renew(now: Standing, starts: Standing, used: Int[Array, ""], anew: Bool[Array, " games"]) -> Standing:
+    """Games, some of them begun anew from the first starts that have not been used."""
+    place = jnp.where(anew, used + jnp.cumsum(anew.astype(jnp.int32)) - 1, 0)
+    return _choose(anew, jax.tree.map(lambda leaf: leaf[place], starts), now)
+
+
+def _choose(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:
+    """Of some games the one record, of the rest the other."""
+    return jax.tree.map(lambda a, b: jnp.where(which.reshape(-1, *[1] * (a.ndim - 1)), a, b), one, other)
