@@ -21,6 +21,7 @@ from apollonius.commands.slice import add_slice
 from apollonius.commands.solve import add_solve
 from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
+from apollonius.compilations import keep_compilations
 from apollonius.errors import InvalidInput
 
 COMMANDS = (
@@ -42,6 +43,7 @@ class OneLineParser(argparse.ArgumentParser):
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     options = build_parser().parse_args(arguments)
+    keep_compilations()
     try:
         return options.run(options)
     except InvalidInput as error:

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.policy import Pool
 from apollonius.game.game import Game
@@ -27,6 +27,8 @@ _CHUNK_SECONDS = 0.2
 """How long the games go on before the program is asked again, about."""
 _WINDOW = 8
 """Starts handed to the compiled function at a time, for each place."""
+_BLOCK = 1024
+"""Starts drawn at a time."""
 _NOBODY = -1
 """The number of the game in a place without one."""
 
@@ -51,14 +53,6 @@ class Results(eqx.Module):
     watched: Any = None
 
 
-class _Waiting(eqx.Module):
-    """Starts of games to come, the number of the first one, and how many they are; the rest is padding."""
-
-    starts: GameState
-    first: Int[Array, ""]
-    count: Int[Array, ""]
-
-
 class _Places(eqx.Module):
     """The games under way, what the watcher knows of each, and their numbers."""
 
@@ -81,7 +75,7 @@ def play_out(
     evader: Pool,
     starts: GameState,
     key: PRNGKeyArray,
-    slots: int = 256,
+    slots: int | None = None,
     watcher: AbstractWatcher | None = None,
     report: Report = lambda done, total: None,
 ) -> Results:
@@ -93,24 +87,25 @@ def play_out(
     Args:
         starts: initial states, leaves `[games]`.
         key: consumed.
-        slots: rounded up to a power of 2, and cut down to that of the number of games.
+        slots: rounded up to a power of 2. By default as many as are quickest: few for a CPU, since in the end only the
+            longest games are left, many for an accelerator.
         watcher: follows every game.
         report: called several times in a second; an exception that it raises ends the play.
     """
     rows = jax.tree.map(np.asarray, starts)
     total = len(rows.steps)
-    slots = 2 ** (min(slots, total) - 1).bit_length()
-    window = slots * _WINDOW
-    places = _zeros(lambda: _empty(game, pursuer, evader, key, watcher, _cut(rows, 0, slots)))
-    places = eqx.tree_at(lambda places: places.index, places, jnp.asarray(np.full(slots, _NOBODY, np.int32)))
+    side_by_side = 2 ** ((slots or _default_slots()) - 1).bit_length()
+    window = side_by_side * _WINDOW
+    places = _zeros(lambda: _empty(game, pursuer, evader, key, watcher, _cut(rows, 0, side_by_side)))
+    places.index[:] = _NOBODY
     results = _zeros(lambda: _no_results(watcher, total))
     begun, done, steps = 0, 0, 1
     while done < total:
         asked = time.perf_counter()
         count = min(window, total - begun)
-        waiting = _Waiting(_cut(rows, begun, window), *(jnp.asarray(number, jnp.int32) for number in (begun, count)))
-        more, steps_now = jnp.asarray(begun + count < total), jnp.asarray(steps, jnp.int32)
-        places, taken, ended = _advance(game, pursuer, evader, key, watcher, places, waiting, more, steps_now)
+        upcoming = _cut(rows, begun, window)
+        numbers = (*map(np.int32, (begun, count, steps)), np.bool_(begun + count < total))
+        places, taken, ended = _advance(game, pursuer, evader, key, watcher, places, upcoming, *numbers)
         begun += int(taken)
         new = int(ended.count)
         index = np.asarray(ended.index)[:new]
@@ -120,7 +115,24 @@ def play_out(
         # The first call compiles, so that the steps grow from the second one on.
         steps = max(1, steps * 2 if time.perf_counter() - asked < _CHUNK_SECONDS else steps // 2)
         report(done, total)
-    return jax.tree.map(jnp.asarray, results)
+    return jax.device_put(results)
+
+
+def draw_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
+    """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
+
+    Returns:
+        Initial states, leaves `[games]`.
+    """
+    blocks = [jax.device_get(_draw_block(game, key, np.uint32(first))) for first in range(0, games, _BLOCK)]
+    return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
+
+
+@jax.jit
+def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
+    # The i-th key that `split` makes is that of `fold_in` with i.
+    index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
+    return jax.vmap(lambda one: game.reset(jax.random.fold_in(key, one)))(index)
 
 
 def play_at_once(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray) -> Results:
@@ -132,9 +144,8 @@ def play_at_once(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key
     """
     games = starts.steps.shape[0]
     places = _empty(game, pursuer, evader, key, None, starts)
-    waiting = _Waiting(starts, jnp.asarray(0), jnp.asarray(games))
-    longest = jnp.asarray(jnp.iinfo(jnp.int32).max)
-    ended = _play(game, pursuer, evader, key, None, places, waiting, jnp.asarray(False), longest)[2]
+    numbers = (jnp.asarray(number) for number in (0, games, jnp.iinfo(jnp.int32).max, False))
+    ended = _play(game, pursuer, evader, key, None, places, starts, *numbers)[2]
     order = jnp.argsort(ended.index[:games])
     return jax.tree.map(lambda leaf: leaf[order], ended.results)
 
@@ -161,20 +172,25 @@ def _play(
     key: PRNGKeyArray,
     watcher: AbstractWatcher | None,
     places: _Places,
-    waiting: _Waiting,
-    more: Bool[Array, ""],
+    starts: GameState,
+    first: Int[Array, ""],
+    count: Int[Array, ""],
     steps: Int[Array, ""],
+    more: Bool[Array, ""],
 ) -> tuple[_Places, Int[Array, ""], _Ended]:
     """Some steps of the games in their places; games that wait begin where a place is free.
 
     Args:
-        more: whether other games will wait when these have begun; then it ends early rather than leave places empty.
+        starts: of games that wait.
+        first: the number of the first of them.
+        count: how many they are; the other rows are padding.
         steps: how many at most.
+        more: whether other games will wait when these have begun; then it ends early rather than leave places empty.
 
     Returns:
         The places, how many of the games that waited have begun, and the games that ended.
     """
-    slots, window = places.index.shape[0], waiting.starts.steps.shape[0]
+    slots, window = places.index.shape[0], starts.steps.shape[0]
     rows = slots + window  # no more games can end
     unwatched = watcher.begin() if watcher else None
     nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows), jnp.asarray(0))
@@ -182,16 +198,16 @@ def _play(
 
     def goes_on(carry: tuple[_Places, Array, _Ended, Array]) -> Array:
         places, taken, _, step = carry
-        playing, left = places.index != _NOBODY, taken < waiting.count
+        playing, left = places.index != _NOBODY, taken < count
         return (step < steps) & (left | jnp.where(more, jnp.all(playing), jnp.any(playing)))
 
     def one_step(carry: tuple[_Places, Array, _Ended, Array]) -> tuple[_Places, Array, _Ended, Array]:
         places, taken, ended, step = carry
         free = places.index == _NOBODY
         upcoming = taken + jnp.cumsum(free.astype(jnp.int32)) - 1
-        fresh = free & (upcoming < waiting.count)
-        index = jnp.where(fresh, waiting.first + upcoming, places.index)
-        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], waiting.starts)
+        fresh = free & (upcoming < count)
+        index = jnp.where(fresh, first + upcoming, places.index)
+        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
         begun = begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
         games = jax.vmap(anew)(fresh, begun, places.games)
         watched = jax.vmap(anew, in_axes=(0, None, 0))(fresh, unwatched, places.watched)
@@ -212,6 +228,10 @@ def _play(
 
 
 _advance = jax.jit(_play)
+
+
+def _default_slots() -> int:
+    return 64 if jax.default_backend() == "cpu" else 512
 
 
 def _zeros(make: Callable[[], Any]) -> Any:

@@ -1,5 +1,6 @@
 """How every test runs: no silent promotion, compilations kept between runs, the same examples each time."""
 
+import os
 from pathlib import Path
 
 import hypothesis
@@ -8,7 +9,9 @@ import pytest
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".jax_cache"))
+KEPT = Path(__file__).parents[1] / ".jax_cache"
+jax.config.update("jax_compilation_cache_dir", str(KEPT))
+os.environ.setdefault("APOLLONIUS_CACHE", str(KEPT / "commands"))  # of the commands that tests run as processes
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 

@@ -12,10 +12,11 @@ NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
     "errors matrix_game game agents rollout playout replay solve learn evaluate bodies show experiments adapters web "
-    "bench terminal"
+    "bench terminal compilations"
 )
 MAY_IMPORT = {
     "errors": "",
+    "compilations": "",
     "matrix_game": "",
     "game": "errors",
     "agents": "errors game",
@@ -29,7 +30,8 @@ MAY_IMPORT = {
     "show": "errors matrix_game game agents rollout playout replay solve evaluate",
     "adapters": "errors matrix_game game agents rollout playout replay solve evaluate show",
     "web": "errors game agents",
-    "experiments": "errors matrix_game game agents rollout playout replay solve learn evaluate bodies show",
+    "experiments": "errors compilations matrix_game game agents rollout playout replay solve learn evaluate bodies "
+    "show",
     "bench": "errors matrix_game game agents rollout playout replay solve learn evaluate",
     "terminal": "errors matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,

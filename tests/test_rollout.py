@@ -21,7 +21,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState, Role
-from apollonius.playout import play_at_once, play_out
+from apollonius.playout import draw_starts, play_at_once, play_out
 from apollonius.rollout import begin, collect
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
@@ -225,6 +225,14 @@ def test_one_compilation_serves_every_number_of_games(monkeypatch):
         part = random_results(count=count)
         assert identical(part, row(whole, slice(count)))
     assert len(traced) == once > 0
+
+
+def test_starts_are_those_of_a_reset_however_many_are_drawn():
+    reset = jax.tree.map(np.ravel, random_starts())
+    for games in (ROWS * GAMES, 1500):
+        drawn = numpy(draw_starts(GAME, jax.random.key(0), games))
+        assert len(drawn.steps) == games
+        assert identical(row(drawn, slice(ROWS * GAMES)), reset)
 
 
 def test_play_out_tells_how_many_games_have_ended():

@@ -1,10 +1,13 @@
 """What every player is: an observation and a random word in, an action out."""
 
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.game.dynamics import gears, is_continuous
@@ -213,7 +216,17 @@ class Held(eqx.Module):
 
 def solo(policy: AbstractPolicy) -> Pool:
     """The pool of just this player."""
-    return Pool(jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], policy))
+    return Pool(jax.tree.map(_alone, policy))
+
+
+def _alone(leaf: Any) -> Any:
+    """An array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
+    return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(_on_host(leaf)[None])
+
+
+def _on_host(leaf: Any) -> np.ndarray:
+    array = np.asarray(leaf)
+    return array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:

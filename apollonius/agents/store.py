@@ -8,7 +8,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
@@ -118,9 +117,8 @@ def load_agent(path: Path) -> Agent:
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"'{path}' is not a whole safetensors file ({error}): copy or train it again.") from error
     header = _read_header(path, metadata)
-    template = eqx.filter_eval_shape(
-        _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)
-    )
+    make = _MAKE[header.network]
+    template = eqx.filter_eval_shape(lambda: make(header.observation, header.width, header.depth, jax.random.key(0)))
     return Agent(_fill(path, template, arrays), header)
 
 
@@ -156,7 +154,7 @@ def _fill(path: Path, template: Network, arrays: dict[str, np.ndarray]) -> Netwo
     expected = named_leaves(template)
     if kinds_of(arrays) != kinds_of(expected):
         raise InvalidInput(f"'{path}' has weights that do not fit its header: copy or train it again.")
-    leaves = [jnp.asarray(arrays[name]) for name in expected]
+    leaves = jax.device_put([arrays[name] for name in expected])
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
 
 

@@ -4,23 +4,26 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PRNGKeyArray
+from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.catalogue import Named
 from apollonius.agents.policy import AbstractPolicy, solo
 from apollonius.errors import require
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.game import Game, reset_batch
-from apollonius.game.outcome import counts_by_name, evader_wins, pursuer_wins
+from apollonius.game.game import Game
+from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import GameState, Outcome
-from apollonius.playout import Report, Results, play_out
+from apollonius.playout import Report, Results, draw_starts, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
-_reset_batch = jax.jit(reset_batch, static_argnames="games")
+
+@jax.jit
+def _keys(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
+    start_key, play_key = jax.random.split(jax.random.key(seed))
+    return start_key, play_key
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def play_match(
     evader: AbstractPolicy,
     games: int,
     seed: int,
-    slots: int = 512,
+    slots: int | None = None,
     viable: bool = False,
     report: Report = lambda done, total: None,
 ) -> MatchResult:
@@ -86,7 +89,7 @@ def play_games(
     evader: AbstractPolicy,
     games: int,
     seed: int,
-    slots: int = 512,
+    slots: int | None = None,
     viable: bool = False,
     report: Report = lambda done, total: None,
 ) -> Results:
@@ -115,8 +118,7 @@ def replay_game(
 
 def worst_first(results: Results) -> list[int]:
     """Numbers of the games, those that the pursuer lost first, then those without a winner, then those it won."""
-    won = np.asarray(pursuer_wins(results.outcome))
-    lost = np.asarray(evader_wins(results.outcome, time_limit_wins=False))
+    won, lost = (np.isin(results.outcome, kinds) for kinds in (PURSUER_WINS, evader_winning(time_limit_wins=False)))
     return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
 
 
@@ -135,24 +137,25 @@ def begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, P
     """The starts of a match, and the key of everything random in its games."""
     require(games >= 1, "games", games, "at least 1")
     require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
-    start_key, play_key = jax.random.split(jax.random.key(seed))
+    start_key, play_key = _keys(np.uint32(seed))
     if viable and not _starts_at_rest(game):
         return viable_starts(game, solve_viability(game), start_key, games), play_key
-    return _reset_batch(game, start_key, games=games), play_key
+    return draw_starts(game, start_key, games), play_key
 
 
 def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
     """What games that were played to their ends come to; `viable` as in `play_match`."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
     games = len(outcome)
-    pursuer_won = int(jnp.sum(pursuer_wins(results.outcome)))
-    evader_won = int(jnp.sum(evader_wins(results.outcome, game.reward.time_limit_wins)))
-    both_failed = int(np.sum(outcome == Outcome.BOTH_FAILED))
+    counts = np.bincount(outcome, minlength=len(Outcome))
+    pursuer_won = int(counts[list(PURSUER_WINS)].sum())
+    evader_won = int(counts[list(evader_winning(game.reward.time_limit_wins))].sum())
+    both_failed = int(counts[Outcome.BOTH_FAILED])
     captured = outcome == Outcome.CAPTURED
     pursuer_change, evader_change = mean_change(results).tolist() if results.watched is not None else (None, None)
     return MatchResult(
         games=games,
-        outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
+        outcomes=counts_by_name(counts),
         pursuer_win_rate=pursuer_won / games,
         pursuer_win_interval=wilson_interval(pursuer_won, games),
         evader_win_rate=evader_won / games,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import sqrt
+from statistics import NormalDist
 
 import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.stats` alone takes 0.4 s
@@ -22,8 +23,13 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     Raises:
         ValueError: unless `0 <= successes <= trials` and `trials >= 1`.
     """
-    interval = scipy.stats.binomtest(successes, trials).proportion_ci(confidence, method="wilson")
-    return float(interval.low), float(interval.high)
+    if not 0 <= successes <= trials or trials < 1:
+        raise ValueError(f"{successes} successes in {trials} trials")
+    rate, z = successes / trials, NormalDist().inv_cdf((1 + confidence) / 2)
+    middle = rate + z**2 / (2 * trials)
+    reach = z * sqrt(rate * (1 - rate) / trials + z**2 / (4 * trials**2))
+    low, high = ((middle + side * reach) / (1 + z**2 / trials) for side in (-1, 1))
+    return low if successes else 0.0, high if successes < trials else 1.0
 
 
 def difference_interval(first: float, second: float, trials: int) -> tuple[float, float]:

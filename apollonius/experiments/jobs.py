@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from apollonius.compilations import keep_compilations
 from apollonius.errors import InvalidInput, require
 
 LOST_WORKERS = 10
@@ -165,6 +166,7 @@ def _work(job: Job, core: int, parent: int) -> None:
     """One job on one core; the whole life of a process. It stops early on Ctrl-C or when the parent process is gone."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
+    keep_compilations()
     interrupted: list[int] = []
     signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
     try:

@@ -68,10 +68,13 @@ def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
 
 
 def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
+    """Whether the outcome is one of `evader_winning`."""
+    return _is_one_of(evader_winning(time_limit_wins), outcome)
+
+
+def evader_winning(time_limit_wins: bool) -> tuple[Outcome, ...]:
     """The pursuer failed alone, or the evader reached the territory or, where that wins, outlived the time limit."""
-    return _is_one_of(
-        (*PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])), outcome
-    )
+    return *PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])
 
 
 def _is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
