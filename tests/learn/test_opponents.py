@@ -19,7 +19,7 @@ from apollonius.game.record import from_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents
 from apollonius.learn.config import SelfPlayConfig
-from apollonius.learn.renewal import renew_opponents
+from apollonius.learn.renewal import admit, renew_opponents
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
@@ -178,6 +178,20 @@ def test_the_record_of_a_version_is_its_share_of_all_games_long_ones_too(steps):
     assert np.mean(naive) > 0.8
 
 
+def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
+    """Of ten steps of a sitting games can last four: those count that begin at the seventh step at the latest."""
+    ends = [[3, 6, 9], [2, 5, 6, 9], [0, 9], [9]]
+    over = np.zeros((10, 4), bool)
+    for game, steps in enumerate(ends):
+        over[steps, game] = True
+    counted = opponents.counted(jnp.asarray(over), jnp.zeros(4, int), jnp.asarray(0), 10, 4)
+    assert [np.flatnonzero(game).tolist() for game in counted.T] == [[3, 6], [2, 5, 6], [0, 9], [9]]
+    later = opponents.counted(jnp.asarray(over[7:]), jnp.asarray([0, 0, 6, 7]), jnp.asarray(7), 10, 4)
+    assert [np.flatnonzero(game).tolist() for game in later.T] == [[], [], [2], [2]]
+    sooner = opponents.counted(jnp.asarray(over[7:]), jnp.asarray([0, 1, 6, 7]), jnp.asarray(7), 11, 4)
+    assert [np.flatnonzero(game).tolist() for game in sooner.T] == [[2], [2], [2], [2]]
+
+
 def play(config, chunks, seed=0, renewed=(), disturbance=NONE):
     """States after each chunk, copied; before those named, opponents change."""
     plan = plan_of(config, disturbance)
@@ -304,6 +318,18 @@ def test_a_stage_without_opponents_of_the_past_has_no_archive():
     assert not Plan(DQN, STAGE).renews_after(1)
     assert not plan_of(OpponentConfig()).renews_after(1)
     assert [plan_of(replace(CONFIG, renewal=2 * CHUNK)).renews_after(chunks) for chunks in range(5)] == [0, 0, 1, 0, 1]
+
+
+def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
+    """Every chunk and a half; seats are renewed after each chunk, though less is asked for."""
+    plan = plan_of(replace(CONFIG, renewal=1))
+    plan = replace(plan, stage=replace(plan.stage, env_steps=6 * CHUNK))
+    state = start_self_play(plan, GAME, jax.random.key(0), None)
+    counts = []
+    for chunks in (1, 2, 3):
+        state = admit(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))
+        counts.append(int(state.pursuer.archive.count))
+    assert counts == [1, 2, 3]
 
 
 @pytest.mark.parametrize(
