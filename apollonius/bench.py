@@ -15,7 +15,6 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.classical import Still
 from apollonius.agents.policy import solo
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
@@ -27,6 +26,7 @@ from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay import Batch
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
+from apollonius.limits import BENCHED_GAMES
 from apollonius.rollout import Games, begin, collect
 
 CLASSIC = DQNConfig(
@@ -58,7 +58,7 @@ def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
     Raises:
         InvalidInput: unless `games` is at least 1.
     """
-    require(games >= 1, "games", games, "at least 1")
+    BENCHED_GAMES.require("games", games)
     game = make_game("paper")
     start_key, word_key = jax.random.split(jax.random.key(0))
     starts = _draw(game, start_key, games)

@@ -22,7 +22,7 @@ from apollonius.commands.solve import add_solve
 from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
-from apollonius.errors import InvalidInput
+from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
 
 COMMANDS = (
     add_train, add_resume, add_evaluate, add_simulate, add_tournament, add_exploit, add_solve, add_regret, add_show,
@@ -36,7 +36,8 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error and leave with status 2."""
-        print(f"{self.prog}: {message}; see {self.prog} --help", file=sys.stderr)
+        told = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
+        print(f"{self.prog}: {shown(told, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)
         sys.exit(2)
 
 
@@ -53,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
         return 1
     except OSError as error:
-        where = f" '{error.filename}'" if error.filename else ""
+        where = f" '{shown(error.filename)}'" if error.filename else ""
         print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -4,12 +4,34 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+_LONGEST_VALUE = 200
+"""Most characters of a value that a message shows."""
+LONGEST_MESSAGE = 1_000
+"""Most characters of a message."""
+
 
 class InvalidInput(ValueError):
     """Something a person gave cannot be used. Its message is one line, fit to be shown as it is."""
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.splitlines()))  # what was given may have lines of its own
+        super().__init__(shown(message, LONGEST_MESSAGE))
+
+
+def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
+    """Anything that was given, fit to be part of a message: one line, of modest length, without control characters.
+
+    Args:
+        value: what was given.
+        longest: characters of it that are shown; what is longer loses its middle.
+    """
+    try:
+        text = str(value)
+    except ValueError:  # Python writes no whole number of more than 4,300 digits
+        text = "a number of thousands of digits"
+    if len(text) > longest:
+        text = f"{text[: longest * 2 // 3]} ... {text[-longest // 3 :]}"
+    text = " ".join(text.splitlines())
+    return text if text.isprintable() else "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:
@@ -25,7 +47,7 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
         InvalidInput: if it cannot.
     """
     if not holds:
-        raise InvalidInput(f"{name} = {value} is not possible: it must be {bound}.")
+        raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
 
 
 def require_positive(record: object, *names: str) -> None:

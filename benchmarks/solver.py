@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 
 import apollonius
+from apollonius.commands.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.solve.catalogue import joint_grids
 from apollonius.solve.contest import make_contest
-from apollonius.solve.grid import parse_counts
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.side import make_side
@@ -40,7 +40,7 @@ def seconds(run: Callable[[], object]) -> float:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--grid", default="11x11x5x8", help="of the game of two (default: %(default)s)")
+    parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of the game of two (default: %(default)s)")
     parser.add_argument("--hold", type=int, default=10)
     parser.add_argument("--solve", action="store_true", help="solve the whole game of two as well")
     options = parser.parse_args()
@@ -58,13 +58,13 @@ def main() -> None:
     print(f"one robot on {grid.name}: {once * 1e3:.1f} ms of CPU time a sweep, ", end="")
     print(f"{grid.size * NUM_ACTIONS / once / 1e6:,.0f} M backups/s")
 
-    grids = joint_grids(game, list(parse_counts(options.grid)))
+    grids = joint_grids(game, list(options.grid))
     duel = make_duel(make_contest(game, grids, options.hold, Role.PURSUER, "win"))
     lanes = lanes_of(duel.first.grid)
     table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
     pairs = table.size
     half = seconds(lambda: guarantee(duel, table))
-    print(f"pairs of {options.grid}: {pairs / 1e6:,.1f} M; one side's backups of them ", end="")
+    print(f"pairs of {grids[0].name}: {pairs / 1e6:,.1f} M; one side's backups of them ", end="")
     print(f"{half:.3f} s of CPU time, {pairs * NUM_ACTIONS / half / 1e6:,.0f} M backups/s")
     del duel, table
     if options.solve:

@@ -11,33 +11,36 @@ LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
-    "errors matrix_game game agents rollout playout replay solve learn evaluate bodies show experiments adapters web "
-    "bench terminal compilations"
+    "errors limits document matrix_game game agents rollout playout replay solve learn evaluate bodies show "
+    "experiments adapters web bench terminal compilations"
 )
 MAY_IMPORT = {
     "errors": "",
+    "limits": "errors",
+    "document": "errors limits",
     "compilations": "",
     "matrix_game": "",
-    "game": "errors",
-    "agents": "errors game",
-    "rollout": "errors game agents",
-    "playout": "errors game agents rollout",
-    "replay": "errors game agents rollout",
-    "solve": "errors game agents",
-    "learn": "errors matrix_game game agents rollout playout",
-    "evaluate": "errors matrix_game game agents rollout playout replay solve",
-    "bodies": "errors matrix_game game agents rollout playout replay solve evaluate",
-    "show": "errors matrix_game game agents rollout playout replay solve evaluate",
-    "adapters": "errors matrix_game game agents rollout playout replay solve evaluate show",
-    "web": "errors game agents",
-    "experiments": "errors compilations matrix_game game agents rollout playout replay solve learn evaluate bodies "
-    "show",
-    "bench": "errors matrix_game game agents rollout playout replay solve learn evaluate",
-    "terminal": "errors matrix_game game agents rollout playout replay solve learn evaluate",
+    "game": "errors limits document",
+    "agents": "errors limits document game",
+    "rollout": "errors limits document game agents",
+    "playout": "errors limits document game agents rollout",
+    "replay": "errors limits document game agents rollout",
+    "solve": "errors limits document game agents",
+    "learn": "errors limits document matrix_game game agents rollout playout",
+    "evaluate": "errors limits document matrix_game game agents rollout playout replay solve",
+    "bodies": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
+    "show": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
+    "adapters": "errors limits document matrix_game game agents rollout playout replay solve evaluate show",
+    "web": "errors limits document game agents",
+    "experiments": "errors limits document compilations matrix_game game agents rollout playout replay solve learn "
+    "evaluate bodies show",
+    "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
+    "terminal": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
     "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "errors matrix_game game agents rollout playout replay solve learn evaluate show adapters",
+    "apollonius": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate show "
+    "adapters",
     "zoo": "",
 }
 """The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""

@@ -16,6 +16,7 @@ import tomli_w
 
 from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, zoo_names
 from apollonius.cli import main
+from apollonius.commands import values
 from apollonius.game.file import find_game, game_names
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome
@@ -41,6 +42,8 @@ def only_parse(monkeypatch):
         raise Parsed(parse(parser, arguments))
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
+    monkeypatch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
+    monkeypatch.setattr(values, "_unwritable", lambda path, folder: None)
 
 
 def asked(words, monkeypatch):

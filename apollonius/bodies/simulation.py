@@ -14,6 +14,7 @@ from apollonius.bodies.physics import Physics
 from apollonius.evaluate.match import begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
+from apollonius.limits import SIMULATED_GAMES
 from apollonius.playout import Results
 from apollonius.replay import Replay, as_rows, as_state, together
 from apollonius.rollout import random_words
@@ -106,8 +107,9 @@ def simulate_match(
     """The games of `play_match`, from the same starts, with bodies.
 
     Raises:
-        InvalidInput: as `simulate`.
+        InvalidInput: as `simulate`, and for more games than memory has room for.
     """
+    SIMULATED_GAMES.require("games", games)
     starts, key = begin(game, games, seed, viable)
     return simulate(game, solo(pursuer), solo(evader), starts, key, drive)
 

@@ -2,10 +2,11 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import Any
 
+from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
+from apollonius.limits import DISCS, SEED
 
 
 def add_arena(subparsers: Any) -> None:
@@ -13,20 +14,22 @@ def add_arena(subparsers: Any) -> None:
     parser = subparsers.add_parser("arena", help="list arenas, check one of your own, or make a random one")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
-    listed.add_argument("--out", type=Path, metavar="PNG", help="write a picture of all of them")
+    listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
     listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
-    check.add_argument("game", metavar="GAME", help="a .toml file, or the name of a game")
-    check.add_argument("--out", type=Path, metavar="PNG", help="write a picture of what was found")
+    check.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
+    check.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of what was found")
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
-    draw.add_argument("--discs", type=int, default=5, help="number of discs (default: %(default)s)")
-    draw.add_argument("--seed", type=int, default=0, help="seed of the arena (default: %(default)s)")
-    draw.add_argument("--gap", type=float, default=1.0, help="least width of all passages [m] (default: %(default)s)")
-    draw.add_argument("--size", type=float, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
-    draw.add_argument("--game", default="paper", help="game whose other rules it has (default: %(default)s)")
-    draw.add_argument("--out", type=Path, required=True, metavar="TOML", help="file to write")
+    draw.add_argument("--discs", type=count(DISCS), default=5, help="number of discs (default: %(default)s)")
+    draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
+    draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
+    draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
+    draw.add_argument(
+        "--game", type=named, default="paper", help="game whose other rules it has (default: %(default)s)"
+    )
+    draw.add_argument("--out", type=new_file(".toml"), required=True, metavar="TOML", help="file to write")
     draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
     draw.set_defaults(run=run_random)
 
@@ -36,7 +39,6 @@ def run_list(options: argparse.Namespace) -> int:
     from apollonius.game.file import about_game, find_game, game_names
     from apollonius.show.gallery import save_gallery
 
-    require(options.out is None or options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
     for name in game_names():
         print(f"{name:<12} {about_game(name)}")
     if options.out:
@@ -51,7 +53,6 @@ def run_check(options: argparse.Namespace) -> int:
     from apollonius.game.survey import survey
     from apollonius.show.plan import save_plan
 
-    require(options.out is None or options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
     found = survey(find_game(options.game))
     if options.out:
         options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +80,6 @@ def run_random(options: argparse.Namespace) -> int:
     from apollonius.game.random_arena import random_arena
     from apollonius.game.record import to_dict
 
-    require(options.out.suffix == ".toml", "--out", options.out, "a file that ends in .toml")
     require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
     game = find_game(options.game)
     for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):

@@ -4,16 +4,23 @@ import argparse
 import json
 from typing import Any
 
-from apollonius.errors import require
+from apollonius.commands.values import count
+from apollonius.limits import BENCHED_GAMES
+
+BENCHES = ("classic", "fast", "paper")
+"""Profiles of training that are measured."""
 
 
 def add_bench(subparsers: Any) -> None:
     """The parser of `bench`."""
     parser = subparsers.add_parser("bench", help="measure speed on this machine")
     parser.add_argument("what", choices=("env", "train"), help="random play, or stage 1 training")
-    parser.add_argument("--games", type=int, help="games at a time (default: 4096 for env, the profile's for train)")
+    parser.add_argument(
+        "--games", type=count(BENCHED_GAMES), help="games at a time (default: 4096 for env, the profile's for train)"
+    )
     parser.add_argument(
         "--profile",
+        choices=BENCHES,
         default="classic",
         help="for train: classic (batch 128, an update every 4 env steps; default), fast or paper",
     )
@@ -32,7 +39,6 @@ def run_bench(options: argparse.Namespace) -> int:
         result = bench_env(4096 if options.games is None else options.games)
     else:
         profiles = {"classic": CLASSIC, **PROFILES}
-        require(options.profile in profiles, "--profile", options.profile, f"one of {', '.join(profiles)}")
         config = profiles[options.profile]
         result = bench_train(config if options.games is None else replace(config, games=options.games))
     if options.json:

@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.commands.values import named, new_file
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
@@ -23,11 +24,18 @@ STATES = 10_000
 def add_export(subparsers: Any) -> None:
     """The parser of `export`."""
     parser = subparsers.add_parser("export", help="write a trained agent as ONNX, NumPy or C, which need no JAX")
-    parser.add_argument("agent", metavar="AGENT", help="a zoo agent, or a .safetensors file")
+    parser.add_argument("agent", type=named, metavar="AGENT", help="a zoo agent, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, one Python file with NumPy, or C99")
-    parser.add_argument("--out", type=Path, required=True, help="file to write: .onnx, .py or .c (with its .h)")
     parser.add_argument(
-        "--game", help="game that is built in: its name or .toml file (default: the one the agent was made for)"
+        "--out",
+        type=new_file(".onnx", ".py", ".c"),
+        required=True,
+        help="file to write: .onnx, .py or .c (with its .h)",
+    )
+    parser.add_argument(
+        "--game",
+        type=named,
+        help="game that is built in: its name or .toml file (default: the one the agent was made for)",
     )
     parser.set_defaults(run=run_export)
 

@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from apollonius.commands.values import count, named, new_folder, nodes, require_writable
 from apollonius.errors import InvalidInput, require
+from apollonius.limits import GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
     from apollonius.agents.catalogue import Named
@@ -23,31 +25,41 @@ AGENT = (
 PLACES = ("local", "ray")
 """Where independent trainings can run."""
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
+LENGTHS = ("quick", "standard", "paper")
+"""Names of the presets of a training."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
 
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose the game and its start."""
-    parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(
         "--starts", choices=("rest", "moving", "viable"), default="rest",
         help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
     )  # fmt: skip
-    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
+    parser.add_argument(
+        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+    )
 
 
-def add_match_options(parser: argparse.ArgumentParser) -> None:
+def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
     """Two players, how many games they play and from where, and what is told and kept of them."""
-    parser.add_argument("pursuer", metavar="PURSUER", help=AGENT)
-    parser.add_argument("evader", metavar="EVADER", help=AGENT)
-    parser.add_argument("--games", type=int, default=1000, help="number of games (default: %(default)s)")
+    parser.add_argument("pursuer", type=named, metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", type=named, metavar="EVADER", help=AGENT)
+    parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.add_argument("--record", type=int, default=0, metavar="K", help="write K games as replays, lost ones first")
+    add_record_options(parser, "write K games as replays, lost ones first")
+
+
+def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
+    """How many games are written as replays, and where."""
+    parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
     parser.add_argument(
-        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
-    )
+        "--replays", type=new_folder, default=Path("replays"), metavar="DIR",
+        help="folder of the replays (default: replays)",
+    )  # fmt: skip
 
 
 def requested_match(options: argparse.Namespace) -> "tuple[Game, Named, Named]":
@@ -59,10 +71,12 @@ def requested_match(options: argparse.Namespace) -> "tuple[Game, Named, Named]":
     from apollonius.game.types import Role
     from apollonius.solve.catalogue import find_player
 
+    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
+    if options.record:
+        require_writable("--replays", options.replays)
     game = requested_game(options)
     pursuer = find_player(options.pursuer, Role.PURSUER, game)
     evader = find_player(options.evader, Role.EVADER, game)
-    require(0 <= options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
     return game, pursuer, evader
 
 
@@ -78,8 +92,12 @@ def requested_game(options: argparse.Namespace) -> "Game":
 
 def add_grid_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose what to solve on."""
-    parser.add_argument("--grid", help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)")
-    parser.add_argument("--hold", type=int, help="steps for which an action is held (default: about 0.5 s of them)")
+    parser.add_argument(
+        "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
+    )
+    parser.add_argument(
+        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s of them)"
+    )
 
 
 def requested_grid(
@@ -90,15 +108,14 @@ def requested_grid(
 ) -> tuple["Grid", int]:
     """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
     from apollonius.game.types import Role
-    from apollonius.solve.grid import make_grid, parse_counts
+    from apollonius.solve.grid import make_grid
     from apollonius.solve.reference import reference_grid
 
     grid, hold = (reference or reference_grid)(game, role)
     if options.grid is not None:
         body = game.pursuer if role == Role.PURSUER else game.evader
-        grid = make_grid(game.arena, body, parse_counts(options.grid))
+        grid = make_grid(game.arena, body, options.grid)
     if options.hold is not None:
-        require(options.hold >= 1, "--hold", options.hold, "at least 1 step of the game")
         hold = options.hold
     return grid, hold
 

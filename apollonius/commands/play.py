@@ -6,6 +6,9 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
+from apollonius.commands.values import count, named, new_folder
+from apollonius.limits import PORT, SEED
+
 PLAYER = "random, still, a zoo agent or a .safetensors file, which the page can play; shielded: may stand before it"
 """Help for an argument that names a player of the page."""
 
@@ -16,13 +19,22 @@ def add_play(subparsers: Any) -> None:
     parser.add_argument(
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
     )
-    parser.add_argument("--against", metavar="AGENT", help=f"your opponent: {PLAYER} (default: the best there is)")
-    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the starts (default: %(default)s)")
-    parser.add_argument("--port", type=int, help="port of the page on this machine (default: the first free one)")
+    parser.add_argument(
+        "--against", type=named, metavar="AGENT", help=f"your opponent: {PLAYER} (default: the best there is)"
+    )
+    parser.add_argument(
+        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument(
+        "--port", type=count(PORT), help="port of the page on this machine (default: the first free one)"
+    )
     parser.add_argument("--no-open", action="store_true", help="print the page's address, open no browser")
     parser.add_argument(
-        "--site", type=Path, metavar="DIR", help="write the page to this folder, for a web host, and serve nothing"
+        "--site",
+        type=new_folder,
+        metavar="DIR",
+        help="write the page to this folder, for a web host, and serve nothing",
     )
     parser.set_defaults(run=run_play)
 

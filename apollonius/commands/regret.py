@@ -3,11 +3,19 @@
 import argparse
 import json
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import AGENT, add_game_options, add_grid_options, requested_game, requested_grid
+from apollonius.commands.options import (
+    AGENT,
+    add_game_options,
+    add_grid_options,
+    add_record_options,
+    requested_game,
+    requested_grid,
+)
+from apollonius.commands.values import count, existing_file, named, require_writable
 from apollonius.errors import require
+from apollonius.limits import GAMES, RECORDS, TARGETS
 
 if TYPE_CHECKING:
     from apollonius.game.game import Game
@@ -18,26 +26,21 @@ def add_regret(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "regret", help="how far an agent is from the fastest capture of a standing target, or from a solved game"
     )
-    parser.add_argument("agent", metavar="AGENT", help=AGENT)
-    parser.add_argument("--games", type=int, default=10_000, help="number of games (default: %(default)s)")
-    parser.add_argument("--targets", type=int, help="places of the target, without --tables (default: 20)")
+    parser.add_argument("agent", type=named, metavar="AGENT", help=AGENT)
+    parser.add_argument("--games", type=count(GAMES), default=10_000, help="number of games (default: %(default)s)")
+    parser.add_argument("--targets", type=count(TARGETS), help="places of the target, without --tables (default: 20)")
     parser.add_argument(
-        "--tables", type=Path, nargs=2, metavar="FILE",
+        "--tables", type=existing_file, nargs=2, metavar="FILE",
         help="the solved game from both sides (solve game): the card of a pursuer or an evader in it",
     )  # fmt: skip
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="with --tables: the agent's side (default: pursuer)"
     )
     parser.add_argument(
-        "--response-games", type=int, default=0, metavar="N",
+        "--response-games", type=count(RECORDS), default=0, metavar="N",
         help="with --tables: also N games against an opponent that knows the agent (default: none)",
     )  # fmt: skip
-    parser.add_argument(
-        "--record", type=int, default=0, metavar="K", help="with --tables: write the K games that cost most as replays"
-    )
-    parser.add_argument(
-        "--replays", type=Path, default=Path("replays"), metavar="DIR", help="folder of the replays (default: replays)"
-    )
+    add_record_options(parser, "with --tables: write the K games that cost most as replays")
     add_game_options(parser)
     add_grid_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -95,7 +98,9 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     for name in ("targets", "grid", "hold"):
         given = getattr(options, name)
         require(given is None, f"--{name}", given, "left out with --tables, which know it")
-    require(options.response_games >= 0, "--response-games", options.response_games, "0 or more")
+    require(options.record <= WORST, "--record", options.record, f"from 0 to {WORST}")
+    if options.record:
+        require_writable("--replays", options.replays)
     role = Role[(options.role or "pursuer").upper()]
     players = [table_player(path, game) for path in options.tables]
     sides = {player.contest.role: player for player in players}
@@ -103,7 +108,6 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     agent = find_player(options.agent, role, game)
     own, other = sides[role], sides[Role(1 - role)]
     response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
-    require(0 <= options.record <= WORST, "--record", options.record, f"from 0 to {WORST}")
     card = measure_card(game, agent.policy, (own, other), options.games, options.seed, response, options.response_games)
     table_of_other = next(path for path, player in zip(options.tables, players, strict=True) if player is other)
     opponent = Named(table_of_other.stem, other)

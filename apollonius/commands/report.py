@@ -5,14 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.options import plots
+from apollonius.commands.values import existing_folder, new_file
 from apollonius.errors import require
 
 
 def add_report(subparsers: Any) -> None:
     """The parser of `report`."""
     parser = subparsers.add_parser("report", help="a training run or a reproduction as one HTML page, games included")
-    parser.add_argument("folder", type=Path, metavar="RUN", help="folder of a training run or a reproduction")
-    parser.add_argument("--out", type=Path, help="file to write, .html (default: RUN/report.html)")
+    parser.add_argument(
+        "folder", type=existing_folder, metavar="RUN", help="folder of a training run or a reproduction"
+    )
+    parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
     parser.set_defaults(run=run_report)
 
 
@@ -20,8 +23,6 @@ def run_report(options: argparse.Namespace) -> int:
     """Write the report."""
     folder: Path = options.folder
     out: Path = options.out or folder / "report.html"
-    require(folder.is_dir(), "RUN", folder, "the folder of a training run or a reproduction; check the path")
-    require(out.suffix == ".html", "--out", out, "a file that ends in .html")
     with plots():
         from apollonius.show.report.page import save_page
         from apollonius.show.report.study import study_page

@@ -5,16 +5,21 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.options import INTERRUPTED, PLACES, PLACES_HELP, plots
+from apollonius.commands.options import INTERRUPTED, LENGTHS, PLACES, PLACES_HELP, plots
+from apollonius.commands.values import count, new_folder
+from apollonius.limits import GAMES, SEEDS
 
 
 def add_reproduce(subparsers: Any) -> None:
     """The parser of `reproduce`."""
     parser = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
-    parser.add_argument("--budget", default="quick", help="length of each training: quick (default), standard or paper")
-    parser.add_argument("--seeds", type=int, default=1, help="number of seeds, from 0 (default: %(default)s)")
-    parser.add_argument("--games", type=int, default=10_000, help="games in a match (default: %(default)s)")
-    parser.add_argument("--out", type=Path, help="folder of the study (default: runs/reproduce-BUDGET)")
+    parser.add_argument(
+        "--budget", choices=LENGTHS, default="quick",
+        help="length of each training: quick (default), standard or paper",
+    )  # fmt: skip
+    parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
+    parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
+    parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
     parser.add_argument("--on", choices=PLACES, default="local", help=PLACES_HELP)
     parser.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
     parser.set_defaults(run=run_reproduce)

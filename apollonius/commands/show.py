@@ -6,17 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.options import AGENT, add_game_options, plots, requested_game
-from apollonius.errors import require
+from apollonius.commands.values import named, new_file
+
+FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
+"""How the names of its files end."""
 
 
 def add_show(subparsers: Any) -> None:
     """The parser of `show`."""
     parser = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
-    parser.add_argument("pursuer", metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
-    parser.add_argument("evader", metavar="EVADER", nargs="?", help="the same, for the other side")
+    parser.add_argument("pursuer", type=named, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
+    parser.add_argument("evader", type=named, metavar="EVADER", nargs="?", help="the same, for the other side")
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=Path, default=Path("game.gif"),
+        "--out", type=new_file(*FORMATS), default="game.gif",
         help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(run=run_show)
@@ -25,10 +28,8 @@ def add_show(subparsers: Any) -> None:
 def run_show(options: argparse.Namespace) -> int:
     """One game, drawn or written as a replay."""
     from apollonius.replay import load_replay, save_replay
-    from apollonius.show.animation import FORMATS, save_animation
+    from apollonius.show.animation import save_animation
 
-    known = (".png", *FORMATS, ".json")
-    require(options.out.suffix in known, "--out", options.out, f"a file that ends in one of {', '.join(known)}")
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
         first = replay.first_difference()

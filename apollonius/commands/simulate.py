@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import add_match_options, requested_match
-from apollonius.errors import InvalidInput, require
+from apollonius.commands.values import existing_file
+from apollonius.errors import InvalidInput
+from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
     from apollonius.bodies.comparison import Comparison
@@ -16,8 +18,10 @@ if TYPE_CHECKING:
 def add_simulate(subparsers: Any) -> None:
     """The parser of `simulate`."""
     parser = subparsers.add_parser("simulate", help="play many games between robots with bodies, in MuJoCo")
-    add_match_options(parser)
-    parser.add_argument("--drive", type=Path, metavar="FILE", help="a .toml file with what is other about your robots")
+    add_match_options(parser, SIMULATED_GAMES)
+    parser.add_argument(
+        "--drive", type=existing_file, metavar="FILE", help="a .toml file with what is other about your robots"
+    )
     parser.add_argument("--ablate", action="store_true", help="say what the gap is due to: leave out part after part")
     parser.set_defaults(run=run_simulate)
 
@@ -66,7 +70,6 @@ def _drive(path: Path | None) -> "Drive":
 
     if path is None:
         return Drive()
-    require(path.is_file(), "--drive", path, "a .toml file; check the path")
     try:
         return from_dict(Drive, tomllib.loads(path.read_text()), f"'{path}'")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

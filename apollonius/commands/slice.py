@@ -6,24 +6,28 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.options import plots
-from apollonius.errors import require
+from apollonius.commands.values import named, new_file, real
 
 
 def add_slice(subparsers: Any) -> None:
     """The parser of `slice`."""
     parser = subparsers.add_parser("slice", help="an agent's action values and actions over the arena")
-    parser.add_argument("agent", metavar="AGENT", help="a zoo agent, a .safetensors file, or a .npz file of solve game")
     parser.add_argument(
-        "--opponent", type=float, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
+        "agent", type=named, metavar="AGENT", help="a zoo agent, a .safetensors file, or a .npz file of solve game"
     )
-    parser.add_argument("--opponent-speed", type=float, default=0.0, metavar="V", help="[m/s] (default: 0)")
     parser.add_argument(
-        "--opponent-heading", type=float, default=0.0, metavar="DEG", help="from the x axis, leftwards (default: 0)"
+        "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
     )
-    parser.add_argument("--speed", type=float, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
-    parser.add_argument("--heading", type=float, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
-    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("slice.png"), help="PNG to write (default: %(default)s)")
+    parser.add_argument("--opponent-speed", type=real, default=0.0, metavar="V", help="[m/s] (default: 0)")
+    parser.add_argument(
+        "--opponent-heading", type=real, default=0.0, metavar="DEG", help="from the x axis, leftwards (default: 0)"
+    )
+    parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
+    parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
+    parser.add_argument(
+        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+    )
+    parser.add_argument("--out", type=new_file(".png"), default="slice.png", help="PNG to write (default: %(default)s)")
     parser.set_defaults(run=run_slice)
 
 
@@ -39,7 +43,6 @@ def run_slice(options: argparse.Namespace) -> int:
     with plots():
         from apollonius.show.slices import save_slice
 
-    require(options.out.suffix == ".png", "--out", options.out, "a file that ends in .png")
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import add_grid_options, requested_grid
+from apollonius.commands.values import named, new_file, real, require_writable
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
@@ -25,18 +26,22 @@ def add_solve(subparsers: Any) -> None:
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
         "game: what a side is sure of against any opponent",
     )  # fmt: skip
-    parser.add_argument("--game", default="paper", help="name of the game, or its .toml file (default: %(default)s)")
+    parser.add_argument(
+        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+    )
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
     )
-    parser.add_argument("--target", type=float, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
+    parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
     parser.add_argument(
         "--payoff", choices=("win", "time"),
         help="of game: a win is worth 1 and a loss -1, discounted (win, default), or only the time to a win (time)",
     )  # fmt: skip
     add_grid_options(parser)
     parser.add_argument(
-        "--out", type=Path, help="file of the table; what it holds is not solved again (default: WHAT-GAME.npz)"
+        "--out",
+        type=new_file(".npz"),
+        help="file of the table; what it holds is not solved again (default: WHAT-GAME.npz)",
     )
     parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -62,6 +67,7 @@ def run_solve(options: argparse.Namespace) -> int:
     role = Role[(options.role or "pursuer").upper()]
     problem = _game_problem(options, game, role) if what == "game" else _robot_problem(options, game, role)
     path: Path = options.out or Path(f"{what}-{Path(options.game).stem}.npz")
+    require_writable("--out", path.parent)
     if path.exists() and not options.force:
         solution = load_solution(path)
         if solution.problem != problem:

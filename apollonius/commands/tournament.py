@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import AGENT, add_game_options, plots, requested_game
-from apollonius.errors import require
+from apollonius.commands.values import count, named, new_file, new_folder
+from apollonius.limits import GAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,14 +21,21 @@ def add_tournament(subparsers: Any) -> None:
     """The parser of `tournament`."""
     parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
     everyone = "default: all that need no file and fit the game"
-    parser.add_argument("--pursuers", nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
-    parser.add_argument("--evaders", nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})")
-    parser.add_argument("--games", type=int, default=1000, help="games in each match (default: %(default)s)")
+    parser.add_argument("--pursuers", type=named, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
+    parser.add_argument(
+        "--evaders", type=named, nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})"
+    )
+    parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument(
-        "--keep", type=Path, metavar="DIR", help="keep matches in this folder, and do not play again what lies there"
+        "--keep",
+        type=new_folder,
+        metavar="DIR",
+        help="keep matches in this folder, and do not play again what lies there",
     )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw win rates, ratings and equilibrium as .png")
+    parser.add_argument(
+        "--plot", type=new_file(".png"), metavar="FILE", help="draw win rates, ratings and equilibrium as .png"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_tournament)
 
@@ -43,11 +51,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.terminal import tournament_table
 
     if options.plot:
-        require(options.plot.suffix == ".png", "--plot", options.plot, "a .png file")
-        require(options.plot.parent.is_dir(), "--plot", options.plot, "in a folder that is there; make it first")
         _drawing()
-    if options.keep:
-        require(not options.keep.is_file(), "--keep", options.keep, "a folder")
     game = requested_game(options)
     pursuers, evaders = (
         [find_player(name, role, game) for name in names or player_names(role, game)]

@@ -8,13 +8,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import INTERRUPTED
+from apollonius.commands.options import INTERRUPTED, LENGTHS
+from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
+from apollonius.limits import SEED
 
 if TYPE_CHECKING:
     from apollonius.learn.config import RunConfig
 
 ALGORITHMS = ("dqn", "sac")
+PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
 SCHEMES = (
     "latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "psro",
@@ -26,19 +29,25 @@ def add_train(subparsers: Any) -> None:
     """The parser of `train`."""
     parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
     parser.add_argument(
-        "--preset", default="quick", help="length of training: quick (minutes, default), standard or paper"
-    )
+        "--preset", choices=LENGTHS, default="quick",
+        help="length of training: quick (minutes, default), standard or paper",
+    )  # fmt: skip
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument(
         "--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones, smooth motion"
     )
-    parser.add_argument("--profile", help="how DQN learns: fast (default) or paper (plain DQN as printed)")
-    parser.add_argument("--game", help="name of the game, or its .toml file (default: paper)")
-    parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
-    parser.add_argument("--config", type=Path, help="a config.toml to start from instead of a preset")
-    parser.add_argument("--pursuer", help="agent that the pursuer of a lone --stage goes on from (default: none)")
+    parser.add_argument(
+        "--profile", choices=PROFILES, help="how DQN learns: fast (default) or paper (plain DQN as printed)"
+    )
+    parser.add_argument("--game", type=named, help="name of the game, or its .toml file (default: paper)")
+    parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
+    parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
+    parser.add_argument(
+        "--pursuer", type=named, help="agent that the pursuer of a lone --stage goes on from (default: none)"
+    )
     parser.add_argument(
         "--evader",
+        type=named,
         nargs="+",
         help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
         "evader of --stage self-play goes on from (default: none)",
@@ -46,7 +55,7 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
-    parser.add_argument("--out", type=Path, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
+    parser.add_argument("--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     parser.set_defaults(run=run_train)
 
@@ -54,7 +63,7 @@ def add_train(subparsers: Any) -> None:
 def add_resume(subparsers: Any) -> None:
     """The parser of `resume`."""
     parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of the run")
+    parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
     parser.set_defaults(run=run_resume)
 
 
@@ -79,7 +88,6 @@ def run_resume(options: argparse.Namespace) -> int:
     """Go on from a run's checkpoint."""
     from apollonius.learn.folder import load_config
 
-    require(options.folder.is_dir(), "DIR", options.folder, "the folder of a training run; check the path")
     return _train_and_judge(load_config(options.folder / "config.toml"), options.folder)
 
 
@@ -92,8 +100,6 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from apollonius.learn.folder import load_config
     from apollonius.learn.learner_config import PROFILES, SACConfig
 
-    require(options.preset in PRESETS, "--preset", options.preset, f"one of {', '.join(PRESETS)}")
-    require(options.profile in (None, *PROFILES), "--profile", options.profile, f"one of {', '.join(PROFILES)}")
     config = load_config(options.config) if options.config else PRESETS[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")
     bound = "left out with --algorithm sac, whose numbers a --config says"

@@ -15,6 +15,7 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import GameState, Outcome
+from apollonius.limits import GAMES, SEED
 from apollonius.playout import Report, Results, draw_starts, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
@@ -135,8 +136,8 @@ def record_game(
 
 def begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, PRNGKeyArray]:
     """The starts of a match, and the key of everything random in its games."""
-    require(games >= 1, "games", games, "at least 1")
-    require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
+    GAMES.require("games", games)
+    SEED.require("seed", seed)
     start_key, play_key = _keys(np.uint32(seed))
     if viable and not _starts_at_rest(game):
         return viable_starts(game, solve_viability(game), start_key, games), play_key

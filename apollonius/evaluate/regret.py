@@ -16,6 +16,7 @@ from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, distance, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
+from apollonius.limits import GAMES, SEED, TARGETS
 from apollonius.playout import play_out
 from apollonius.solve.reach import Chase, Reach, solve_reach
 from apollonius.solve.table_policy import TablePolicy
@@ -76,9 +77,10 @@ def measure_regret(
         InvalidInput: unless there is a target and `games` is a multiple of `targets`; where they leave no room.
     """
     game = chase.game
-    require(targets >= 1, "targets", targets, "at least 1")
-    require(games >= 1 and games % targets == 0, "games", games, f"a multiple of the {targets} targets")
-    require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
+    TARGETS.require("targets", targets)
+    GAMES.require("games", games)
+    require(games % targets == 0, "games", games, f"a multiple of the {targets} targets")
+    SEED.require("seed", seed)
     target_key, start_key, play_key = jax.random.split(jax.random.key(seed), 3)
     places = _reset_batch(game, target_key, games=targets).evader
     parts: list[dict[str, np.ndarray]] = []

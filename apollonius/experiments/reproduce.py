@@ -10,6 +10,7 @@ from apollonius.experiments.report import write_report
 from apollonius.experiments.study import Study
 from apollonius.experiments.training import train_missing
 from apollonius.learn.config import PRESETS
+from apollonius.limits import SEEDS, STUDY_GAMES
 
 EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, course, beyond)
 """In the order of the report."""
@@ -43,8 +44,8 @@ def reproduce(
             `resume` is not given.
     """
     require(budget in PRESETS, "--budget", budget, f"one of {', '.join(PRESETS)}")
-    require(seeds >= 1, "--seeds", seeds, "at least 1")
-    require(games >= 1, "--games", games, "at least 1")
+    SEEDS.require("--seeds", seeds)
+    STUDY_GAMES.require("--games x --seeds", games * seeds)
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)

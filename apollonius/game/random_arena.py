@@ -4,6 +4,7 @@ import numpy as np
 
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
+from apollonius.limits import DISCS, SEED
 
 _TRIES = 2000
 """Places tried for each disc."""
@@ -34,8 +35,8 @@ def random_arena(
         InvalidInput: for impossible numbers, and where so many discs find no room.
     """
     least, most = radius
-    require(discs >= 0, "discs", discs, "0 or more")
-    require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
+    DISCS.require("discs", discs)
+    SEED.require("seed", seed)
     require(gap >= 0, "gap", gap, "0 m or more")
     require(0 < least <= most, "radius", radius, "more than 0 m, the smallest first")
     require(

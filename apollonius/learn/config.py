@@ -10,6 +10,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.scheme import OpponentConfig
+from apollonius.limits import SEED
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class RunConfig:
     """Agent that the evader of a lone self-play goes on from; None is from scratch, as in Algorithm 2."""
 
     def __post_init__(self) -> None:
-        require(0 <= self.seed < 2**32, "seed", self.seed, "between 0 and 2^32 - 1")
+        SEED.require("seed", self.seed)
         past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Int, UInt8, UInt16
 
 from apollonius.game.outcome import is_captured
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
+from apollonius.limits import JOINT_HOLD
 from apollonius.solve.contest import Contest
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.motion import ends
@@ -16,8 +17,8 @@ from apollonius.solve.side import Side
 
 _NEVER = 255
 """Steps to a capture that does not come."""
-_MOST = 127
-"""Steps that fit above nine bits; a hold is shorter."""
+_MOST = JOINT_HOLD.most
+"""Steps that fit above nine bits; no hold is longer."""
 Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""
 

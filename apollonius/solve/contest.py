@@ -8,6 +8,7 @@ from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Real, RobotState, Role
+from apollonius.limits import JOINT_HOLD
 from apollonius.solve.event import first_event
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion, motion_of, worth_after
@@ -65,9 +66,10 @@ def make_contest(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, pa
             time to it counts.
 
     Raises:
-        InvalidInput: for an unknown payoff, or unless an action is held for at least one step.
+        InvalidInput: for an unknown payoff, and unless an action is held for 1 to 127 steps.
     """
     require(payoff in PAYOFFS, "payoff", payoff, f"one of {', '.join(PAYOFFS)}")
+    JOINT_HOLD.require("hold", hold)
     won, lost = PAYOFFS[payoff]
     pursuer, evader = motion_of(game, Role.PURSUER, hold), motion_of(game, Role.EVADER, hold)
     if role == Role.PURSUER:

@@ -5,13 +5,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Real, RobotState, Scalar
 
 AXES = ("x", "y", "v", "heading")
 """In the order in which a grid is written: `101x101x9x47`."""
+FEWER_NODES = "take fewer nodes"
+"""What to do about a grid that does not fit into memory."""
 
 
 class Grid(eqx.Module):
@@ -128,15 +130,3 @@ def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
     low = (float(arena.x_min), float(arena.y_min), float(body.v_min))
     high = (float(arena.x_max), float(arena.y_max), float(body.v_max))
     return Grid(low, high, (x, y, v, heading))
-
-
-def parse_counts(text: str) -> tuple[int, ...]:
-    """The numbers of nodes in a grid's name such as `101x101x9x47`.
-
-    Raises:
-        InvalidInput: for anything else.
-    """
-    parts = text.split("x")
-    if not all(part.isdecimal() for part in parts):
-        raise InvalidInput(f"grid = {text} is not possible: give the nodes along {', '.join(AXES)}, as 101x101x9x47.")
-    return tuple(int(part) for part in parts)

@@ -24,10 +24,12 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.errors import require
 from apollonius.game.types import NUM_ACTIONS, Role, Scalar
+from apollonius.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.contest import Contest
+from apollonius.solve.grid import FEWER_NODES
 from apollonius.solve.image import greatest, least
-from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
+from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed
 from apollonius.solve.motion import worth_after
 from apollonius.solve.side import Side, make_side
@@ -73,7 +75,7 @@ def make_sides(contest: Contest, bytes_per_pair: int) -> tuple[Side, Side]:
     """
     own, other = contest.grids
     require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
-    require_memory(own.name, own.size * other.size * bytes_per_pair)
+    require_memory("grid", own.name, own.size * other.size * bytes_per_pair, FEWER_NODES)
     roles = (contest.role, Role(1 - contest.role))
     first, second = (
         make_side(contest.game, role, grid, motion.steps, SLACK)

@@ -16,11 +16,17 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
+from apollonius.limits import require_memory
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion
 
 _ROUNDING = 2e-5
 """A move within this many cells of a whole number of them is whole: single precision tells no more."""
+
+_BYTES_PER_STATE = 40
+"""Memory of a state along a hold, and of what it is computed from."""
+_BYTES_PER_ROOM = 40
+"""Memory of the clearance of a step from a place, and of what it is computed from."""
 
 
 Choice = Callable[[list[Array]], Array]
@@ -97,7 +103,13 @@ def image_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Image:
     Args:
         slack: turns within this many cells of a whole number of them are taken as whole: where turns are a hundredth
             of a cell off, interpolation would blur headings more than that.
+
+    Raises:
+        InvalidInput: when the ways of the actions do not fit into memory.
     """
+    require_memory(
+        "hold", motion.steps, bytes_of_hold(motion, grid), "hold actions for fewer steps, or take fewer nodes"
+    )
     speeds, headings = grid.shape[:2]
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
@@ -119,6 +131,15 @@ def image_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Image:
         rest=jnp.asarray(rest, jnp.float32),
         margin=int(np.max(np.abs(cells))) + 1,
     )
+
+
+def bytes_of_hold(motion: Motion, grid: Grid) -> int:
+    """Memory that the ways of all actions take: the states, their clearances everywhere, and the grid's margins."""
+    (speeds, headings, *places), body = grid.shape, motion.body
+    farthest = max(abs(float(body.v_min)), abs(float(body.v_max))) * float(motion.seconds)
+    wide, high = (count + 2 * (farthest / float(apart) + 2) for count, apart in zip(places, grid.spacing, strict=False))
+    courses = speeds * headings * NUM_ACTIONS * (motion.steps + 1) * _BYTES_PER_STATE
+    return int(courses + places[0] * places[1] * motion.steps * _BYTES_PER_ROOM + speeds * headings * wide * high * 4)
 
 
 @eqx.filter_jit

@@ -1,6 +1,5 @@
 """Value iteration: sweeps until nothing moves, with what a person wants to know meanwhile."""
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +7,6 @@ from math import log
 
 from jaxtyping import Array, Float
 
-from apollonius.errors import InvalidInput
 from apollonius.game.types import Scalar
 
 Table = Float[Array, "..."]
@@ -71,21 +69,3 @@ def iterate(
         if residual <= tolerance:
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")
-
-
-def require_memory(grid: str, needed: int) -> None:
-    """Refuse a grid that this machine has no room for.
-
-    Args:
-        grid: its name.
-        needed: memory that solving takes [bytes].
-
-    Raises:
-        InvalidInput: with the memory needed and the memory there is.
-    """
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > available:
-        raise InvalidInput(
-            f"grid = {grid} needs {needed / 2**30:,.1f} GiB of memory and this machine has "
-            f"{available / 2**30:,.1f} GiB: take fewer nodes."
-        )

@@ -5,11 +5,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Action, Real, RobotState, Role, Scalar
+from apollonius.limits import HOLD
 
 HORIZON = 20.0
 """Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""
@@ -79,7 +79,7 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
     """The motion of one side's robot.
 
     Raises:
-        InvalidInput: unless an action is held for at least one step.
+        InvalidInput: unless an action is held for at least one step, and for no more than memory has room for.
     """
-    require(steps >= 1, "hold", steps, "at least 1 step of the game")
+    HOLD.require("hold", steps)
     return Motion(game.pursuer if role == Role.PURSUER else game.evader, game.arena, game.dt, steps)

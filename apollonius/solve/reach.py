@@ -23,9 +23,10 @@ from jaxtyping import Array, Bool, Float, Int
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Outcome, RobotState, Role, Scalar
+from apollonius.limits import require_memory
 from apollonius.solve.event import first_event
-from apollonius.solve.grid import Grid
-from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
+from apollonius.solve.grid import FEWER_NODES, Grid
+from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.motion import HORIZON, Motion, last, worth_after
 from apollonius.solve.side import Side, make_side
 
@@ -89,7 +90,7 @@ def make_chase(game: Game, grid: Grid, hold: int) -> Chase:
     Raises:
         InvalidInput: when it does not fit into memory.
     """
-    require_memory(grid.name, grid.size * BYTES_PER_NODE)
+    require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     side = make_side(game, Role.PURSUER, grid, hold)
     farthest = game.capture_distance + side.farthest
     reach = ceil(farthest / grid.spacing[0]) + 1, ceil(farthest / grid.spacing[1]) + 1

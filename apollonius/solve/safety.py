@@ -20,9 +20,10 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import BRAKING, Backup, Shielded, brakes
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
-from apollonius.solve.grid import Grid
+from apollonius.limits import require_memory
+from apollonius.solve.grid import FEWER_NODES, Grid
 from apollonius.solve.image import Image, image_of, rooms
-from apollonius.solve.iteration import Solved, Sweep, iterate, require_memory, silent
+from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
@@ -39,7 +40,7 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
     Raises:
         InvalidInput: when it does not fit into memory.
     """
-    require_memory(grid.name, grid.size * BYTES_PER_NODE)
+    require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
     image = image_of(motion, grid)
     room = rooms(motion, grid, image)

@@ -7,7 +7,8 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput
+from apollonius.limits import PORT
 
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 8600
@@ -54,7 +55,8 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
     Raises:
         InvalidInput: when the port cannot be had.
     """
-    require(port is None or 0 < port < 2**16, "--port", port, "between 1 and 65535")
+    if port is not None:
+        PORT.require("--port", port)
     wanted = range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,)
     handler = partial(FolderHandler, directory=str(folder))
     for candidate in wanted:

@@ -12,6 +12,7 @@ from apollonius.game.file import find_game, game_names
 from apollonius.game.game import Game
 from apollonius.game.record import to_dict
 from apollonius.game.types import Role
+from apollonius.limits import SEED
 
 PAGE = Path(__file__).parent / "page"
 """The page itself: HTML, CSS and plain JavaScript."""
@@ -50,7 +51,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     Raises:
         InvalidInput: for a game, a seed or a player there is not, or one that the page does not have.
     """
-    require(0 <= seed < 2**32, "seed", seed, "between 0 and 2^32 - 1")
+    SEED.require("seed", seed)
     rules = find_game(game)
     require(not rules.arena.map, "--game", game, "one without an occupancy map, which the page does not have")
     games = {} if game in game_names() else {Path(game).stem: rules}

@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from apollonius.errors import InvalidInput
 from apollonius.game.types import RobotState
-from apollonius.solve.grid import make_grid, parse_counts
+from apollonius.solve.grid import make_grid
 from tests.solve.small import BODY, SMALL, TINY
 
 GRID = make_grid(SMALL.arena, BODY, TINY)
@@ -51,16 +51,6 @@ def test_beyond_the_ends_it_is_the_value_of_the_end(table):
     beyond = robots([[0.7, 0.3, -1.4, 4.2], [0.6, 0.3, -1.0, 4.0]])
     found = jax.vmap(lambda robot: GRID.interpolate(jnp.asarray(table), robot))(beyond)
     assert found[0] == found[1]
-
-
-def test_a_written_grid_is_read():
-    assert parse_counts("101x51x9x47") == (101, 51, 9, 47)
-
-
-@pytest.mark.parametrize("text", ["", "fine", "10x10x9x", "10x-3x9x47", "10.5x10x9x47"])
-def test_what_is_no_grid_is_refused(text):
-    with pytest.raises(InvalidInput, match="101x101x9x47"):
-        parse_counts(text)
 
 
 @pytest.mark.parametrize("counts", [(10, 10, 9), (1, 10, 9, 47), (10, 10, 9, 2)])
