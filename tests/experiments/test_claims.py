@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import rate_difference_interval, rate_interval, wilson_interval
+from apollonius.evaluate.statistics import rate_difference_interval, rate_interval, seeds_interval, wilson_interval
 from apollonius.experiments.claims import Claim, difference_claim, rate_claim
+from tests.documents import REPOSITORY
 
 
 @pytest.mark.parametrize(
@@ -59,3 +60,32 @@ def test_seeds_that_agree_are_as_sure_as_their_games_and_no_surer():
     assert claim.interval == wilson_interval(0, 6000)
     assert claim.interval[1] > 0
     assert claim.verdict == "holds"
+
+
+HEAD = "| claim | paper | to reach | mean | 95 % interval | by seed | verdict |"
+
+
+def rows_of_three_seeds():
+    """Of the tables of three seeds in the documents: the games of each, and its cells."""
+    text = (REPOSITORY / "docs" / "results.md").read_text()
+    for games, table in zip((10_000, 2_000), text.split(HEAD)[1:], strict=True):
+        for line in table.split("\n\n")[0].strip().splitlines()[1:]:
+            yield games, [cell.strip() for cell in line.strip("|").split("|")]
+
+
+@pytest.mark.parametrize(
+    ("games", "cells"), [*rows_of_three_seeds()], ids=lambda of: of if isinstance(of, int) else of[0]
+)
+def test_intervals_and_verdicts_in_the_documents_follow_from_the_seeds(games, cells):
+    name, paper, bound, mean, interval, by_seed, verdict = cells
+    values = [float(value) / 100 for value in by_seed.split(", ")]
+    (side, least), (low, high) = bound.removeprefix("at ").split(), interval.split(" to ")
+    if "minus" in name:
+        expected = seeds_interval(values)
+        claim = Claim(name, "", float(paper) / 100, float(least) / 100, side == "most", (), expected)
+    else:
+        counts = [(round(value * games), games) for value in values]
+        claim = rate_claim(name, "", float(paper) / 100, float(least) / 100, counts, side == "most")
+    assert 100 * np.mean(values) == pytest.approx(float(mean), abs=0.1)
+    assert [float(low), float(high)] == pytest.approx([100 * end for end in claim.interval], abs=0.11)
+    assert claim.verdict == verdict
