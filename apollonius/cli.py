@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from apollonius.commands.arena import add_arena
 from apollonius.commands.bench import add_bench
@@ -24,11 +24,15 @@ from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
 from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
 
-COMMANDS = (
-    add_train, add_resume, add_evaluate, add_simulate, add_tournament, add_exploit, add_solve, add_regret, add_show,
-    add_slice, add_report, add_play, add_arena, add_export, add_reproduce, add_bench,
-)  # fmt: skip
-"""In the order of the help."""
+COMMANDS = {
+    "Learn": (add_train, add_resume),
+    "Judge": (add_evaluate, add_tournament, add_exploit, add_simulate),
+    "Solve": (add_solve, add_regret),
+    "Watch and play": (add_show, add_play, add_slice, add_report),
+    "Arenas and robots of your own": (add_arena, add_export),
+    "The paper, and speed": (add_reproduce, add_bench),
+}
+"""By purpose, in the order of the help."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -63,8 +67,34 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command."""
-    parser = OneLineParser(prog="apollonius", description="Learn, solve and play pursuit-evasion games.")
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=OneLineParser)
-    for add in COMMANDS:
-        add(subparsers)
+    parser = OneLineParser(
+        prog="apollonius",
+        usage="apollonius COMMAND ...",
+        description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subparsers = parser.add_subparsers(
+        dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
+        parser_class=OneLineParser,
+    )  # fmt: skip
+    groups = []
+    for purpose, commands in COMMANDS.items():
+        group = _Group(subparsers)
+        for add in commands:
+            add(group)
+        groups.append("\n".join([f"{purpose}:", *group.lines]))
+    parser.epilog = "\n\n".join([*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"])
     return parser
+
+
+class _Group:
+    """Commands of one purpose: a line each in the help of the whole, which heads their own help too."""
+
+    def __init__(self, subparsers: Any) -> None:
+        self._subparsers = subparsers
+        self.lines: list[str] = []
+
+    def add_parser(self, name: str, help: str) -> argparse.ArgumentParser:
+        """A parser for the command of this name, with a line of what it is for."""
+        self.lines.append(f"  {name:<12}{help}")
+        return self._subparsers.add_parser(name, description=f"{help[0].upper()}{help[1:]}.")

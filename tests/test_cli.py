@@ -16,7 +16,7 @@ from safetensors.numpy import load_file, save_file
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
-from apollonius.cli import main
+from apollonius.cli import COMMANDS, main
 from apollonius.game.presets import make_game
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
@@ -117,6 +117,21 @@ def test_help_imports_nothing_that_takes_time():
     assert result.stdout.endswith("imported: []\n")
 
 
+def test_help_names_every_command_once_under_what_it_is_for(capsys):
+    assert run_main("--help") == 0
+    lines = capsys.readouterr().out.splitlines()
+    headings = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
+    assert headings[1:] == [f"{purpose}:" for purpose in COMMANDS]
+    named = [line.split()[0] for line in lines if line.startswith("  ") and not line.strip().startswith("-")]
+    assert len(named) == len(set(named)) == sum(map(len, COMMANDS.values()))
+    assert max(map(len, lines)) <= 100
+
+
+def test_the_help_of_a_command_begins_with_what_it_is_for(capsys):
+    assert run_main("show", "--help") == 0
+    assert "\nA game as a picture or an animation" in capsys.readouterr().out
+
+
 def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
     assert run_main("evaluate", "random", "random", "--games", "200", "--seed", "3", "--json") == 0
     printed = capsys.readouterr()
@@ -147,7 +162,10 @@ def test_evaluate_prints_a_table(capsys):
 
 def test_evaluate_records_the_games_that_the_pursuer_lost_first(capsys):
     assert run_main("evaluate", "random", "random", "--games", "30", "--seed", "4", "--record", "3", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["games"] == 30
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["games"] == 30
+    told = printed.err.splitlines()
+    assert {line.split(" (")[0] for line in told} == {f"wrote {path}" for path in Path("replays").iterdir()}
     replays = [load_replay(path) for path in Path("replays").iterdir()]
     assert len({replay.index for replay in replays}) == 3
     assert {replay.outcome for replay in replays} <= {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE}
@@ -160,9 +178,10 @@ def test_show_writes_one_game_in_every_form(capsys):
     replay = load_replay(Path("new/game.json"))
     assert told.startswith("shielded:random against random: ")
     assert replay.outcome.name.lower().replace("_", " ") in told
-    for name in ("game.png", "game.gif"):
-        assert run_main("show", "new/game.json", "--out", name) == 0
-        assert Path(name).stat().st_size > 1000
+    for name, speed in (("game.png", []), ("game.gif", ["--speed", "4"])):
+        assert run_main("show", "new/game.json", "--out", name, *speed) == 0
+        size = Path(name).stat().st_size
+        assert capsys.readouterr().err.splitlines()[0] == f"wrote {name} ({size / 1000:.0f} kB)"
     assert run_main("show", "shielded:random", "random", "--seed", "7", "--out", "again.json") == 0
     assert Path("again.json").read_bytes() == Path("new/game.json").read_bytes()
     capsys.readouterr()
@@ -176,7 +195,10 @@ def test_show_writes_one_game_in_every_form(capsys):
 def test_slice_draws_an_agent_of_either_side(agent, capsys):
     for name in ("P.safetensors", "E.safetensors"):
         assert run_main("slice", name, "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
-        assert capsys.readouterr().out == f"{name} over the arena; new/s.png\n"
+        told = capsys.readouterr().err.splitlines()
+        assert told[0].startswith("wrote new/s.png (")
+        assert told[1].startswith("next: apollonius show ")
+        assert name in told[1].split()
         assert Path("new/s.png").read_bytes().startswith(b"\x89PNG")
         Path("new/s.png").unlink()
 
@@ -210,6 +232,9 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["resume", "nowhere"], ["nowhere"]),
         (["evaluate", "random", "still", "--games", "5", "--record", "6"], ["--record = 6", "--games = 5"]),
         (["show", "random", "still", "--out", "game.avi"], ["game.avi", ".png", ".gif", ".json"]),
+        (["show", "random", "still", "--out", "game.png", "--speed", "2"], ["--speed = 2", ".gif, .webp, .mp4"]),
+        (["show", "random", "still", "--out", "game.gif", "--speed", "0"], ["--speed = 0", "0.05 to 100"]),
+        (["show", "random", "still", "--out", "game.gif", "--speed", "nan"], ["--speed", "nan"]),
         (["show", "nowhere.json"], ["nowhere.json", "check the path"]),
         (["report", "nowhere"], ["RUN = nowhere", "check the path"]),
         (["report", "."], ["RUN = .", "a training run or a reproduction"]),
@@ -335,6 +360,9 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
     printed = capsys.readouterr()
     assert "P_stage1 (pursuer) against still (evader)" in printed.out
     assert "100.0%" in printed.err
+    wrote, then = printed.err.splitlines()[-2:]
+    assert wrote.startswith("wrote run (")
+    assert then == "next: apollonius report run"
     assert set(json.loads(Path("run/evaluation.json").read_text())) == {"P_stage1 against still"}
     agent = Path("run/agents/P_stage1.safetensors").read_bytes()
     metrics = Path("run/metrics.jsonl").read_text().splitlines()

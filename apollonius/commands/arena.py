@@ -2,8 +2,11 @@
 
 import argparse
 import json
+from pathlib import Path
 from typing import Any
 
+from apollonius.commands.ending import command, finish
+from apollonius.commands.options import plots
 from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
@@ -44,6 +47,7 @@ def run_list(options: argparse.Namespace) -> int:
     if options.out:
         options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery({name: find_game(name) for name in game_names()}, options.out)
+        finish(options.out, then=command("show", "intercept", "flee-aware", "--game", "office", "--out", "office.gif"))
     return 0
 
 
@@ -51,12 +55,16 @@ def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
     from apollonius.game.file import find_game
     from apollonius.game.survey import survey
-    from apollonius.show.plan import save_plan
 
-    found = survey(find_game(options.game))
+    game = find_game(options.game)
     if options.out:
+        with plots():
+            from apollonius.show.plan import save_plan
+        found = survey(game)
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        save_plan(found, options.out)
+        save_plan(Path(options.game).stem, game, found, options.out)
+    else:
+        found = survey(game)
     if options.json:
         print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": found.notes}))
     else:
@@ -66,6 +74,12 @@ def run_check(options: argparse.Namespace) -> int:
             print(f"note: {line}")
         if not found.wrong:
             print(f"{options.game}: nothing is wrong with this arena")
+    if options.out:
+        again = command("arena", "check", options.game, "--out", options.out)
+        watch = command(
+            "show", "intercept", "flee-aware", "--game", options.game, "--out", options.out.with_suffix(".gif")
+        )
+        finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
 
 
@@ -88,5 +102,6 @@ def run_random(options: argparse.Namespace) -> int:
     width, height = options.size
     arena = random_arena(options.discs, options.seed, gap=options.gap, width=width, height=height)
     write_atomically(options.out, tomli_w.dumps(to_dict(replace(game, arena=arena))).encode())
-    print(f"{options.out}: {options.discs} discs, passages of {options.gap:g} m and more")
+    print(f"{options.discs} discs, passages of {options.gap:g} m and more")
+    finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0

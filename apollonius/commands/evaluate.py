@@ -4,6 +4,7 @@ import argparse
 import json
 from typing import Any
 
+from apollonius.commands.ending import finish_with_replays
 from apollonius.commands.options import add_match_options, requested_match
 
 
@@ -26,12 +27,15 @@ def run_evaluate(options: argparse.Namespace) -> int:
     result = count(game, results, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
+    written = []
     for index in worst_first(results)[: options.record]:
         replay = record_game(game, pursuer, evader, options.games, options.seed, index, viable)
-        save_replay(replay, options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
+        written.append(options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
+        save_replay(replay, written[-1])
     if options.json:
         match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         print(json.dumps(match | {"seed": options.seed} | result.to_dict()))
     else:
         print(match_table(pursuer.name, evader.name, result))
+    finish_with_replays(written, options)
     return 0

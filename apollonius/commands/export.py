@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.commands.ending import command, finish
 from apollonius.commands.values import named, new_file
 from apollonius.errors import InvalidInput, require
 
@@ -80,8 +81,12 @@ def run_export(options: argparse.Namespace) -> int:
     out.parent.mkdir(parents=True, exist_ok=True)
     for file, content in files.items():
         write_atomically(out.with_name(file.name), content)
-    written = " and ".join(str(out.with_name(file.name)) for file in files)
-    print(f"{blueprint.title} is in {written}", *checked, sep="\n")
+    print(blueprint.title, *checked, sep="\n")
+    sides = (name, "random") if agent.header.role == "pursuer" else ("random", name)
+    finish(
+        *(out.with_name(file.name) for file in files),
+        then=f"see what becomes of it on a robot with a body: {command('simulate', *sides, '--games', 300)}",
+    )
     return 0
 
 

@@ -43,6 +43,13 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def chosen_rules(options: argparse.Namespace) -> list[str]:
+    """The words that choose the game and its starts in another command, where they are not the usual ones."""
+    usual = {"game": "paper", "starts": "rest"}
+    chosen = {name: getattr(options, name, usual[name]) for name in usual}
+    return [word for name, value in chosen.items() if value != usual[name] for word in (f"--{name}", value)]
+
+
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
     """Two players, how many games they play and from where, and what is told and kept of them."""
     parser.add_argument("pursuer", type=named, metavar="PURSUER", help=AGENT)

@@ -6,6 +6,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
+from apollonius.commands.ending import finish
 from apollonius.commands.values import count, named, new_folder
 from apollonius.limits import PORT, SEED
 
@@ -51,7 +52,7 @@ def run_play(options: argparse.Namespace) -> int:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         write_site(options.site, choice)
-        print(f"the page is {options.site / 'index.html'}: put the folder on any web host")
+        finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0
     with tempfile.TemporaryDirectory() as folder:
         write_site(Path(folder), choice)

@@ -5,6 +5,7 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
+from apollonius.commands.ending import finish_with_replays
 from apollonius.commands.options import (
     AGENT,
     add_game_options,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 def add_regret(subparsers: Any) -> None:
     """The parser of `regret`."""
     parser = subparsers.add_parser(
-        "regret", help="how far an agent is from the fastest capture of a standing target, or from a solved game"
+        "regret", help="how far an agent is from what is solved: standing targets, or the game of two"
     )
     parser.add_argument("agent", type=named, metavar="AGENT", help=AGENT)
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="number of games (default: %(default)s)")
@@ -114,12 +115,15 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
+    written = []
     for lost in card.worst[: options.record]:
         replay = record_game(game, pursuer, evader, options.games, options.seed, lost["game"])
-        save_replay(replay, options.replays / f"game-{lost['game']}-{lost['outcome']}.json")
+        written.append(options.replays / f"game-{lost['game']}-{lost['outcome']}.json")
+        save_replay(replay, written[-1])
     if options.json:
         about = {"agent": agent.name, "game": options.game, "starts": options.starts, "seed": options.seed}
         print(json.dumps(about | {"tables": [path.name for path in options.tables]} | card.to_dict()))
     else:
         print(card_table(agent.name, card))
+    finish_with_replays(written, options)
     return 0

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from apollonius.commands.ending import finish
 from apollonius.commands.options import plots
 from apollonius.commands.values import existing_folder, new_file
 from apollonius.errors import require
@@ -37,5 +38,5 @@ def run_report(options: argparse.Namespace) -> int:
     page = study_page(folder) if is_study else training_page(folder)
     out.parent.mkdir(parents=True, exist_ok=True)
     save_page(page, out)
-    print(f"the report is {out}: open it in a browser")
+    finish(out, then=f"open {out} in a browser")
     return 0

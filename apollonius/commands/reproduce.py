@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from apollonius.commands.ending import command, finish
 from apollonius.commands.options import INTERRUPTED, LENGTHS, PLACES, PLACES_HELP, plots
 from apollonius.commands.values import count, new_folder
 from apollonius.limits import GAMES, SEEDS
@@ -35,5 +36,5 @@ def run_reproduce(options: argparse.Namespace) -> int:
     if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):
         print(f"stopped; go on with: {again}", file=sys.stderr)
         return INTERRUPTED
-    print(f"the report is {folder / 'report.md'}, its numbers are in {folder / 'results.json'}")
+    finish(folder / "report.md", folder / "results.json", then=command("report", folder))
     return 0

@@ -5,8 +5,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.options import AGENT, add_game_options, plots, requested_game
-from apollonius.commands.values import named, new_file
+from apollonius.commands.ending import command, finish
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game
+from apollonius.commands.values import named, new_file, real
+from apollonius.errors import require
 
 FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
 """How the names of its files end."""
@@ -22,14 +24,22 @@ def add_show(subparsers: Any) -> None:
         "--out", type=new_file(*FORMATS), default="game.gif",
         help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1, real time)"
+    )
     parser.set_defaults(run=run_show)
 
 
 def run_show(options: argparse.Namespace) -> int:
     """One game, drawn or written as a replay."""
-    from apollonius.replay import load_replay, save_replay
-    from apollonius.show.animation import save_animation
+    from apollonius.replay import describe_end, load_replay, save_replay
+    from apollonius.show import animation
 
+    if options.speed is not None:
+        moving = f"left out, as only {', '.join(animation.FORMATS)} move"
+        require(options.out.suffix in animation.FORMATS, "--speed", options.speed, moving)
+        possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
+        require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
         first = replay.first_difference()
@@ -52,8 +62,15 @@ def run_show(options: argparse.Namespace) -> int:
             from apollonius.show.arena import save_picture
         save_picture(replay, options.out)
     else:
-        save_animation(replay, options.out)
-    steps, outcome = len(replay.actions), replay.outcome.name.lower().replace("_", " ")
-    seconds = steps * float(replay.game.dt)
-    print(f"{replay.pursuer} against {replay.evader}: {outcome} after {seconds:.1f} s ({steps} steps); {options.out}")
+        animation.save_animation(replay, options.out, options.speed or 1.0)
+    print(
+        f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} ({len(replay.actions)} steps)"
+    )
+    if options.out.suffix == ".json":
+        then = command("show", options.out, "--out", options.out.with_suffix(".gif"))
+    elif options.evader is None:
+        then = command("play")
+    else:
+        then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
+    finish(options.out, then=then)
     return 0

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.commands.ending import finish_with_replays
 from apollonius.commands.options import add_match_options, requested_match
 from apollonius.commands.values import existing_file
 from apollonius.errors import InvalidInput
@@ -46,9 +47,11 @@ def run_simulate(options: argparse.Namespace) -> int:
         comparisons[kind] = compare(game, rules, other, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
+    written = []
     for index in worst_first(simulated.results)[: options.record]:
         replay = record_course(simulated, game, (pursuer.name, evader.name), options.seed, index)
-        save_replay(replay, options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
+        written.append(options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
+        save_replay(replay, written[-1])
     if options.json:
         asked = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
@@ -58,6 +61,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         print(_table(comparisons["as it is"]))
         for kind, comparison in list(comparisons.items())[1:]:
             print(f"{kind}:", *_differences(comparison), sep="\n")
+    finish_with_replays(written, options)
     return 0
 
 

@@ -5,7 +5,8 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.options import plots
+from apollonius.commands.ending import command, finish
+from apollonius.commands.options import chosen_rules, plots
 from apollonius.commands.values import named, new_file, real
 
 
@@ -54,5 +55,8 @@ def run_slice(options: argparse.Namespace) -> int:
         player, agent, path = find_valued(options.agent)
         role = Role[agent.header.role.upper()]
     save_slice(player, role, path.stem, game, own, opponent, options.out)
-    print(f"{options.agent} over the arena; {options.out}")
+    players = (options.agent, "random") if role == Role.PURSUER else ("random", options.agent)
+    finish(
+        options.out, then=command("show", *players, *chosen_rules(options), "--out", options.out.with_suffix(".gif"))
+    )
     return 0

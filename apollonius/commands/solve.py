@@ -5,11 +5,14 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import add_grid_options, requested_grid
+from apollonius.commands.ending import command, finish
+from apollonius.commands.options import add_grid_options, chosen_rules, plots, requested_grid
 from apollonius.commands.values import named, new_file, real, require_writable
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from apollonius.game.game import Game
     from apollonius.game.types import Role
     from apollonius.solve.store import Problem, Solution
@@ -43,6 +46,9 @@ def add_solve(subparsers: Any) -> None:
         type=new_file(".npz"),
         help="file of the table; what it holds is not solved again (default: WHAT-GAME.npz)",
     )
+    parser.add_argument(
+        "--plot", type=new_file(".png"), metavar="FILE", help="draw what was solved as .png: two maps of the arena"
+    )
     parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_solve)
@@ -66,8 +72,11 @@ def run_solve(options: argparse.Namespace) -> int:
     )
     role = Role[(options.role or "pursuer").upper()]
     problem = _game_problem(options, game, role) if what == "game" else _robot_problem(options, game, role)
+    if options.plot:
+        _drawing()
     path: Path = options.out or Path(f"{what}-{Path(options.game).stem}.npz")
     require_writable("--out", path.parent)
+    written: list[Path] = []
     if path.exists() and not options.force:
         solution = load_solution(path)
         if solution.problem != problem:
@@ -76,6 +85,11 @@ def run_solve(options: argparse.Namespace) -> int:
         solution = _solve(problem, game, role)
         path.parent.mkdir(parents=True, exist_ok=True)
         save_solution(solution, path)
+        written.append(path)
+    if options.plot:
+        options.plot.parent.mkdir(parents=True, exist_ok=True)
+        _drawing()(solution, game, options.plot)
+        written.append(options.plot)
     facts = {
         "grid": "x".join(map(str, problem.counts)),
         "hold [s]": round(problem.hold * float(game.dt), 6),
@@ -89,7 +103,27 @@ def run_solve(options: argparse.Namespace) -> int:
     else:
         for name, value in facts.items():
             print(f"{name:<52} {value:.4g}" if isinstance(value, float) else f"{name:<52} {value}")
+    if written:
+        finish(*written, then=_next(options, path, role), json=options.json)
     return 0
+
+
+def _drawing() -> "Callable[[Solution, Game, Path], None]":
+    """What draws a solution; refused, before anything is solved, where what it needs is missing."""
+    with plots():
+        from apollonius.show.solution import save_solution_maps
+    return save_solution_maps
+
+
+def _next(options: argparse.Namespace, path: Path, role: "Role") -> str:
+    """What to do with a table."""
+    rules = chosen_rules(options)
+    if options.what == "game":
+        players = (path, "random") if role.name == "PURSUER" else ("random", path)
+        return command("evaluate", *players, *rules, "--games", 100)
+    if options.what == "reach":
+        return command("regret", "P_stage1", *rules, "--games", 1000)
+    return command("evaluate", "P_curriculum", "random", *rules, "--starts", "viable")
 
 
 def _robot_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "Problem":

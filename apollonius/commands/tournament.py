@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.options import AGENT, add_game_options, plots, requested_game
+from apollonius.commands.ending import command, finish
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game
 from apollonius.commands.values import count, named, new_file, new_folder
 from apollonius.limits import GAMES
 
@@ -65,12 +66,24 @@ def run_tournament(options: argparse.Namespace) -> int:
     viable = options.starts == "viable"
     tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep)
     if options.plot:
+        options.plot.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(tournament, options.plot)
     if options.json:
         settings = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
         print(json.dumps(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
     else:
         print(tournament_table(tournament))
+    written = [path for path in (options.plot, options.keep) if path]
+    if written:
+        ratings = tournament.ratings
+        best = [
+            (asked or names)[points.tolist().index(max(points))]
+            for asked, names, points in (
+                (options.pursuers, tournament.pursuers, ratings.pursuers),
+                (options.evaders, tournament.evaders, ratings.evaders),
+            )
+        ]
+        finish(*written, then=command("show", *best, *chosen_rules(options), "--out", "best.gif"), json=options.json)
     return 0
 
 

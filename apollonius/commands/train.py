@@ -2,12 +2,12 @@
 
 import argparse
 import json
-import os
 import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.commands.ending import command, finish
 from apollonius.commands.options import INTERRUPTED, LENGTHS
 from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
@@ -167,4 +167,4 @@ def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
         record[f"{name} against {opponent}"] = result.to_dict()
         print(match_table(name, opponent, result), end="\n\n")
     write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
-    print(f"agents and metrics are in {folder}{os.sep}")
+    finish(folder, then=command("report", folder))

@@ -1,7 +1,9 @@
 """A game as a moving picture: GIF or WebP, or MP4 with the `video` extra. Needs no display."""
 
+import math
 import warnings
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,41 +12,57 @@ from PIL import Image, ImageColor
 
 from apollonius.errors import InvalidInput, require
 from apollonius.replay import Replay
-from apollonius.show.canvas import Canvas
+from apollonius.show.caption import Captioned
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 
 FORMATS = (".gif", ".webp", ".mp4")
-_LAST_SECONDS = 1.5
+SLOWEST, FASTEST = 0.05, 100.0
+"""Seconds of the game that may be shown in one."""
+_SHORTEST = 0.02
+"""Least time that a picture is shown [s]: browsers take what is less for a mistake, and show it for 0.1 s."""
+_LAST_SECONDS = 2.0
 """How long the end is shown."""
 
 
-def save_animation(replay: Replay, path: Path) -> None:
-    """Write a game in real time, or as near to it as the format allows.
+def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
+    """Write a game.
+
+    Args:
+        speed: seconds of the game in one: 1 is real time. Where that asks for too many pictures a second, some steps
+            are left out; the last one never is.
 
     Raises:
-        InvalidInput: for another ending than `FORMATS`, and for MP4 where `imageio-ffmpeg` is not installed.
+        InvalidInput: for another ending than `FORMATS` or an impossible speed, and for MP4 where `imageio-ffmpeg` is
+            not installed.
     """
-    require(path.suffix in FORMATS, "--out", path, f"a file that ends in one of {', '.join(FORMATS)}")
+    require(path.suffix in FORMATS, "path", path, f"a file that ends in one of {', '.join(FORMATS)}")
+    require(SLOWEST <= speed <= FASTEST, "speed", speed, f"from {SLOWEST:g} to {FASTEST:g} times real time")
     path.parent.mkdir(parents=True, exist_ok=True)
-    step_ms = round(1000 * float(replay.game.dt))
-    pictures = list(frames(replay))
+    last, pace = len(replay.actions), float(replay.game.dt) / speed
+    steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
+    pictures = list(frames(replay, steps, speed))
     if path.suffix == ".mp4":
-        _save_mp4(pictures, path, round(1000 / step_ms))
+        _save_mp4(pictures, path, 1 / (pace * (steps[1] - steps[0])))
         return
-    durations = [step_ms] * (len(pictures) - 1) + [round(1000 * _LAST_SECONDS)]
+    # Rounded to what the format knows, in such a way that nothing adds up.
+    tick, shortest = 10 if path.suffix == ".gif" else 1, round(1000 * _SHORTEST)
+    ends = [tick * round(1000 * pace * step / tick) for step in steps]
+    durations = [*(max(after - before, shortest) for before, after in pairwise(ends)), round(1000 * _LAST_SECONDS)]
     if path.suffix == ".gif":
         palette = _palette()
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    options: dict[str, Any] = {"optimize": False} if path.suffix == ".gif" else {"method": 0, "quality": 80}
+    options: dict[str, Any] = {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
 
 
-def frames(replay: Replay) -> Iterator[Image.Image]:
-    """A picture for every state of a game."""
-    canvas = Canvas(replay.game)
-    for state in replay.states.tolist():
-        canvas.move(state)
-        yield canvas.picture()
+def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
+    """A picture for each of these steps of a game, or for every one; all in between leave their trail."""
+    picture, last = Captioned(replay, speed), len(replay.actions)
+    shown = set(range(last + 1) if steps is None else steps)
+    for step, state in enumerate(replay.states.tolist()):
+        picture.move(state)
+        if step in shown:
+            yield picture.at(step)
 
 
 def _palette() -> Image.Image:
@@ -61,21 +79,19 @@ def _palette() -> Image.Image:
     return palette
 
 
-def _save_mp4(pictures: list[Image.Image], path: Path, per_second: int) -> None:
+def _save_mp4(pictures: list[Image.Image], path: Path, per_second: float) -> None:
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:
         raise InvalidInput("MP4 needs imageio-ffmpeg: pip install 'apollonius[video]', or use .gif.") from error
-    size = pictures[0].size
-    # H.264 halves the resolution of colours: both sides must be even.
-    even = (size[0] // 2 * 2, size[1] // 2 * 2)
     writer = imageio_ffmpeg.write_frames(
-        str(path), even, fps=per_second, macro_block_size=2, ffmpeg_log_level="error",
+        str(path), pictures[0].size, fps=per_second,  # pyright: ignore[reportArgumentType]  # ffmpeg takes parts too
+        macro_block_size=2, ffmpeg_log_level="error",
         output_params=["-preset", "veryfast"],
     )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # JAX fears a fork, but this one becomes ffmpeg at once
         writer.send(None)
     for picture in [*pictures, *pictures[-1:] * round(_LAST_SECONDS * per_second)]:
-        writer.send(np.ascontiguousarray(picture.crop((0, 0, *even))))
+        writer.send(np.ascontiguousarray(picture))
     writer.close()

@@ -12,18 +12,19 @@ from apollonius.show import palette, style
 def draw_tournament(tournament: Tournament, path: Path) -> None:
     """Save three panels: the pursuers' win rates, Elo ratings with 95 % intervals, shares in the equilibrium."""
     players = len(tournament.pursuers) + len(tournament.evaders)
-    with style.picture(path, columns=3, width=4.6, height=max(3.0, 1.0 + 0.24 * players)) as (table, elo, shares):
+    height = max(3.4, 1.6 + 0.24 * players)
+    with style.picture(path, columns=3, width=4.8, height=height) as (table, elo, shares):
         draw_win_rates(table, tournament)
         draw_ratings(elo, tournament)
         mixed = tournament.equilibrium
         _bars(shares, tournament, 100 * mixed.rows, 100 * mixed.columns)
-        shares.set_title(f"share in equilibrium [%]; the pursuer wins {mixed.value:.1%}")
+        shares.set_title(f"who is played in equilibrium: there the pursuer wins {mixed.value:.1%}")
 
 
 def draw_win_rates(axes: Axes, tournament: Tournament) -> None:
     """The pursuers' win rates [%], a row each, as colours and figures."""
     rates = 100 * tournament.win_rates
-    axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
+    colours = axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
     axes.set_xticks(range(len(tournament.evaders)), tournament.evaders, rotation=45, ha="right", fontsize=7)
     axes.set_yticks(range(len(tournament.pursuers)), tournament.pursuers, fontsize=7)
     axes.grid(visible=False)
@@ -31,25 +32,39 @@ def draw_win_rates(axes: Axes, tournament: Tournament) -> None:
         for (row, column), value in np.ndenumerate(rates):
             colour = "white" if abs(value - 50) > 35 else palette.INK
             axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=colour)
-    axes.set_title("the pursuer wins [% of games]")
+    axes.set_xlabel("evader")
+    axes.set_ylabel("pursuer")
+    axes.set_title("who beats whom")
+    label = "the pursuer wins [% of games]"
+    axes.figure.colorbar(colours, ax=axes, location="bottom", label=label, fraction=0.05, aspect=30)
 
 
 def draw_ratings(axes: Axes, tournament: Tournament) -> None:
     """Elo ratings of both sides, each with its 95 % interval."""
     ratings = tournament.ratings
-    for points, reach, first, colour in (
-        (ratings.pursuers, ratings.pursuer_reach, 0, palette.PURSUER),
-        (ratings.evaders, ratings.evader_reach, len(tournament.pursuers), palette.EVADER),
+    for points, reach, first, colour, label, sign in (
+        (ratings.pursuers, ratings.pursuer_reach, 0, palette.PURSUER, "pursuers", "o"),
+        (ratings.evaders, ratings.evader_reach, len(tournament.pursuers), palette.EVADER, "evaders", "D"),
     ):
-        axes.errorbar(points, first + np.arange(len(points)), xerr=reach, fmt="o", color=colour, markersize=4)
+        lines = first + np.arange(len(points))
+        axes.errorbar(points, lines, xerr=reach, fmt=sign, color=colour, markersize=4, label=label)
     _name_players(axes, tournament)
-    axes.set_title("Elo")
+    axes.set_xlabel("Elo [points], with 95 % intervals")
+    axes.set_title("how strong everyone is")
 
 
 def _bars(axes: Axes, tournament: Tournament, pursuers: np.ndarray, evaders: np.ndarray) -> None:
-    axes.barh(np.arange(len(pursuers)), pursuers, color=palette.PURSUER)
-    axes.barh(len(pursuers) + np.arange(len(evaders)), evaders, color=palette.EVADER)
+    axes.barh(np.arange(len(pursuers)), pursuers, color=palette.PURSUER, label="pursuers")
+    axes.barh(
+        len(pursuers) + np.arange(len(evaders)),
+        evaders,
+        color=palette.EVADER,
+        label="evaders",
+        hatch="///",
+        edgecolor=palette.PAPER,
+    )
     _name_players(axes, tournament)
+    axes.set_xlabel("share of the mixture [%]")
 
 
 def _name_players(axes: Axes, tournament: Tournament) -> None:
@@ -57,3 +72,4 @@ def _name_players(axes: Axes, tournament: Tournament) -> None:
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)

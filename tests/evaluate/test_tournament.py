@@ -87,12 +87,14 @@ def test_the_command_prints_the_table_or_one_json_object(capsys):
 
 def test_the_command_draws_the_tournament(tmp_path, capsys):
     arguments = ["tournament", "--pursuers", "random", "--evaders", "still", "--games", "3", "--seed", "1"]
-    assert main([*arguments, "--plot", str(tmp_path / "all.png")]) == 0
-    assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
-    capsys.readouterr()
-    for refused, complaint in (("all.svg", "a .png file"), ("none/all.png", "in a folder that is there")):
-        assert main([*arguments, "--plot", str(tmp_path / refused)]) == 2
-        assert complaint in capsys.readouterr().err
+    assert main([*arguments, "--plot", str(tmp_path / "new" / "all.png")]) == 0
+    assert (tmp_path / "new" / "all.png").read_bytes().startswith(b"\x89PNG")
+    wrote, then = capsys.readouterr().err.splitlines()[-2:]
+    assert wrote.startswith(f"wrote {tmp_path / 'new' / 'all.png'} (")
+    assert then == "next: apollonius show random still --out best.gif"
+    with pytest.raises(SystemExit):
+        main([*arguments, "--plot", str(tmp_path / "all.svg")])
+    assert "a file that ends in .png" in capsys.readouterr().err
 
 
 def test_the_command_refuses_a_player_before_anything_is_played(capsys):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PIL import Image, ImageColor
+from matplotlib.figure import Figure
 
 from apollonius.cli import main
 from apollonius.game.arena import Arena, Disc
@@ -15,8 +15,7 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.survey import survey
-from apollonius.show.palette import EVADER, OBSTACLE, OTHER, PAPER
-from apollonius.show.plan import save_plan
+from apollonius.show.plan import KINDS, kinds_of_places, save_plan
 
 WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))
 """Discs across the whole arena, from wall to wall."""
@@ -109,20 +108,27 @@ def test_bodies_that_overlap_before_they_are_caught_are_noted():
     assert "capture_distance = 0.3 m is less than both radii together, 0.4 m" in found.notes[0]
 
 
-def test_the_plan_shows_what_was_found(tmp_path):
+def test_the_plan_shows_what_was_found_with_axes_key_and_summary(tmp_path, monkeypatch):
     game = Game(pursuer=Unicycle(radius=0.15), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
     found = survey(game)
-    save_plan(found, tmp_path / "plan.png")
-    pixels = np.asarray(Image.open(tmp_path / "plan.png"))
-    assert pixels.shape == (500, 500, 3)
-
-    def count(colour):
-        return (pixels == ImageColor.getrgb(colour)).all(axis=-1).sum()
-
-    assert count(OBSTACLE) == found.blocked.sum()
-    assert count(EVADER) == found.haven.sum()
-    assert count(OTHER) > 80_000
-    assert count(PAPER) > 80_000
+    kinds = kinds_of_places(found)
+    free, obstacle, near, cut_off, haven = (kinds == kind for kind in range(len(KINDS)))
+    np.testing.assert_array_equal(obstacle, found.blocked)
+    np.testing.assert_array_equal(haven, found.haven)
+    assert near.sum() == (found.parts[0] == 0).sum() - found.blocked.sum()
+    assert min(free.sum(), cut_off.sum()) > 80_000
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path: drawn.append(figure))
+    save_plan("gate", game, found, tmp_path / "plan.png")
+    (axes,) = drawn[0].axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+    assert axes.get_images()[0].get_extent() == [0, 10, 0, 10]
+    keys = [text.get_text() for text in axes.get_legend().get_texts()]
+    present = [name for kind, name in enumerate(KINDS) if (kinds == kind).any()]
+    assert [key.split(" (")[0] for key in keys] == present
+    about = axes.get_title(loc="left")
+    assert about.startswith("gate, 10 x 10 m: 1 thing is wrong")
+    assert "the pursuer's free space falls into 2 parts" in " ".join(about.splitlines())
 
 
 def test_the_command_says_what_is_wrong(tmp_path, capsys):
@@ -131,9 +137,13 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
     (tmp_path / "tight.toml").write_text("[starts]\nclearance = 4.4")
     picture = tmp_path / "drawn" / "tight.png"
     assert main(["arena", "check", str(tmp_path / "tight.toml"), "--out", str(picture)]) == 1
-    assert capsys.readouterr().out.startswith("wrong: the pursuer can start on 1.44%")
-    assert picture.exists()
+    printed = capsys.readouterr()
+    assert printed.out.startswith("wrong: the pursuer can start on 1.44%")
+    assert printed.err.startswith(f"wrote {picture} (")
+    assert f"next: mend it, then apollonius arena check {tmp_path / 'tight.toml'}" in printed.err
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["arena", "check", str(tmp_path / "tight.toml"), "--json"]) == 1
     assert len(json.loads(capsys.readouterr().out)["wrong"]) == 2
-    assert main(["arena", "check", "paper", "--out", "plan.bmp"]) == 2
+    with pytest.raises(SystemExit):
+        main(["arena", "check", "paper", "--out", "plan.bmp"])
     assert "ends in .png" in capsys.readouterr().err

@@ -1,21 +1,24 @@
-"""A game as a moving picture: as many frames as states, in the robots' colours, where they are."""
+"""A game as a moving picture: as many frames as its time takes, robots where they are, and in words what goes on."""
 
 from dataclasses import replace
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from PIL import Image, ImageColor
+from PIL import Image, ImageColor, ImageDraw
 
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
 from apollonius.show.animation import frames, save_animation
-from apollonius.show.canvas import SIZE
-from apollonius.show.palette import EVADER, PURSUER
+from apollonius.show.canvas import SIZE, Canvas
+from apollonius.show.caption import LINE, MARGIN, Captioned
+from apollonius.show.palette import EVADER, PAPER, PURSUER
 
 STEPS = 12
+LEFT, TOP = MARGIN, MARGIN + 2 * LINE
+"""The arena's upper left corner in a frame."""
 
 
 @pytest.fixture
@@ -30,47 +33,149 @@ def replay():
 
 
 def colour_at(picture, x, y):
-    return picture.getpixel((round(x / 10 * SIZE), round((10 - y) / 10 * SIZE)))
+    return picture.getpixel((LEFT + round(x / 10 * SIZE), TOP + round((10 - y) / 10 * SIZE)))
+
+
+def words_of(monkeypatch, replay, step, speed=1.0):
+    """What a frame says."""
+    said, write = [], ImageDraw.ImageDraw.text
+
+    def listen(self, place, text, *arguments, **options):
+        said.append(text)
+        write(self, place, text, *arguments, **options)
+
+    monkeypatch.setattr(ImageDraw.ImageDraw, "text", listen)
+    list(frames(replay, [step], speed))
+    return said
 
 
 def test_every_state_is_a_frame_with_both_robots_where_they_are(replay):
+    """The pursuer is full and the evader a ring, which can be told apart without colours."""
     pictures = list(frames(replay))
     assert len(pictures) == STEPS + 1
     for picture, state in zip(pictures, replay.states, strict=True):
         assert colour_at(picture, *state[:2]) == ImageColor.getrgb(PURSUER)
-        assert colour_at(picture, *state[4:6]) == ImageColor.getrgb(EVADER)
+        x, y = state[4:6]
+        assert colour_at(picture, x, y) == ImageColor.getrgb(PAPER)
+        assert colour_at(picture, x + 0.11, y) == colour_at(picture, x - 0.11, y) == ImageColor.getrgb(EVADER)
     assert colour_at(pictures[0], 3, 5) == (255, 255, 255)
     red, green, blue = colour_at(pictures[-1], 3, 5)
     assert red > green + 40
     assert red > blue + 40
 
 
+def test_trails_differ_by_their_dashes(replay):
+    last = next(frames(replay, [STEPS]))
+    drawn = [
+        np.mean([colour_at(last, *place) != (255, 255, 255) for place in places])
+        for places in (
+            [(2 + part, 5) for part in np.linspace(0.1, 1.5)],
+            [(8, 6 + part) for part in np.linspace(0.1, 1.5)],
+        )
+    ]
+    assert drawn[0] == 1
+    assert 0.3 < drawn[1] < 0.7
+
+
+def test_the_reach_of_a_capture_is_around_the_pursuer(replay):
+    """Half of the circle is dots."""
+    far = replace(replay.game, capture_distance=1.0)
+    picture = next(frames(replace(replay, game=far)))
+    around = [colour_at(picture, 2 + 1.0 * np.cos(a), 5 + 1.0 * np.sin(a)) for a in np.arange(0.05, 6.3, 0.01)]
+    assert 0.3 < np.mean([colour != (255, 255, 255) for colour in around]) < 0.7
+
+
+def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome(replay, monkeypatch):
+    first = words_of(monkeypatch, replay, 0)
+    assert {"pursuer P", "evader E", "capture within 0.3 m", "1 m", "0.0 s"} <= set(first)
+    assert f"distance {np.hypot(6, 1):.2f} m" in first
+    assert "0.5 s, 2 x real time" in words_of(monkeypatch, replay, 5, speed=2.0)
+    assert "no result after 1.2 s" in words_of(monkeypatch, replay, STEPS)
+
+
+def test_long_names_are_cut_where_the_legend_begins(replay, monkeypatch):
+    said = words_of(monkeypatch, replace(replay, pursuer="shielded:" + "long-" * 30), 0)
+    (name,) = (word for word in said if word.startswith("pursuer"))
+    assert name.startswith("pursuer shielded:long-")
+    assert name.endswith("...")
+    assert len(name) < 60
+
+
+def test_a_picture_renewed_in_parts_is_that_of_the_whole(replay):
+    """Also where robots stand close together, at a wall, and beyond it."""
+    canvas, states = Canvas(replay.game), replay.states.copy()
+    states[4:8, 4:6] = states[4:8, :2] + 0.05
+    states[8:, 0] = np.linspace(9.5, 10.5, STEPS - 7)
+    for state in states.tolist():
+        canvas.move(state)
+        whole = canvas._trails.copy()
+        canvas._draw_robots(ImageDraw.Draw(whole))
+        np.testing.assert_array_equal(np.asarray(canvas.picture()), np.asarray(whole.reduce(2)))
+
+
+def durations(path):
+    with Image.open(path) as picture:
+        found = []
+        for frame in range(picture.n_frames):
+            picture.seek(frame)
+            picture.load()
+            found.append(picture.info["duration"])
+        return found, picture.convert("RGB")
+
+
 @pytest.mark.parametrize("name", ["game.gif", "game.webp"])
 def test_an_animation_has_every_frame_in_real_time(replay, tmp_path, name):
     save_animation(replay, tmp_path / "new" / name)
-    with Image.open(tmp_path / "new" / name) as picture:
-        assert picture.n_frames == STEPS + 1
-        assert picture.size == (SIZE, SIZE)
-        picture.load()
-        assert picture.info["duration"] == 100
-        picture.seek(STEPS)
-        assert np.linalg.norm(np.subtract(colour_at(picture.convert("RGB"), 4, 5), ImageColor.getrgb(PURSUER))) < 40
+    shown, last = durations(tmp_path / "new" / name)
+    assert last.size == (SIZE + 2 * MARGIN, SIZE + 3 * LINE + 2 * MARGIN)
+    assert shown[:-1] == [100] * STEPS
+    assert shown[-1] == 2000
+    assert np.linalg.norm(np.subtract(colour_at(last, 4, 5), ImageColor.getrgb(PURSUER))) < 40
 
 
-def test_an_mp4_has_every_frame_and_stays_at_the_end(replay, tmp_path):
-    save_animation(replay, tmp_path / "game.mp4")
+@pytest.mark.parametrize(
+    ("speed", "count", "seconds"), [(0.5, 13, 2.4), (3.0, 13, 0.4), (10.0, 7, 0.12), (100.0, 2, 0.02)]
+)
+def test_at_another_speed_an_animation_takes_as_long_as_it_should(replay, tmp_path, speed, count, seconds):
+    """Steps are left out where browsers would refuse to show them so quickly; the last one is there."""
+    save_animation(replay, tmp_path / "game.gif", speed)
+    shown, last = durations(tmp_path / "game.gif")
+    assert len(shown) == count
+    assert min(shown) >= 20
+    assert sum(shown[:-1]) == pytest.approx(1000 * seconds, abs=10)
+    assert np.linalg.norm(np.subtract(colour_at(last, 4, 5), ImageColor.getrgb(PURSUER))) < 40
+
+
+@pytest.mark.parametrize(("speed", "per_second"), [(1.0, 10), (4.0, 40)])
+def test_an_mp4_has_every_frame_and_stays_at_the_end(replay, tmp_path, speed, per_second):
+    save_animation(replay, tmp_path / "game.mp4", speed)
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "game.mp4"))
-    assert count == STEPS + 1 + 15
-    assert seconds == pytest.approx(count / 10, abs=0.11)
+    assert count == STEPS + 1 + 2 * per_second
+    assert seconds == pytest.approx(count / per_second, abs=0.11)
 
 
-def test_an_arena_that_is_no_square_keeps_its_shape(replay):
-    arena = replace(replay.game.arena, x_max=20.0)
-    picture = next(frames(replace(replay, game=replace(replay.game, arena=arena))))
-    assert picture.size == (SIZE, SIZE // 2)
+@pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (480, 240)), (10.0, 20.3, (236, 480))])
+def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_room(replay, x_max, y_max, size):
+    arena = replace(replay.game.arena, x_max=x_max, y_max=y_max)
+    wide = replace(replay, game=replace(replay.game, arena=arena))
+    assert Canvas(wide.game).picture().size == size
+    picture = next(frames(wide))
+    assert picture.width == max(size[0], 400) + 2 * MARGIN
+    assert all(side % 2 == 0 for side in picture.size)
+    column, _ = Captioned(wide).corner
+    assert column == (picture.width - size[0]) // 2
 
 
-def test_another_format_is_refused(replay, tmp_path):
-    with pytest.raises(InvalidInput, match=r"game\.avi .*\.gif, \.webp, \.mp4"):
-        save_animation(replay, tmp_path / "game.avi")
+@pytest.mark.parametrize(
+    ("name", "speed", "naming"),
+    [
+        ("game.avi", 1.0, r"game\.avi .*\.gif, \.webp, \.mp4"),
+        ("game.gif", 0.0, "speed = 0.0 .* 0.05 to 100"),
+        ("game.gif", float("nan"), "speed = nan"),
+        ("game.gif", float("inf"), "speed = inf"),
+    ],
+)
+def test_what_cannot_be_animated_is_refused(replay, tmp_path, name, speed, naming):
+    with pytest.raises(InvalidInput, match=naming):
+        save_animation(replay, tmp_path / name, speed)
     assert not list(tmp_path.iterdir())

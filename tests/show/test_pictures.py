@@ -43,7 +43,7 @@ def test_a_territory_is_a_ring_in_the_evaders_colour(axes):
 def test_polygons_are_drawn_where_they_are(axes):
     corners = [(4.0, 4.0), (6.0, 4.0), (5.0, 6.0)]
     draw_arena(axes, Arena(polygons=(Polygon(tuple(corners)),)))
-    (drawn,) = (patch.get_xy() for patch in axes.patches if isinstance(patch, Patch))
+    (drawn,) = (patch.get_xy() for patch in axes.patches if isinstance(patch, Patch) and patch.get_fill())
     np.testing.assert_array_equal(drawn, [*corners, corners[0]])
 
 
@@ -120,5 +120,10 @@ def test_a_game_shows_both_trails_their_ends_and_the_clock(tmp_path, axes):
     trails = {line.get_label(): line.get_xydata() for line in axes.lines if not line.get_label().startswith("_")}
     np.testing.assert_allclose(trails["pursuer"], states[:, :2])
     np.testing.assert_allclose(trails["evader"], states[:, 4:6])
+    lines = {line.get_label(): line for line in axes.lines}
+    assert [lines[side].get_linestyle() for side in ("pursuer", "evader")] == ["-", "--"]
+    assert [lines[side].get_markerfacecolor() for side in ("pursuer", "evader")] == [palette.PURSUER, palette.PAPER]
+    (reach,) = (patch for patch in axes.patches if isinstance(patch, Circle) and not patch.get_fill())
+    assert (*reach.center, reach.radius) == (9, 2, replay.game.capture_distance)
     save_picture(replay, tmp_path / "game.png")
     assert (tmp_path / "game.png").read_bytes().startswith(b"\x89PNG")
