@@ -10,7 +10,6 @@ from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
 from apollonius.commands.export import add_export
-from apollonius.commands.options import INTERRUPTED
 from apollonius.commands.play import add_play
 from apollonius.commands.regret import add_regret
 from apollonius.commands.report import add_report
@@ -23,6 +22,7 @@ from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
 from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
+from apollonius.interrupts import INTERRUPTED, leave, listen, stopped, was_interrupted
 
 COMMANDS = {
     "Learn": (add_train, add_resume),
@@ -46,10 +46,31 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    options = build_parser().parse_args(arguments)
-    keep_compilations()
+    """Run the command; returns its exit status.
+
+    Args:
+        arguments: of the command; by default those of the process, which a Ctrl-C then ends, whatever it is doing.
+    """
+    if arguments is not None:
+        return run(arguments)
+    listen()
     try:
+        status = run(sys.argv[1:])
+    except BaseException:
+        # A module that is being loaded makes errors of its own of a Ctrl-C.
+        if was_interrupted():
+            leave(INTERRUPTED, stopped())
+        raise
+    if was_interrupted():
+        leave(status)
+    return status
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command; returns its exit status, also after Ctrl-C."""
+    options = build_parser().parse_args(arguments)
+    try:
+        keep_compilations()
         return options.run(options)
     except InvalidInput as error:
         print(f"apollonius {options.command}: {error}", file=sys.stderr)
@@ -62,6 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print(stopped(), file=sys.stderr, flush=True)
         return INTERRUPTED
 
 

@@ -10,7 +10,6 @@ import platform
 import tempfile
 import zlib
 from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +62,8 @@ def default_folder() -> Path:
 
 def environment() -> str:
     """All that a compilation depends on besides what is compiled: a folder's name."""
+    from importlib.metadata import version
+
     made_with = "-".join(version(package) for package in ("apollonius", "jax", "jaxlib"))
     return f"{made_with}-{sha256(processor().encode()).hexdigest()[:12]}"
 

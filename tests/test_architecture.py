@@ -12,13 +12,14 @@ NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
     "errors limits document matrix_game game agents rollout playout replay solve learn evaluate bodies show "
-    "experiments adapters web bench terminal compilations"
+    "experiments adapters web bench terminal compilations interrupts"
 )
 MAY_IMPORT = {
     "errors": "",
     "limits": "errors",
     "document": "errors limits",
     "compilations": "",
+    "interrupts": "",
     "matrix_game": "",
     "game": "errors limits document",
     "agents": "errors limits document game",
@@ -32,8 +33,8 @@ MAY_IMPORT = {
     "show": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
     "adapters": "errors limits document matrix_game game agents rollout playout replay solve evaluate show",
     "web": "errors limits document game agents",
-    "experiments": "errors limits document compilations matrix_game game agents rollout playout replay solve learn "
-    "evaluate bodies show",
+    "experiments": "errors limits document compilations interrupts matrix_game game agents rollout playout replay "
+    "solve learn evaluate bodies show",
     "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "terminal": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,

@@ -72,7 +72,7 @@ def test_another_processor_and_another_version_have_folders_of_their_own(monkeyp
     names = {environment()}
     monkeypatch.setattr(compilations, "processor", lambda: "flags: avx512f")
     names.add(environment())
-    monkeypatch.setattr(compilations, "version", lambda package: "99")
+    monkeypatch.setattr("importlib.metadata.version", lambda package: "99")
     names.add(environment())
     assert len(names) == 3
 

@@ -27,8 +27,6 @@ PLACES = ("local", "ray")
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 LENGTHS = ("quick", "standard", "paper")
 """Names of the presets of a training."""
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells use it."""
 
 
 def add_game_options(parser: argparse.ArgumentParser) -> None:

@@ -1,13 +1,13 @@
 """`apollonius reproduce`: the whole evaluation of the paper."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import INTERRUPTED, LENGTHS, PLACES, PLACES_HELP, plots
+from apollonius.commands.options import LENGTHS, PLACES, PLACES_HELP, plots
 from apollonius.commands.values import count, new_folder
+from apollonius.interrupts import go_on
 from apollonius.limits import GAMES, SEEDS
 
 
@@ -33,8 +33,8 @@ def run_reproduce(options: argparse.Namespace) -> int:
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"
+    go_on(f"go on with: {again}")
     if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):
-        print(f"stopped; go on with: {again}", file=sys.stderr)
-        return INTERRUPTED
+        raise KeyboardInterrupt
     finish(folder / "report.md", folder / "results.json", then=command("report", folder))
     return 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game
 from apollonius.commands.values import count, named, new_file, new_folder
+from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ def run_tournament(options: argparse.Namespace) -> int:
         if not options.json:
             print(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}", file=sys.stderr, flush=True)
 
+    if options.keep:
+        go_on(f"the matches in {options.keep} are kept: give the same command again")
     viable = options.starts == "viable"
     tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep)
     if options.plot:

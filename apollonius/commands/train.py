@@ -3,14 +3,14 @@
 import argparse
 import json
 import signal
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import INTERRUPTED, LENGTHS
+from apollonius.commands.options import LENGTHS
 from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
+from apollonius.interrupts import answer, go_on
 from apollonius.limits import SEED
 
 if TYPE_CHECKING:
@@ -136,15 +136,20 @@ def _train_and_judge(config: "RunConfig", folder: Path) -> int:
         if len(interrupts) > 1:
             raise KeyboardInterrupt
 
+    def should_stop() -> bool:
+        if interrupts:
+            answer()  # and then save where the training stands, however long that takes
+        return bool(interrupts)
+
+    go_on(f"go on with: apollonius resume {folder}")
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:
         with TrainingDisplay() as display:
-            finished = Run(config, folder, display, lambda: bool(interrupts)).execute()
+            finished = Run(config, folder, display, should_stop).execute()
     finally:
         signal.signal(signal.SIGINT, before)
     if not finished:
-        print(f"stopped; go on with: apollonius resume {folder}", file=sys.stderr)
-        return INTERRUPTED
+        raise KeyboardInterrupt
     _judge(config, folder)
     return 0
 

@@ -19,6 +19,7 @@ from typing import Any
 
 from apollonius.compilations import keep_compilations
 from apollonius.errors import InvalidInput, require
+from apollonius.interrupts import answer, listen
 
 LOST_WORKERS = 10
 """How often Ray begins a job again whose worker was lost."""
@@ -167,10 +168,17 @@ def _work(job: Job, core: int, parent: int) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
     keep_compilations()
+    listen(STOPPED, says=False)
     interrupted: list[int] = []
     signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
+
+    def should_stop() -> bool:
+        if interrupted:
+            answer()
+        return bool(interrupted) or os.getppid() != parent
+
     try:
-        finished = job.work(*job.arguments, lambda: bool(interrupted) or os.getppid() != parent)
+        finished = job.work(*job.arguments, should_stop)
     except (InvalidInput, OSError) as error:
         print(f"{job.name}: {error}", file=sys.stderr)
         sys.exit(2)

@@ -1,0 +1,113 @@
+"""Ctrl-C in real processes: they end soon, say that they were stopped, with status 130, and never crash."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+SOON = 30
+"""Seconds that nothing may last here, whatever else the machine does; on an idle one it is 2."""
+COMMAND = "import sys; print('begun', flush=True); from apollonius.cli import main; sys.exit(main())"
+
+
+def interrupted(code, *arguments, after=0.0, folder=None):
+    """Status, output and errors of a program that gets a Ctrl-C some seconds after its first line of output."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
+    )  # fmt: skip
+    try:
+        assert process.stdout.readline() == "begun\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(after)
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=SOON)
+    finally:
+        process.kill()
+        process.wait()
+    return process.returncode, output, errors
+
+
+PLAYS = ["evaluate", "random", "random", "--games", 10**6]
+
+
+@pytest.mark.parametrize("after", [0.5, 6.0], ids=["while it loads or compiles", "while it plays"])
+def test_a_long_match_stops(after):
+    status, output, errors = interrupted(COMMAND, *PLAYS, after=after)
+    assert (status, output) == (130, "")
+    assert errors.splitlines()[-1] == "stopped"
+    assert "Traceback" not in errors
+
+
+def test_a_program_that_cannot_hear_is_ended_and_says_how_to_go_on():
+    """A single call into native code, as a compilation is one, here of some minutes."""
+    deaf = """
+import hashlib
+from apollonius.interrupts import go_on, listen
+listen()
+go_on("go on with: patience")
+print("begun", flush=True)
+hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
+"""
+    assert interrupted(deaf, after=0.2) == (130, "", "stopped; go on with: patience\n")
+
+
+def test_a_program_that_has_heard_may_take_its_time_to_save():
+    saving = """
+import signal, sys, time
+from apollonius import interrupts
+heard = []
+interrupts.listen()
+signal.signal(signal.SIGINT, lambda *_: heard.append(True))
+print("begun", flush=True)
+while not heard:
+    time.sleep(0.01)
+interrupts.answer()
+time.sleep(interrupts.PATIENCE + 0.5)
+print("saved")
+sys.exit(5)
+"""
+    assert interrupted(saving, after=0.2) == (5, "saved\n", "")
+
+
+def test_an_interrupted_import_is_no_traceback():
+    loading = """
+import pathlib, sys, tempfile
+from apollonius.interrupts import listen
+listen()
+folder = pathlib.Path(tempfile.mkdtemp())
+(folder / "slow.py").write_text("import time; print('begun', flush=True); time.sleep(60)")
+sys.path.append(str(folder))
+try:
+    import slow
+except KeyboardInterrupt:
+    raise ImportError("the extension could not be loaded")
+"""
+    assert interrupted(loading, after=0.2) == (130, "", "stopped\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.2, 1.0, 2.0, 4.0, 8.0, 14.0])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**6],
+        ["tournament", "--games", 10**5],
+        ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9],
+        ["regret", "P_stage1", "--games", 10**6],
+        ["solve", "game", "--role", "pursuer"],
+        ["simulate", "random", "still", "--games", 10**4],
+        ["play", "--no-open"],
+        ["train", "--preset", "paper", "--out", "run"],
+        ["bench", "train"],
+        ["reproduce", "--budget", "quick", "--out", "study"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_every_command_stops_at_every_moment(arguments, after, tmp_path):
+    status, _, errors = interrupted(COMMAND, *arguments, after=after, folder=tmp_path)
+    begun = arguments[0] == "play" and status == 0  # the page was up, and Ctrl-C is how it ends
+    assert begun or (status, errors.splitlines()[-1].split(";")[0]) == (130, "stopped")
+    assert "Traceback" not in errors
+    assert not list(tmp_path.rglob("*.tmp"))
