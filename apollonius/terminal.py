@@ -212,6 +212,11 @@ def card_table(agent: str, card: Card) -> str:
         low, high = score.payoff_interval
         numbers = f"{score.won:>7.2%}  {score.lost:>7.2%}  {score.payoff:+.3f} ({low:+.3f} to {high:+.3f})"
         lines.append(f"  {who:<{width}}  {numbers}, {score.games:,} games")
+    if card.response:
+        low, _ = card.response.lost_interval
+        lines.append(
+            f"  it can be made to lose {low:.2%} at least; the response looks one hold ahead, so far from the most"
+        )
     lines.append(f"  the tables say: sure of {card.sure:+.3f}, conceded at most {card.at_most:+.3f}")
     lines.append(
         f"  gap to what it could be sure of {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"

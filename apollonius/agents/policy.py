@@ -84,6 +84,15 @@ def acts_continuously(policy: AbstractPolicy) -> bool:
     return is_continuous(eqx.filter_eval_shape(policy, seen, jax.ShapeDtypeStruct((), jnp.uint32)))
 
 
+def acts_by_chance(policy: AbstractPolicy) -> bool:
+    """Whether the random word can matter to a player; it is not asked for any action, its program is looked through."""
+    seen = jax.ShapeDtypeStruct((OBSERVATION_SIZES[policy.observation],), jnp.float32)
+    program = jax.make_jaxpr(policy)(seen, jax.ShapeDtypeStruct((), jnp.uint32)).jaxpr
+    word = program.invars[1]
+    read = [variable for equation in program.eqns for variable in equation.invars]
+    return any(variable is word for variable in [*read, *program.outvars])
+
+
 class Pool(eqx.Module):
     """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
 

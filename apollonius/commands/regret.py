@@ -39,7 +39,8 @@ def add_regret(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--response-games", type=count(RECORDS), default=0, metavar="N",
-        help="with --tables: also N games against an opponent that knows the agent (default: none)",
+        help="with --tables: also N games against an opponent that knows the agent, one hold ahead: a lower bound of "
+        "what it can lose (default: none)",
     )  # fmt: skip
     add_record_options(parser, "with --tables: write the K games that cost most as replays")
     add_game_options(parser)

@@ -1,5 +1,6 @@
 """Responses: opponents that learn to beat one agent, kept as files and not trained twice, and what they win."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -110,6 +111,10 @@ def train_response(attack: Attack, folder: Path, seed: int, should_stop: ShouldS
     return True
 
 
+CHOOSING, JUDGING = 0, 1
+"""Seeds of the games by which an opponent is chosen, and of those by which the chosen one is judged."""
+
+
 @dataclass(frozen=True)
 class Loss:
     """How often the attacked agent loses to one opponent: a rate with its Wilson 95 % interval, and the match."""
@@ -121,14 +126,31 @@ class Loss:
 
 def judge_response(attack: Attack, folder: Path, seed: int, games: int) -> Loss:
     """How often the agent loses to a kept response. The starts are others than in training."""
-    return judge_opponent(attack, at_best(load_agent(response_file(folder, seed)).network), games)
+    return judge_opponent(attack, kept_response(folder, seed), games)
 
 
-def judge_opponent(attack: Attack, opponent: AbstractPolicy, games: int) -> Loss:
+def kept_response(folder: Path, seed: int) -> AbstractPolicy:
+    """The player by the response of a seed, which lies in the folder."""
+    return at_best(load_agent(response_file(folder, seed)).network)
+
+
+def judge_opponent(attack: Attack, opponent: AbstractPolicy, games: int, seed: int = CHOOSING) -> Loss:
     """How often the agent loses to any opponent. A pursuer loses every game that it does not win."""
     players = [attack.player.policy, opponent]
     pursuer, evader = players if attack.role == Role.PURSUER else players[::-1]
-    match = play_match(attack.rules, pursuer, evader, games, seed=0, slots=64)
+    match = play_match(attack.rules, pursuer, evader, games, seed, slots=64)
     won = round(match.pursuer_win_rate * games)
     lost = games - won if attack.role == Role.PURSUER else won
     return Loss(lost / games, wilson_interval(lost, games), match)
+
+
+def judge_strongest(
+    attack: Attack, opponents: Mapping[str, AbstractPolicy], losses: Mapping[str, Loss]
+) -> tuple[str, Loss]:
+    """The opponent that the agent loses to most often, and how often it loses to it in as many games on other starts.
+
+    The largest of several rates is too large on average: whoever was lucky is chosen. Games by which nobody was chosen
+    are not biased so, and the lower end of their interval is a bound of what the agent can lose.
+    """
+    name = max(losses, key=lambda one: losses[one].rate)
+    return name, judge_opponent(attack, opponents[name], losses[name].match.games, JUDGING)

@@ -68,7 +68,7 @@ def judge_run(run: Path, effort: Effort, whole_curve: bool, should_stop: ShouldS
 
 def losses(attack: Attack, folder: Path, games: int) -> dict[str, Any]:
     """How often an agent loses to a response that learned to beat it, and to the paper's agents; `most` is the largest
-    of these rates, a lower bound of its exploitability.
+    of these rates: near a lower bound of its exploitability, a little too large as the largest of estimates.
     """
     train_response(attack, folder, seed=0)
     against = {"response": _brief(judge_response(attack, folder, 0, games))}

@@ -19,13 +19,13 @@ _NEVER = 255
 """Steps to a capture that does not come."""
 _MOST = JOINT_HOLD.most
 """Steps that fit above nine bits; no hold is longer."""
+Answers = UInt8[Array, "first second draws"]
+"""The actions that a known robot takes at each pair of nodes: one, or as many as were drawn where it acts by chance."""
 Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""
 
 
-def decisive(
-    contest: Contest, first: Side, second: Side, answers: UInt8[Array, "first second"] | None = None
-) -> Decided:
+def decisive(contest: Contest, first: Side, second: Side, answers: Answers | None = None) -> Decided:
     """The actions of the side that moves first after which a capture within the hold is certain.
 
     Of those that it survives: for the pursuer, the ones that capture whatever the evader does, of what that survives,
@@ -35,7 +35,7 @@ def decisive(
     Args:
         contest: the game, as the side sees it that moves first.
         first, second: the robots in the order in which they move.
-        answers: the one action that the second robot takes at each pair of nodes, if it is known.
+        answers: what the second robot does at each pair of nodes, if it is known; it then has no other answers.
     """
     farthest = contest.game.capture_distance + first.farthest + second.farthest
     dx, dy, _, _ = first.grid.spacing
@@ -43,9 +43,7 @@ def decisive(
 
 
 @eqx.filter_jit
-def _decisive(
-    contest: Contest, first: Side, second: Side, answers: UInt8[Array, "first second"] | None, reach: tuple[int, int]
-) -> Decided:
+def _decisive(contest: Contest, first: Side, second: Side, answers: Answers | None, reach: tuple[int, int]) -> Decided:
     """The same, where `reach` is how far away a robot can be captured, in cells along x and y."""
     slices, (columns, rows) = second.free.shape[0], first.grid.shape[2:]
     window = (slices, 2 * reach[0] + 1, 2 * reach[1] + 1)
@@ -61,8 +59,9 @@ def _decisive(
             x, y = place // rows, place % rows
             possible = survived
             if answers is not None:
-                row = answers[index * columns * rows + place].reshape(slices, columns, rows, 1)
-                possible = survived & jnp.pad(row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None], around)
+                row = answers[index * columns * rows + place].reshape(slices, columns, rows, 1, -1)
+                taken = row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None, :, None]
+                possible = survived & jnp.pad(jnp.any(taken, axis=-1), around)
             possible = jax.lax.dynamic_slice(possible, (0, x, y, 0), (*window, NUM_ACTIONS))
             near = _pack(contest.role, steps, first.free[index, :, x, y], possible)
             everywhere = jnp.zeros(survived.shape[:3], jnp.uint16)

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.errors import require
 from apollonius.game.game import Game
@@ -48,7 +48,7 @@ class Contest(eqx.Module):
         over, outcome, seconds = first_event(self.game, *self.pair(own, other))
         return over, self.payoff_of(outcome, seconds)
 
-    def payoff_of(self, outcome: Array, seconds: Float[Array, ""]) -> Float[Array, ""]:
+    def payoff_of(self, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """What an outcome after so many seconds is worth to this side."""
         won, lost = pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False)
         if self.role == Role.EVADER:

@@ -43,6 +43,11 @@ def least(worths: list[Array]) -> Array:
     return reduce(jnp.minimum, worths)
 
 
+def total(worths: list[Array]) -> Array:
+    """The mean of what comes by chance, where each is weighed by its share already."""
+    return reduce(jnp.add, worths)
+
+
 class Image(eqx.Module):
     """Where held actions take the slices of a grid, which are numbered `v * headings + heading`.
 

@@ -14,6 +14,8 @@ Table = Float[Array, "..."]
 TOLERANCE = 1e-4
 """A sweep that changes no value by more than this is the last one, where nothing else is asked."""
 _MOST_SWEEPS = 10_000
+_ROUNDING = 1e-7
+"""Changes of this size are as good as none, where one tells how far a solution is."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,9 @@ class Sweep:
 
     def seconds_left(self, first_residual: float) -> float:
         """Seconds to go if the residual goes on falling as it did on average so far; a rough guess."""
-        fallen = log(first_residual / max(self.residual, self.tolerance))
-        to_fall = log(max(self.residual, self.tolerance) / self.tolerance)
+        wanted = max(self.tolerance, _ROUNDING)
+        fallen = log(max(first_residual, wanted) / max(self.residual, wanted))
+        to_fall = log(max(self.residual, wanted) / wanted)
         return self.seconds * to_fall / fallen if fallen > 0 else float("inf")
 
 
@@ -60,12 +63,13 @@ def iterate(
         sweep: from a table, the next one and the largest change.
         table: where to begin.
         report: told after each sweep.
+        tolerance: the residual that is asked for. If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
     """
     begun, residual = time.perf_counter(), float("inf")
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)
         report(Sweep(number, residual, time.perf_counter() - begun, tolerance))
-        if residual <= tolerance:
+        if residual <= (tolerance if number < _MOST_SWEEPS else max(tolerance, TOLERANCE)):
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")

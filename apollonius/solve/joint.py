@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
+from apollonius.game.apart import computed_apart
 from apollonius.game.types import RobotState, Scalar
 from apollonius.solve.grid import Grid
 from apollonius.solve.image import Choice
@@ -83,15 +84,32 @@ def interpolate(
     table: Shaped[Array, "tiles moving lanes"],
     moving: tuple[Grid, RobotState],
     waiting: tuple[Grid, RobotState],
-) -> Float[Array, " n"]:
-    """Values between nodes, multilinear in both states.
+) -> Float[Array, "n games"]:
+    """Values between nodes, multilinear in both states, in several games at once.
 
     Args:
-        moving: of the robot that moves, its grid and its state.
-        waiting: of the one that waits, its grid and several states, leaves `[n]`.
+        moving: of the robot that moves, its grid and its states, leaves `[games]`.
+        waiting: of the one that waits, its grid and several states in each game, leaves `[n, games]`.
     """
-    lanes = table.shape[2]
-    nodes, shares = moving[0].corners(moving[1])
-    others, weights = jax.vmap(waiting[0].corners)(waiting[1])
-    around = table[(others // lanes)[:, :, None], nodes[None, None], (others % lanes)[:, :, None]]
-    return jnp.einsum("nwm,nw,m->n", around.astype(jnp.float32), weights, shares)
+    _, width, lanes = table.shape
+    entries = table.reshape(-1)
+    (nodes, shares), (others, weights) = _corners(moving, waiting)
+    tiles = others // lanes * (width * lanes) + others % lanes
+
+    # One corner of the moving robot after another: of all ways to look up and weigh 256 entries the quickest by far.
+    def add(total: Float[Array, "n 16 games"], corner: tuple[Array, Array]) -> tuple[Float[Array, "n 16 games"], None]:
+        node, share = corner
+        around = entries.at[tiles + (node * lanes)[None, None]].get(mode="promise_in_bounds")
+        return total + around.astype(jnp.float32) * (weights * share[None, None]), None
+
+    total, _ = jax.lax.scan(add, jnp.zeros(tiles.shape, jnp.float32), (nodes, shares))
+    return jnp.sum(total, axis=1)
+
+
+@computed_apart
+def _corners(
+    moving: tuple[Grid, RobotState], waiting: tuple[Grid, RobotState]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """The nodes around the states, `[16, games]` and `[n, 16, games]`, and their shares."""
+    beside = jax.vmap(moving[0].corners, out_axes=1)(moving[1])
+    return beside, jax.vmap(jax.vmap(waiting[0].corners, out_axes=1))(waiting[1])

@@ -5,15 +5,20 @@ from abc import abstractmethod
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Shaped
+from jax.custom_batching import custom_vmap
+from jaxtyping import Array, Bool, Float, Int, Shaped, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, AbstractValued
+from apollonius.agents.policy import AbstractPolicy, AbstractValued, acts_by_chance
+from apollonius.game.game import judge
 from apollonius.game.observation import both_states
-from apollonius.game.types import NUM_ACTIONS, Action, GameState, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState, Role
 from apollonius.solve.contest import Contest
+from apollonius.solve.event import first_events
 from apollonius.solve.joint import interpolate
-from apollonius.solve.motion import last
+from apollonius.solve.motion import Motion, ends
 
+COURSES = 16
+"""Courses of an opponent that acts by chance over which a response takes the mean."""
 Pair = tuple[RobotState, RobotState]
 """The state of a player's own robot, and of the other one."""
 
@@ -36,17 +41,62 @@ class AbstractLookahead(AbstractValued):
 
     def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
         """What the nine actions are worth."""
-        game = self.contest.game
-        bodies = (game.pursuer, game.evader) if self.contest.role == Role.PURSUER else (game.evader, game.pursuer)
-        return self.worths(*both_states(self.observation, game.arena, *bodies, observation))
+        return self._worths_seen(observation, jnp.zeros((), jnp.uint32))
+
+    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        return jnp.argmax(self._worths_seen(observation, word)).astype(jnp.int32)
+
+    def act_among(
+        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Int[Array, ""]:
+        """The allowed action that is worth most."""
+        return jnp.argmax(jnp.where(allowed, self._worths_seen(observation, word), -jnp.inf)).astype(jnp.int32)
 
     def best_worth(self, states: GameState) -> Float[Array, " games"]:
         """What its side is sure of in several states of the game, leaves `[games]`."""
         return _best_worths(self, states)
 
     @abstractmethod
-    def worths(self, own: RobotState, other: RobotState) -> Float[Array, "9"]:
-        """The same from both robots' states."""
+    def worths(self, own: RobotState, other: RobotState, words: UInt32[Array, " games"]) -> Float[Array, "9 games"]:
+        """What the nine actions are worth in several games at once.
+
+        Args:
+            own, other: the robots, leaves `[games]`.
+            words: random bits for each game, of which a player makes use that acts by chance.
+        """
+
+    def _worths_seen(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "9"]:
+        """The same from what is seen in one game."""
+        game = self.contest.game
+        bodies = (game.pursuer, game.evader) if self.contest.role == Role.PURSUER else (game.evader, game.pursuer)
+        robots = both_states(self.observation, game.arena, *bodies, observation)
+        return _worths_in_one(self, *robots, word)
+
+
+@custom_vmap
+def _worths_in_one(
+    player: AbstractLookahead, own: RobotState, other: RobotState, word: UInt32[Array, ""]
+) -> Float[Array, "9"]:
+    """What the nine actions are worth in one game; for a batch of games all are looked at together."""
+    alone = jax.tree.map(lambda leaf: leaf[None], (own, other, word))
+    return player.worths(*alone)[:, 0]
+
+
+@_worths_in_one.def_vmap
+def _worths_in_many(
+    size: int,
+    batched: tuple[AbstractLookahead, RobotState, RobotState, bool],
+    player: AbstractLookahead,
+    *seen: RobotState | UInt32[Array, "..."],
+) -> tuple[Float[Array, "games 9"], bool]:
+    """The rule by which a `vmap` over games asks for all of them at once."""
+    if any(jax.tree.leaves(batched[0])):
+        axes = jax.tree.map(lambda has: 0 if has else None, batched)
+        return jax.vmap(_worths_in_one.fun, in_axes=axes, axis_size=size)(player, *seen), True
+    everywhere = jax.tree.map(
+        lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), seen, tuple(batched[1:])
+    )
+    return player.worths(*everywhere).T, True
 
 
 class SaddlePolicy(AbstractLookahead):
@@ -55,62 +105,127 @@ class SaddlePolicy(AbstractLookahead):
     `table` is that of `solve_duel`: what its side is sure of once it has moved.
     """
 
-    def worths(self, own: RobotState, other: RobotState) -> Float[Array, "9"]:
+    def worths(self, own: RobotState, other: RobotState, words: UInt32[Array, " games"]) -> Float[Array, "9 games"]:
         """What each action is worth against the answer that is worst for it.
 
         An answer counts by the rules where it ends the game within the hold, and by the table otherwise.
         """
-        mine, theirs = (
-            jax.vmap(lambda action, robot=robot, motion=motion: motion.hold(robot, action))(jnp.arange(NUM_ACTIONS))
-            for motion, robot in zip(self.contest.motions, (own, other), strict=True)
-        )
-        over, value = jax.vmap(lambda own: jax.vmap(lambda other: self.contest.event(own, other))(theirs))(mine)
-        grid, other_grid = self.contest.grids
-        later = interpolate(self.table, (other_grid, other), (grid, jax.vmap(last)(mine)))
-        worths = jnp.where(over, value, self.contest.motions[0].discount * later[:, None])
+        contest, (grid, other_grid) = self.contest, self.contest.grids
+        mine, theirs = (_every_hold(motion, robot) for motion, robot in zip(contest.motions, (own, other), strict=True))
+        outcome, seconds = first_events(contest.game, *contest.pair(mine, theirs))
+        if contest.role == Role.EVADER:
+            outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
+        later = interpolate(self.table, (other_grid, other), (grid, jax.tree.map(lambda leaf: leaf[-1], mine)))
+        going_on = (contest.motions[0].discount * later)[:, None]
+        worths = jnp.where(outcome == Outcome.ONGOING, going_on, contest.payoff_of(outcome, seconds))
         return jnp.min(worths, axis=1)
 
 
 class ResponsePolicy(AbstractLookahead):
     """The player that makes most of knowing what the other one does.
 
+    An opponent that acts by chance is asked again and again, each time with random words of the responder's own: its
+    actions count as often as it takes them. What it then does in the game is drawn anew.
+
     Attributes:
-        opponent: the other player; it acts without chance, or is met as if it drew the word 0.
+        opponent: the other player.
     """
 
     opponent: AbstractPolicy
 
-    def worths(self, own: RobotState, other: RobotState) -> Float[Array, "9"]:
-        """What each action is worth while the opponent goes on as it does, and by the table after the hold."""
+    def worths(self, own: RobotState, other: RobotState, words: UInt32[Array, " games"]) -> Float[Array, "9 games"]:
+        """What each action is worth while the opponent goes on as it does, and by the table after the hold.
+
+        Of an opponent that acts by chance it is the mean over `COURSES`, the same ones for each action.
+        """
         contest, (motion, other_motion), (grid, other_grid) = self.contest, self.contest.motions, self.contest.grids
-        robots = jax.tree.map(jnp.asarray, (own, other))
+        words = _words_of_courses(words, motion.steps, COURSES if acts_by_chance(self.opponent) else 1)
+        mine = _every_hold(motion, own)
 
-        def worth(action: Int[Array, ""]) -> Scalar:
-            def one_step(before: Pair, _: None) -> tuple[Pair, Pair]:
-                answer = answer_of(contest, self.opponent, *before)
-                after = (motion.step(before[0], action), other_motion.step(before[1], answer))
-                return after, after
+        def moved(own: RobotState, other: RobotState, word: UInt32[Array, ""]) -> RobotState:
+            return other_motion.step(other, answer_of(contest, self.opponent, own, other, word))
 
-            end, after = jax.lax.scan(one_step, robots, None, motion.steps)
-            courses = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), robots, after)
-            over, value = contest.event(*courses)
-            there = jax.tree.map(lambda leaf: leaf[None], end[0])
-            later = interpolate(self.table, (other_grid, end[1]), (grid, there))[0]
-            return jnp.where(over, value, motion.discount * later)
+        def judged(before: Pair, after: Pair) -> Int[Array, ""]:
+            step = jnp.zeros((), jnp.int32)
+            return judge(contest.game, GameState(*contest.pair(*before), step), GameState(*contest.pair(*after), step))
 
-        return jax.vmap(worth)(jnp.arange(NUM_ACTIONS))
+        # By action, course and game, games last: along them the processor takes several at a time.
+        of_courses = jax.vmap(jax.vmap(moved), (None, 0, 0))
+        of_actions = jax.vmap(of_courses, (0, 0, None))
+        judged_all = jax.vmap(jax.vmap(jax.vmap(judged), ((None, 0), (None, 0))))
+
+        def one_step(so_far: Followed, taken: tuple[Pair, UInt32[Array, "courses games"]]) -> tuple[Followed, None]:
+            (before, after), words = taken
+            there = of_actions(before, so_far.other, words)
+            return so_far.then(judged_all((before, so_far.other), (after, there)), there), None
+
+        # Before the first step it is the same question for all nine actions.
+        courses, games = words.shape[1:]
+        start = _repeated(other, courses)
+        first = _repeated(of_courses(own, start, words[0]), NUM_ACTIONS)
+        begun = _repeated(start, NUM_ACTIONS)
+        before, after = (jax.tree.map(lambda leaf, end=end: leaf[end], mine) for end in (0, 1))
+        outcomes = judged_all((before, begun), (after, first))
+        followed = Followed(first, outcomes, jnp.ones(outcomes.shape, jnp.int32))
+        steps = ends(jax.tree.map(lambda leaf: leaf[1:], mine))
+        followed, _ = jax.lax.scan(one_step, followed, (steps, words[1:]))
+
+        flat = NUM_ACTIONS * courses * games
+        here = jax.tree.map(lambda leaf: jnp.repeat(leaf[-1][:, None], courses, axis=1).reshape(1, flat), mine)
+        there = jax.tree.map(lambda leaf: leaf.reshape(flat), followed.other)
+        later = interpolate(self.table, (other_grid, there), (grid, here)).reshape(NUM_ACTIONS, courses, games)
+        value = contest.payoff_of(followed.outcome, followed.steps.astype(jnp.float32) * contest.game.dt)
+        ongoing = followed.outcome == Outcome.ONGOING
+        return jnp.mean(jnp.where(ongoing, motion.discount * later, value), axis=1)
+
+
+class Followed(eqx.Module):
+    """An opponent that is followed through a hold, by action, course and game.
+
+    Attributes:
+        other: where it is.
+        outcome, steps: how the game stands, and after how many steps it ended.
+    """
+
+    other: RobotState
+    outcome: Int[Array, "9 courses games"]
+    steps: Int[Array, "9 courses games"]
+
+    def then(self, outcome: Int[Array, "9 courses games"], other: RobotState) -> "Followed":
+        """The same one step on; a game that is over stays as it ended."""
+        ongoing = self.outcome == Outcome.ONGOING
+        return Followed(other, jnp.where(ongoing, outcome, self.outcome), self.steps + ongoing.astype(jnp.int32))
+
+
+def _every_hold(motion: Motion, robots: RobotState) -> RobotState:
+    """The courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
+    in_games = jax.vmap(motion.hold, (0, None), -1)
+    return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))
+
+
+def _words_of_courses(words: UInt32[Array, " games"], steps: int, courses: int) -> UInt32[Array, "steps courses games"]:
+    """Random words for each course of each game, from one for each game; all 0 for the one course without chance."""
+    if courses == 1:
+        return jnp.zeros((steps, 1, *words.shape), jnp.uint32)
+    return jax.vmap(lambda word: jax.random.bits(jax.random.key(word), (steps, courses), jnp.uint32), out_axes=-1)(
+        words
+    )
+
+
+def _repeated(robots: RobotState, times: int) -> RobotState:
+    return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), robots)
 
 
 @eqx.filter_jit
 def _best_worths(player: AbstractLookahead, states: GameState) -> Float[Array, " games"]:
-    def best(state: GameState) -> Scalar:
-        return jnp.max(player.worths(*player.contest.pair(state.pursuer, state.evader)))
-
-    return jax.vmap(best)(states)
+    own, other = player.contest.pair(states.pursuer, states.evader)
+    return jnp.max(player.worths(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)
 
 
-def answer_of(contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState) -> Action:
+def answer_of(
+    contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState, word: UInt32[Array, ""]
+) -> Action:
     """The action that the opponent takes, from the states of this side's robot and of its own."""
     state = GameState(*contest.pair(own, other), steps=jnp.zeros((), jnp.int32))
     seen = contest.game.observe(state, Role(1 - contest.role), opponent.observation)
-    return opponent(seen, jnp.zeros((), jnp.uint32))
+    return opponent(seen, word)

@@ -4,9 +4,12 @@ With b the opponent's action where the robots are, g where it goes and f where t
 
     V(s, o) = E[ max over a of  discount * E[ V(f(s, a), o') ] ],    o' = g(o, b(s, o)).
 
+Of an opponent that acts by chance, b is drawn several times at each pair of nodes, and E is over these draws as well.
+
 The responder knows where the opponent goes, so it may choose for each o' by itself: again two one-sided backups. A hold
 that the responder does not survive is lost, one that the opponent does not survive is won. Where the responder can
-decide the game by a capture that it wants, or cannot help one that it does not want, it is worth that.
+decide the game by a capture that it wants, or cannot help one that it does not want, it is worth that; against chance
+where each of the draws has that capture if it is wanted, and where one of them has if it is not.
 
 On the grid an opponent with continuous actions takes the nearest discrete ones. What comes of it is a table to play by,
 with the opponent's own actions in the hold that comes (`players.ResponsePolicy`), and is judged by the games it wins.
@@ -18,24 +21,24 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt8
+from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, acts_by_chance
 from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
-from apollonius.solve.capture import Decided, decisive
+from apollonius.solve.capture import Answers, Decided, decisive
 from apollonius.solve.contest import Contest
 from apollonius.solve.grid import Grid
 from apollonius.solve.guarantee import TOLERANCE, make_sides
-from apollonius.solve.image import greatest
+from apollonius.solve.image import greatest, total
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
 from apollonius.solve.motion import worth_after
-from apollonius.solve.players import ResponsePolicy, SaddlePolicy, answer_of
+from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy, answer_of
 from apollonius.solve.side import Side
 
-BYTES_PER_PAIR = 3 * 4 + 2 + 1
-"""Three tables at a time, what decides, and the opponent's actions."""
+BYTES_PER_PAIR = 3 * 4 + 2
+"""Three tables at a time, and what decides; there are the opponent's actions too, a byte for each draw."""
 _EVERY = (1 << NUM_ACTIONS) - 1
 
 
@@ -45,38 +48,45 @@ class Response(eqx.Module):
     Attributes:
         contest: the game, from the responder's side.
         own, other: the robots.
-        answers: the opponent's action at each pair of nodes.
+        answers: what the opponent does at each pair of nodes.
         decided: the responder's actions that decide the game by a capture.
     """
 
     contest: Contest
     own: Side
     other: Side
-    answers: UInt8[Array, "own other"]
+    answers: Answers
     decided: Decided
 
 
 def make_response(contest: Contest, opponent: AbstractPolicy) -> Response:
-    """What all sweeps have in common; the opponent is asked once at every pair of nodes.
+    """What all sweeps have in common; the opponent is asked at every pair of nodes, as often as chance asks for.
 
     Raises:
         InvalidInput: as `make_duel`.
     """
-    own, other = make_sides(contest, BYTES_PER_PAIR)
-    answers = _answers(contest, opponent)
+    draws = COURSES if acts_by_chance(opponent) else 1
+    own, other = make_sides(contest, BYTES_PER_PAIR + draws)
+    answers = _answers(contest, opponent, draws)
     return Response(contest, own, other, answers, decisive(contest, own, other, answers))
 
 
 @eqx.filter_jit
-def _answers(contest: Contest, opponent: AbstractPolicy) -> UInt8[Array, "own other"]:
+def _answers(contest: Contest, opponent: AbstractPolicy, draws: int) -> Answers:
     own, other = contest.grids
 
-    def at(first: Int[Array, ""], second: Int[Array, ""]) -> UInt8[Array, ""]:
+    def at(first: Int[Array, ""], second: Int[Array, ""], word: UInt32[Array, ""]) -> UInt8[Array, ""]:
         states = _node(own, first), _node(other, second)
-        return nearest_action(answer_of(contest, opponent, *states)).astype(jnp.uint8)
+        return nearest_action(answer_of(contest, opponent, *states, word)).astype(jnp.uint8)
 
-    others = jnp.arange(other.size)
-    return jax.lax.map(lambda node: jax.vmap(lambda second: at(node, second))(others), jnp.arange(own.size))
+    of_draws = jax.vmap(at, (None, None, 0))
+    of_others = jax.vmap(of_draws, (None, 0, 0))
+
+    def row(node: Int[Array, ""]) -> UInt8[Array, "other draws"]:
+        words = jax.random.bits(jax.random.fold_in(jax.random.key(0), node), (other.size, draws), jnp.uint32)
+        return of_others(node, jnp.arange(other.size), words)
+
+    return jax.lax.map(row, jnp.arange(own.size))
 
 
 def solve_response(
@@ -111,10 +121,10 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
         tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
     ) -> Float[Array, "x y lanes"]:
         rows = jax.lax.dynamic_slice_in_dim(response.answers, tile * lanes, lanes)
-        taken = rows.T.reshape(-1, *other.grid.shape[2:], lanes)[index] == action
-        return jnp.where(taken, jnp.where(other.free[index, action][..., None], later, contest.win), -jnp.inf)
+        taken = jnp.mean(rows == action, axis=2, dtype=jnp.float32).T.reshape(-1, *other.grid.shape[2:], lanes)[index]
+        return taken * jnp.where(other.free[index, action][..., None], later, contest.win)
 
-    answered = before_move(other, moved, lanes, known, greatest)
+    answered = before_move(other, moved, lanes, known, total)
 
     actions = jnp.arange(NUM_ACTIONS, dtype=jnp.uint16)[None, :, None, None]
     survived = jnp.sum(own.free.astype(jnp.uint16) << actions, axis=1, dtype=jnp.uint16).reshape(-1)
@@ -137,6 +147,8 @@ def responders(
     table: SaddlePolicy, agent: AbstractPolicy, report: Callable[[Sweep], None] = silent
 ) -> dict[str, ResponsePolicy]:
     """Two opponents that know an agent and look one hold ahead: what either wins of it is what it can lose at least.
+
+    One hold is far from enough for the most that could be won: two are known to win twice as much.
 
     One trusts, after the hold, the best response on the grid, where the agent decides as seldom as a hold and only from
     nodes; the other trusts no more than what its side is sure of against anyone.

@@ -7,6 +7,13 @@ The value of a state is the room that can be kept,
 the safety Bellman equation (Fisac, Lugovoy, Rubies-Royo, Ghosh, Tomlin, "Bridging Hamilton-Jacobi safety analysis and
 reinforcement learning", ICRA 2019, eq. 5, with max-min of the room in place of the signed distance). The kernel is
 where V >= 0. Begun at the clearance, the iteration only goes down.
+
+Nothing discounts what comes later, so a small change in the last sweep says little of how far there is to go: where a
+hold moves a robot by less than a cell, values sink a little in each of many sweeps. For a robot that comes to rest
+sweeps therefore go on until not one value changes. The backup is monotone, in single precision too, and begins above
+every fixed point; so what it stops at is the largest one, to rounding. What interpolation errs by remains. A robot
+that cannot stop has its room worn away by interpolation without end; its sweeps stop at a residual of `TOLERANCE`, and
+by how much its table is above a fixed point is not known.
 """
 
 from collections.abc import Callable
@@ -23,7 +30,7 @@ from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.limits import require_memory
 from apollonius.solve.grid import FEWER_NODES, Grid
 from apollonius.solve.image import Image, image_of, rooms
-from apollonius.solve.iteration import Solved, Sweep, iterate, silent
+from apollonius.solve.iteration import TOLERANCE, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
@@ -32,6 +39,9 @@ BYTES_PER_NODE = 4 * (9 + 5)
 
 def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable[[Sweep], None] = silent) -> Solved:
     """The room [m] that one side's robot can keep, at every node of a grid.
+
+    Of a robot that comes to rest, the residual is 0: the table is a fixed point and not above one. Of any other, and in
+    the rare case that 10,000 sweeps did not suffice, it is not 0, and the table is above one by more than the residual.
 
     Args:
         hold: control steps for which an action is held; a robot that may change its mind sooner is at least as safe.
@@ -46,7 +56,9 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
     room = rooms(motion, grid, image)
     x, y = grid.places()
     here = jax.vmap(lambda row: jax.vmap(lambda column: motion.arena.clearance(row, column))(y))(x)
-    return iterate(lambda table: _sweep(image, room, table), grid.over_places(here - motion.body.radius), report)
+    start = grid.over_places(here - motion.body.radius)
+    tolerance = 0.0 if motion.body.brakes_to_rest else TOLERANCE
+    return iterate(lambda table: _sweep(image, room, table), start, report, tolerance)
 
 
 @eqx.filter_jit
@@ -54,7 +66,10 @@ def _sweep(
     image: Image, room: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
     after = image.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
-    return after, jnp.max(jnp.abs(after - table))
+    after = jnp.minimum(
+        after, table
+    )  # exactly, it is no more anyway; rounded, values that went up again might never rest
+    return after, jnp.max(table - after)
 
 
 class Steering(eqx.Module):

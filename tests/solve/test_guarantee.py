@@ -104,11 +104,13 @@ def test_at_nodes_interpolation_gives_the_table(bounds):
     matrix = np.asarray(as_matrix(table))
     nodes = [int(np.ravel_multi_index(index, first.shape)) for index in ((0, 4, 3, 2), (2, 1, 0, 3))]
     there = int(np.ravel_multi_index((1, 3, 2, 3), second.shape))
-    found = interpolate(table, (second, one), (first, others))
-    np.testing.assert_allclose(found, matrix[there, nodes], atol=1e-5)
     between = RobotState(one.x, one.y + second.spacing[1] / 4, one.v, one.heading)
     beside = 0.75 * matrix[there, nodes] + 0.25 * matrix[there + 1, nodes]
-    np.testing.assert_allclose(interpolate(table, (second, between), (first, others)), beside, atol=1e-5)
+    in_games = jax.tree.map(lambda *leaves: jnp.stack(leaves), one, between)
+    found = interpolate(
+        table, (second, in_games), (first, jax.tree.map(lambda leaf: leaf[:, None].repeat(2, 1), others))
+    )
+    np.testing.assert_allclose(found, np.stack([matrix[there, nodes], beside], axis=1), atol=1e-5)
 
 
 def test_a_grid_that_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
