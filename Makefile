@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo paper test test-all bench lock clean
+.PHONY: demo paper check test test-all wheel bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -14,16 +14,25 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
 	$(BIN)/apollonius report runs/demo
 
-# Style, types, tests; the files of tests are shared out between the cores.
-test: $(VENV)/installed-dev
+# Style and types.
+check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
-	$(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
 
-# And the tests that take half a minute each.
-test-all: test
-	$(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile -m slow
+# The files of tests are shared out between the cores.
+PYTEST := $(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
+test: check
+	$(PYTEST)
+
+# With those that take long, and those that compare with other people's code, which is installed for it: on Linux with
+# PyTorch and the CUDA that it brings, some 5 GB.
+test-all: check $(VENV)/installed-peers
+	$(PYTEST) -m ""
+
+# dist/apollonius-*.whl and dist/apollonius-*.tar.gz
+wheel: $(VENV)/installed
+	$(BIN)/python -m hatchling build --clean
 
 # Every figure and table of the paper; BUDGET=quick takes minutes.
 BUDGET ?= paper
@@ -45,10 +54,11 @@ LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hash
 	--no-emit-index-url --no-emit-find-links --extra build --extra plot --extra gym pyproject.toml
 lock:
 	$(LOCK) --output-file requirements.lock
-	$(LOCK) --extra dev --output-file requirements-dev.lock
+	$(LOCK) --constraint requirements.lock --extra dev --output-file requirements-dev.lock
+	$(LOCK) --constraint requirements-dev.lock --extra dev --extra peers --output-file requirements-peers.lock
 
 clean:
-	rm -rf $(VENV) .jax_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) dist .jax_cache .pytest_cache .ruff_cache .hypothesis
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -60,4 +70,8 @@ $(VENV)/installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	touch $@
+
+$(VENV)/installed-peers: requirements-peers.lock $(VENV)/installed-dev
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-peers.lock
 	touch $@

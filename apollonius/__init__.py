@@ -6,6 +6,8 @@ The public names are imported when they are first used, so that `import apolloni
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from apollonius.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from apollonius.adapters.pettingzoo import parallel_env as parallel_env
     from apollonius.agents.catalogue import find_agent as find_agent

@@ -23,6 +23,7 @@ from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
 from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
 from apollonius.interrupts import INTERRUPTED, leave, listen, stopped, was_interrupted
+from apollonius.version import __version__
 
 COMMANDS = {
     "Learn": (add_train, add_resume),
@@ -95,6 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"apollonius {__version__}", help="say it and leave")
     subparsers = parser.add_subparsers(
         dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
         parser_class=OneLineParser,

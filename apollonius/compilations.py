@@ -13,6 +13,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from apollonius.version import __version__
+
 VARIABLE = "APOLLONIUS_CACHE"
 """Environment variable: `off`, or another folder than the platform's."""
 LARGEST = 1 << 30
@@ -64,7 +66,7 @@ def environment() -> str:
     """All that a compilation depends on besides what is compiled: a folder's name."""
     from importlib.metadata import version
 
-    made_with = "-".join(version(package) for package in ("apollonius", "jax", "jaxlib"))
+    made_with = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
     return f"{made_with}-{sha256(processor().encode()).hexdigest()[:12]}"
 
 

@@ -15,10 +15,11 @@ BELOW_COMMANDS = (
     "experiments adapters web bench terminal compilations interrupts"
 )
 MAY_IMPORT = {
+    "version": "",
     "errors": "",
     "limits": "errors",
     "document": "errors limits",
-    "compilations": "",
+    "compilations": "version",
     "interrupts": "",
     "matrix_game": "",
     "game": "errors limits document",
@@ -38,10 +39,10 @@ MAY_IMPORT = {
     "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "terminal": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
-    "cli": f"{BELOW_COMMANDS} commands",
+    "cli": f"version {BELOW_COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate show "
-    "adapters",
+    "apollonius": "version errors limits document matrix_game game agents rollout playout replay solve learn evaluate "
+    "show adapters",
     "zoo": "",
 }
 """The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""

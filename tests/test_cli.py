@@ -104,16 +104,17 @@ def test_a_reader_that_leaves_early_is_no_error():
     assert (result.returncode, result.stderr) == (1, "")
 
 
-def test_help_imports_nothing_that_takes_time():
+@pytest.mark.parametrize(("option", "says"), [("--help", "train"), ("--version", "apollonius 0.1.0\n")])
+def test_help_and_version_import_nothing_that_takes_time(option, says):
     result = run_process(
         "import atexit, sys\n"
         "from apollonius.cli import main\n"
         "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
         "atexit.register(lambda: print('imported:', [name for name in heavy if name in sys.modules]))\n"
-        "main(['--help'])"
+        f"main(['{option}'])"
     )
     assert result.returncode == 0
-    assert "train" in result.stdout
+    assert says in result.stdout
     assert result.stdout.endswith("imported: []\n")
 
 

@@ -1,0 +1,163 @@
+"""The wheel plays where nothing else of the project is: no checkout, and no package that it does not ask for."""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import venv
+import zipfile
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+import tomli_w
+from packaging.requirements import Requirement
+
+from apollonius.game.record import to_dict
+from apollonius.version import __version__
+from tests.learn.tiny import RUN
+
+pytestmark = pytest.mark.slow
+REPOSITORY = Path(__file__).parents[1]
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Folder of the wheel and the source archive."""
+    out = tmp_path_factory.mktemp("dist")
+    build = [sys.executable, "-m", "hatchling", "build", "--directory", out]
+    subprocess.run(build, cwd=REPOSITORY, check=True, capture_output=True, timeout=120)
+    return out
+
+
+@pytest.fixture(scope="module")
+def wheel(built):
+    return built / f"apollonius-{__version__}-py3-none-any.whl"
+
+
+def needed(requirements, extras=("",)):
+    """Names of the installed distributions that requirements ask for, and those that these ask for."""
+    found, waiting = set(), [(Requirement(line), extras) for line in requirements]
+    while waiting:
+        requirement, wanted = waiting.pop()
+        applies = requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in wanted)
+        if not applies or (requirement.name, *requirement.extras) in found:
+            continue
+        found.add((requirement.name, *requirement.extras))
+        inside = distribution(requirement.name).requires or []
+        waiting += [(Requirement(line), ("", *requirement.extras)) for line in inside]
+    return {name for name, *_ in found}
+
+
+def environment(folder, wheel, *extras):
+    """A virtual environment of the wheel and what it asks for, no more; returns its `bin`."""
+    venv.create(folder, symlinks=True)
+    packages = next(folder.glob("lib/python*/site-packages"))
+    asked = [*PROJECT["dependencies"], *(line for extra in extras for line in PROJECT["optional-dependencies"][extra])]
+    for name in needed(asked):
+        files = distribution(name).files or []
+        for top in {file.parts[0] for file in files} - {"..", "__pycache__"}:
+            if not (packages / top).exists():
+                (packages / top).symlink_to(distribution(name).locate_file(top))
+    install = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python", "install", "--no-deps", "--no-index"]
+    subprocess.run([*install, wheel], check=True, capture_output=True, timeout=120)
+    return folder / "bin"
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory, wheel):
+    return environment(tmp_path_factory.mktemp("plain"), wheel)
+
+
+def run(command, *arguments, cwd):
+    """What a command of an environment prints; compilations are kept with those of the other tests."""
+    kept = {
+        "PATH": os.environ["PATH"],
+        "JAX_COMPILATION_CACHE_DIR": str(REPOSITORY / ".jax_cache"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
+    result = subprocess.run([command, *arguments], cwd=cwd, env=kept, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_the_environment_is_the_wheels_own(plain, tmp_path):
+    where = run(plain / "python", "-c", "import apollonius; print(apollonius.__file__)", cwd=tmp_path)
+    assert Path(where.strip()).is_relative_to(plain.parent)
+    absent = "import importlib.util as u; print([u.find_spec(n) for n in ('pytest', 'matplotlib', 'gymnasium')])"
+    assert run(plain / "python", "-c", absent, cwd=tmp_path) == "[None, None, None]\n"
+    assert run(plain / "apollonius", "--version", cwd=tmp_path) == f"apollonius {__version__}\n"
+
+
+def test_it_plays(plain, tmp_path):
+    """Agents of the zoo, in an arena of the gallery."""
+    arguments = ("evaluate", "P_pool", "E_scratch", "--game", "office", "--games", "20", "--json")
+    result = json.loads(run(plain / "apollonius", *arguments, cwd=tmp_path))
+    assert sum(result["outcomes"].values()) == 20
+    assert set(run(plain / "apollonius", "arena", "list", cwd=tmp_path).split()) >= {"paper", "office", "maze"}
+
+
+def test_it_has_its_page_and_its_templates(plain, tmp_path):
+    run(plain / "apollonius", "play", "--site", "site", cwd=tmp_path)
+    assert {"index.html", "rules.js", "style.css"} <= {path.name for path in (tmp_path / "site").iterdir()}
+    for to in ("c", "numpy"):
+        run(
+            plain / "apollonius",
+            "export",
+            "P_stage1",
+            "--to",
+            to,
+            "--out",
+            f"P{'.c' if to == 'c' else '.py'}",
+            cwd=tmp_path,
+        )
+    assert "P_stage1" in (tmp_path / "P.c").read_text()
+    assert run(plain / "apollonius", "show", "P_stage1", "still", "--out", "game.gif", cwd=tmp_path)
+    assert (tmp_path / "game.gif").read_bytes().startswith(b"GIF89a")
+
+
+def test_with_its_extras_it_reports_and_is_an_environment(wheel, tmp_path):
+    bin_ = environment(tmp_path / "extras", wheel, "plot", "gym")
+    (tmp_path / "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    run(bin_ / "apollonius", "train", "--config", "tiny.toml", "--out", "run", cwd=tmp_path)
+    run(bin_ / "apollonius", "report", "run", cwd=tmp_path)
+    assert (tmp_path / "run" / "report.html").stat().st_size > 10_000
+    both = "import apollonius; print(sorted(apollonius.parallel_env().reset(seed=0)[0]))"
+    assert run(bin_ / "python", "-c", both, cwd=tmp_path) == "['evader_0', 'pursuer_0']\n"
+
+
+def test_both_archives_say_what_they_are(built, wheel):
+    pytest.importorskip("twine")
+    check = [sys.executable, "-m", "twine", "check", "--strict", *built.iterdir()]
+    subprocess.run(check, check=True, capture_output=True, timeout=120)
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {"apollonius/py.typed", f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
+    assert not [name for name in names if not name.startswith("apollonius")]
+    with tarfile.open(built / f"apollonius-{__version__}.tar.gz") as archive:
+        inside = {name.split("/", 1)[1] for name in archive.getnames()}
+    assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "tests/test_packaging.py"} <= inside
+
+
+def test_one_version_is_said_everywhere():
+    assert f"\nversion: {__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
+    assert re.search(rf"^## \[(Unreleased|{re.escape(__version__)})\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.M)
+
+
+def test_what_the_comparisons_need_is_installed():
+    """So that none of them is skipped for years: `make test-all` installs it."""
+    names = [Requirement(line).name.replace("-", "_") for line in PROJECT["optional-dependencies"]["peers"]]
+    assert [name for name in [*names, "pyspiel"] if importlib.util.find_spec(name) is None] == []
+
+
+def test_locks_have_hashes_and_no_addresses():
+    for lock in REPOSITORY.glob("requirements*.lock"):
+        text = lock.read_text()
+        assert "://" not in text
+        pinned, hashed = r"^[\w.-]+(\[.*\])?==", r"^[\w.-]+(\[.*\])?==.*\\\n +--hash=sha256:"
+        assert len(re.findall(pinned, text, re.M)) == len(re.findall(hashed, text, re.M)) > 20
