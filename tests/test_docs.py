@@ -57,6 +57,9 @@ def asked(words, monkeypatch):
             extra = re.fullmatch(r"\.\[(.*)\]", what)
             assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])
             return None
+        case ["uvx", "--from", what, "apollonius", *arguments]:
+            assert what == "."
+            program = main
         case ["gcc" | "python3", *_]:
             return None  # the tests of exported files and of the ROS node run these
         case ["apollonius", *arguments]:
