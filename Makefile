@@ -44,6 +44,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/apollonius bench env --games 4096
 	$(BIN)/apollonius bench train
 	$(BIN)/apollonius bench train --profile fast
+	$(BIN)/python benchmarks/latency.py
 	$(BIN)/python benchmarks/page.py
 	$(BIN)/python benchmarks/animations.py
 	$(BIN)/python benchmarks/occupancy_map.py
