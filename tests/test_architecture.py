@@ -12,7 +12,7 @@ NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
     "errors limits document matrix_game game agents rollout playout replay solve learn evaluate bodies show "
-    "experiments adapters web bench terminal compilations interrupts"
+    "experiments adapters web bench terminal version compilations interrupts"
 )
 MAY_IMPORT = {
     "version": "",
@@ -34,12 +34,12 @@ MAY_IMPORT = {
     "show": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
     "adapters": "errors limits document matrix_game game agents rollout playout replay solve evaluate show",
     "web": "errors limits document game agents",
-    "experiments": "errors limits document compilations interrupts matrix_game game agents rollout playout replay "
-    "solve learn evaluate bodies show",
+    "experiments": "version errors limits document compilations interrupts matrix_game game agents rollout playout "
+    "replay solve learn evaluate bodies show",
     "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "terminal": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
-    "cli": f"version {BELOW_COMMANDS} commands",
+    "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
     "apollonius": "version errors limits document matrix_game game agents rollout playout replay solve learn evaluate "
     "show adapters",
