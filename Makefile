@@ -10,8 +10,8 @@ BIN := $(VENV)/bin
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
 demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
-	$(BIN)/apollonius evaluate P_stage1 still --games 10000
-	$(BIN)/apollonius evaluate P_curriculum E_curriculum --games 2000
+	$(BIN)/apollonius evaluate zoo/P_stage1 still --games 10000
+	$(BIN)/apollonius evaluate zoo/P_curriculum zoo/E_curriculum --games 2000
 	$(BIN)/apollonius report runs/demo
 
 # Style and types.

@@ -27,6 +27,7 @@ from apollonius.learn.replay import Batch
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
 from apollonius.limits import BENCHED_GAMES
+from apollonius.playout import Report
 from apollonius.rollout import Games, begin, collect
 
 CLASSIC = DQNConfig(
@@ -50,10 +51,11 @@ _BARE_UPDATES = 200
 _BARE_BATCHES = 10
 
 
-def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
+def bench_env(games: int, repeats: int = 20, report: Report = lambda done, total: None) -> dict[str, Any]:
     """Random play of the `paper` game with auto-reset; one env step moves both robots.
 
-    Every step computes the states, outcomes, both rewards and both 8-number observations.
+    Every step computes the states, outcomes, both rewards and both 8-number observations. `report` is told how many of
+    the repeats are done.
 
     Raises:
         InvalidInput: unless `games` is at least 1.
@@ -73,12 +75,14 @@ def bench_env(games: int, repeats: int = 20) -> dict[str, Any]:
         carry = _random_play(game, carry, starts, jax.random.key(repeat))
         return carry
 
-    seconds = _time(run, repeats)
+    seconds = _time(run, repeats, report)
     return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
 
 
-def bench_train(config: DQNConfig, repeats: int = 9) -> dict[str, Any]:
+def bench_train(config: DQNConfig, repeats: int = 9, report: Report = lambda done, total: None) -> dict[str, Any]:
     """Stage 1 training as configured, from the first update on, and the bare updates of the same run beside it.
+
+    `report` is told how many of the repeats are done.
 
     Raises:
         InvalidInput: for an impossible configuration.
@@ -95,7 +99,7 @@ def bench_train(config: DQNConfig, repeats: int = 9) -> dict[str, Any]:
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
-    seconds, bare_seconds = _time_in_turns((run, _bare_updates(config)), repeats)
+    seconds, bare_seconds = _time_in_turns((run, _bare_updates(config)), repeats, report)
     updates = plan.iterations_per_chunk * config.updates_per_iteration
     shares = [updates / one / (_BARE_UPDATES / bare) for one, bare in zip(seconds, bare_seconds, strict=True)]
     return {
@@ -166,13 +170,13 @@ def _random_play(game: Game, carry: _Stepped, starts: GameState, key: PRNGKeyArr
     return jax.lax.fori_loop(0, _STEPS, one_step, carry)
 
 
-def _time(run: Callable[[int], Any], repeats: int) -> list[float]:
+def _time(run: Callable[[int], Any], repeats: int, report: Report) -> list[float]:
     """Wall seconds of each repeat; one that compiles and warms up goes before."""
-    (seconds,) = _time_in_turns((run,), repeats)
+    (seconds,) = _time_in_turns((run,), repeats, report)
     return seconds
 
 
-def _time_in_turns(runs: Sequence[Callable[[int], Any]], repeats: int) -> list[list[float]]:
+def _time_in_turns(runs: Sequence[Callable[[int], Any]], repeats: int, report: Report) -> list[list[float]]:
     """Wall seconds of each repeat of each of several, side by side in time, so that a busy machine slows all alike."""
     seconds: list[list[float]] = [[] for _ in runs]
     for repeat in range(repeats + 1):
@@ -181,6 +185,7 @@ def _time_in_turns(runs: Sequence[Callable[[int], Any]], repeats: int) -> list[l
             jax.block_until_ready(run(repeat))
             if repeat > 0:
                 spent.append(time.perf_counter() - began)
+        report(repeat, repeats)
     return seconds
 
 

@@ -70,9 +70,12 @@ def main(arguments: list[str] | None = None) -> int:
 def run(arguments: list[str]) -> int:
     """Run the command; returns its exit status, also after Ctrl-C."""
     options = build_parser().parse_args(arguments)
+    from apollonius.display import Display  # which draws, and --help need not wait for that
+
     try:
-        keep_compilations()
-        return options.run(options)
+        with Display(options.command) as options.display:
+            keep_compilations()
+            return options.run(options)
     except InvalidInput as error:
         print(f"apollonius {options.command}: {error}", file=sys.stderr)
         return 2

@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn
 
@@ -21,6 +22,7 @@ PATIENCE = 1.2
 _SHOW_CURSOR = "\x1b[?25h"
 
 _going_on = ""
+_shown: list[Callable[[], None]] = []
 _answered = threading.Event()
 _heard = threading.Event()
 _leaving = threading.Lock()
@@ -30,6 +32,11 @@ def go_on(how: str) -> None:
     """Say from here on, to whoever stops the program, how to go on from what it has written."""
     global _going_on
     _going_on = how
+
+
+def before_leaving(*take_down: Callable[[], None]) -> None:
+    """Say what is to be called before the last line is printed: what takes down a live view, or nothing."""
+    _shown[:] = take_down
 
 
 def stopped() -> str:
@@ -87,6 +94,8 @@ def leave(status: int, words: str = "") -> NoReturn:
     """End the process here and now, with what it has printed and a last line on standard error."""
     _leaving.acquire()  # for good: two threads may come here, and one may speak
     try:
+        for take_down in _shown:
+            take_down()
         if sys.stderr.isatty():
             print(_SHOW_CURSOR, end="", file=sys.stderr)
         if words:

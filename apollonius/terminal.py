@@ -1,14 +1,8 @@
-"""What the command shows a person: a live view of training, and tables of results."""
+"""What the command tells a person in words: how a training gets on, and tables of results."""
 
-import sys
-import time
-from math import isfinite
-from types import TracebackType
+from collections.abc import Callable
 
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
-
+from apollonius.display import Display
 from apollonius.evaluate.card import Card
 from apollonius.evaluate.cycles import cycles
 from apollonius.evaluate.match import MatchResult
@@ -17,77 +11,31 @@ from apollonius.evaluate.tournament import Tournament
 from apollonius.learn.progress import Progress
 from apollonius.solve.iteration import Sweep
 
-_PLAIN_SECONDS = 10.0
-"""Least time between two lines where the output is no terminal."""
-_SWEEP_SECONDS = 1.0
-"""Least time between two lines about sweeps."""
+
+def training_notes(progress: Progress) -> dict[str, str]:
+    """What there is to say of a training while it goes on, by name."""
+    notes = {
+        "env steps": f"{progress.env_steps:,} ({progress.env_steps_per_second:,.0f}/s)",
+        "episodes": f"{progress.episodes:,}",
+        "updates": f"{progress.updates:,}",
+        "loss": " ".join(f"{side} {loss:.3g}" for side, loss in progress.losses.items()),
+        "exploring games": _shares(progress.outcomes),
+    }
+    if progress.evaluation:
+        notes["greedy games"] = _shares(progress.evaluation["outcomes"])
+    return notes
 
 
-class TrainingDisplay:
-    """Shows training as it goes on: a live panel in a terminal, plain lines when piped.
+def sweeps_on(display: Display) -> Callable[[Sweep], None]:
+    """What shows sweeps of value iteration on a display."""
+    first: list[float] = []
 
-    Use as a context manager and call with every `Progress`.
-    """
+    def show(sweep: Sweep) -> None:
+        first.append(sweep.residual)
+        display.report(sweep.share(first[0]), 1)
+        display.note({"sweep": f"{sweep.number}", "residual": f"{sweep.residual:.2e}"})
 
-    def __init__(self) -> None:
-        self._console = Console(stderr=True)
-        self._live = Live(console=self._console, refresh_per_second=4) if self._console.is_terminal else None
-        self._speed: dict[str, float] = {}
-        self._last_line = -_PLAIN_SECONDS
-        self._last_evaluation = -1
-
-    def __enter__(self) -> "TrainingDisplay":
-        if self._live:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._live:
-            self._live.stop()
-
-    def __call__(self, progress: Progress) -> None:
-        # The first chunk of a stage includes its compilation, so the average starts anew from the second one.
-        seen = self._speed.get(progress.stage, 0.0)
-        latest = progress.env_steps_per_second
-        self._speed[progress.stage] = latest if latest > 3 * seen else 0.9 * seen + 0.1 * latest
-        if self._live:
-            self._live.update(self._panel(progress))
-            return
-        evaluated = progress.evaluation["env_steps"] if progress.evaluation else -1
-        done = progress.env_steps >= progress.total_env_steps
-        if done or evaluated != self._last_evaluation or time.monotonic() - self._last_line >= _PLAIN_SECONDS:
-            self._last_line, self._last_evaluation = time.monotonic(), evaluated
-            print("  ".join(f"{name} {value}" for name, value in self._rows(progress)), file=sys.stderr, flush=True)
-
-    def _rows(self, progress: Progress) -> list[tuple[str, str]]:
-        speed = self._speed[progress.stage]
-        remaining = (progress.total_env_steps - progress.env_steps) / max(speed, 1.0)
-        rows = [
-            ("stage", progress.stage),
-            ("done", f"{progress.env_steps / progress.total_env_steps:.1%}"),
-            ("left", _duration(remaining)),
-            ("env steps", f"{progress.env_steps:,} ({speed:,.0f}/s)"),
-            ("episodes", f"{progress.episodes:,}"),
-            ("updates", f"{progress.updates:,}"),
-            ("loss", " ".join(f"{side} {loss:.3g}" for side, loss in progress.losses.items())),
-            ("exploring games", _shares(progress.outcomes)),
-        ]
-        if progress.evaluation:
-            rows.append(("greedy games", _shares(progress.evaluation["outcomes"])))
-        return rows
-
-    def _panel(self, progress: Progress) -> Table:
-        table = Table(show_header=False, box=None, pad_edge=False)
-        table.add_column(style="bold")
-        table.add_column()
-        width = 40
-        filled = round(width * progress.env_steps / progress.total_env_steps)
-        table.add_row("progress", "█" * filled + "░" * (width - filled))
-        for name, value in self._rows(progress):
-            table.add_row(name, value)
-        return table
+    return show
 
 
 def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
@@ -156,25 +104,6 @@ def tournament_table(tournament: Tournament) -> str:
     return "\n".join(lines)
 
 
-class SweepDisplay:
-    """Shows value iteration as it goes on: a line on standard error now and then."""
-
-    def __init__(self) -> None:
-        self._first_residual = 0.0
-        self._last_line = 0.0
-
-    def __call__(self, sweep: Sweep) -> None:
-        """Tell of a sweep."""
-        if sweep.number == 1:
-            self._first_residual = sweep.residual
-        if sweep.seconds - self._last_line < _SWEEP_SECONDS:
-            return
-        self._last_line = sweep.seconds
-        left = sweep.seconds_left(self._first_residual)
-        remaining = f"about {_duration(left)} left" if isfinite(left) else "no end in sight yet"
-        print(f"sweep {sweep.number}  residual {sweep.residual:.2e}  {remaining}", file=sys.stderr, flush=True)
-
-
 def regret_table(pursuer: str, regret: Regret) -> str:
     """A pursuer beside the table's, as lines of text."""
     width = len("table's player captures")
@@ -235,9 +164,3 @@ def _shares(outcomes: dict[str, int]) -> str:
     games = max(1, sum(outcomes.values()))
     ranked = sorted(outcomes.items(), key=lambda item: -item[1])
     return " ".join(f"{name} {count / games:.1%}" for name, count in ranked if count) or "none finished"
-
-
-def _duration(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}"

@@ -24,3 +24,9 @@ def forget_compilations():
     """A process that keeps the compilations of a thousand tests comes to the end of its memory maps, and crashes."""
     yield
     jax.clear_caches()
+
+
+@pytest.fixture(autouse=True)
+def no_lines_about_waiting(monkeypatch):
+    """A command says that it is still at work by the clock; what it prints here depends on none."""
+    monkeypatch.setattr("apollonius.display._FIRST_SECONDS", 1e9)

@@ -12,7 +12,7 @@ NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
     "errors limits document matrix_game game agents rollout playout replay solve learn evaluate bodies show "
-    "experiments adapters web bench terminal version compilations interrupts"
+    "experiments adapters web bench terminal version compilations interrupts display estimate"
 )
 MAY_IMPORT = {
     "version": "",
@@ -37,7 +37,10 @@ MAY_IMPORT = {
     "experiments": "version errors limits document compilations interrupts matrix_game game agents rollout playout "
     "replay solve learn evaluate bodies show",
     "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
-    "terminal": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
+    "estimate": "",
+    "display": "errors estimate interrupts",
+    "terminal": "display estimate interrupts errors limits document matrix_game game agents rollout playout replay "
+    "solve learn evaluate",
     "commands": BELOW_COMMANDS,
     "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",

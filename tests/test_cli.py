@@ -101,7 +101,8 @@ def test_a_reader_that_leaves_early_is_no_error():
     closing_first = "import os, sys; os.close(os.dup(1)); r, w = os.pipe(); os.dup2(w, 1); os.close(w); os.close(r);"
     command = "from apollonius.cli import main; sys.exit(main(sys.argv[1:]))"
     result = run_process(f"{closing_first} {command}", "evaluate", "random", "still", "--games", "2")
-    assert (result.returncode, result.stderr) == (1, "")
+    assert result.returncode == 1
+    assert all(line.startswith("apollonius evaluate: loading") for line in result.stderr.splitlines())
 
 
 @pytest.mark.parametrize(("option", "says"), [("--help", "train"), ("--version", "apollonius 0.1.0\n")])
@@ -137,7 +138,6 @@ def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
     assert run_main("evaluate", "random", "random", "--games", "200", "--seed", "3", "--json") == 0
     printed = capsys.readouterr()
     assert printed.out.count("\n") == 1
-    assert printed.err == ""
     result = json.loads(printed.out)
     assert result["games"] == 200
     assert set(result["outcomes"]) == set(OUTCOMES)
@@ -360,7 +360,6 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
     assert run_main(*arguments) == 0
     printed = capsys.readouterr()
     assert "P_stage1 (pursuer) against still (evader)" in printed.out
-    assert "100.0%" in printed.err
     wrote, then = printed.err.splitlines()[-2:]
     assert wrote.startswith("wrote run (")
     assert then == "next: apollonius report run"
@@ -379,17 +378,18 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
 
 INTERRUPTED = """
 import os, signal, sys
+import apollonius.learn.run
 from apollonius.cli import main
-from apollonius.terminal import TrainingDisplay
 
-class Interrupted(TrainingDisplay):
-    def __call__(self, progress):
-        super().__call__(progress)
-        if progress.env_steps == 2 * 8192:
-            os.kill(os.getpid(), signal.SIGINT)
+measure = apollonius.learn.run.measure
 
-import apollonius.terminal
-apollonius.terminal.TrainingDisplay = Interrupted
+def measure_and_interrupt(*arguments):
+    progress = measure(*arguments)
+    if progress.env_steps == 2 * 8192:
+        os.kill(os.getpid(), signal.SIGINT)
+    return progress
+
+apollonius.learn.run.measure = measure_and_interrupt
 sys.exit(main())
 """
 

@@ -244,5 +244,5 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
             assert (name, main(arguments)) == ("apollonius", 0), command
     assert Path("hall.png").exists()
     said = capsys.readouterr().out
-    assert "shielded:P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
-    assert "P_curriculum against standing targets: 4 games, 1 targets" in said
+    assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
+    assert "hall/P_curriculum against standing targets: 4 games, 1 targets" in said

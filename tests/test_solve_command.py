@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apollonius.solve.iteration import Sweep
 from apollonius.solve.store import load_solution
-from apollonius.terminal import SweepDisplay
 from tests.test_cli import assert_refused, run_main
 
 COARSE = ("--grid", "21x21x9x16")
@@ -94,13 +92,3 @@ def test_regret_is_printed_as_a_table_and_as_json(capsys):
     printed = capsys.readouterr()
     assert "still against standing targets: 4 games, 1 targets" in printed.out
     assert "no_result" in printed.out
-    assert "target 1 of 1" in printed.err
-
-
-def test_long_sweeps_tell_how_long_they_will_take(capsys):
-    display = SweepDisplay()
-    for number, (residual, seconds) in enumerate([(1.0, 0.5), (0.1, 2.0), (0.01, 2.5), (0.001, 4.0)], start=1):
-        display(Sweep(number, residual, seconds))
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.split("  ")[0] for line in lines] == ["sweep 2", "sweep 4"]
-    assert lines[1] == "sweep 4  residual 1.00e-03  about 0:00:01 left"

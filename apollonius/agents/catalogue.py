@@ -42,6 +42,12 @@ CLASSICAL: dict[str, tuple[type[AbstractClassical], tuple[Role, ...]]] = {
     "territory": (Territory, (Role.PURSUER, Role.EVADER)),
 }
 """Players that need no file but the game they play, and the sides that they can play."""
+_FROM_ZOO = "zoo/"
+"""Before the name of a trained agent that ships with the package, where it could be taken for another."""
+_AGENTS = "agents"
+"""The folder of a training run that its agents lie in."""
+_RUNS = Path("runs")
+"""The folder that training runs lie in unless they were put elsewhere."""
 SHIELDED = "shielded:"
 """Before a player's name: the same, behind a shield."""
 
@@ -70,7 +76,8 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
     """The player of this name: built in, in the zoo, or a file; greedy if it was trained.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`).
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`). `RUN/NAME` is an agent
+            of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
         role: the side it is to play.
         game: what is played, which shields and classical players have to know.
 
@@ -88,7 +95,15 @@ def find_agent(name: str, role: Role, game: Game | None = None) -> Named:
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {sides[0].name.lower()} only")
         return Named(name, kind.for_side(_known(game, name), role))
     agent, path = _load(name, role, [*BUILT_IN, *CLASSICAL, *zoo_names()])
-    return Named(path.stem, at_best(agent.network), agent.header)
+    return Named(name if name.startswith(_FROM_ZOO) else called(path), at_best(agent.network), agent.header)
+
+
+def called(path: Path) -> str:
+    """What the agent of a file is called: RUN/NAME in the folder of a training run, else as the file.
+
+    Two runs give their agents the same names, and those of the zoo.
+    """
+    return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == _AGENTS else path.stem
 
 
 def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
@@ -178,12 +193,18 @@ def _load(name: str, role: Role, known: Sequence[str]) -> tuple[Agent, Path]:
 
 def _find(name: str, known: Sequence[str]) -> tuple[Agent, Path]:
     """A trained agent and its file; `known` are the names that a refusal offers."""
-    if name in zoo_names():
-        path = ZOO / f"{name}.safetensors"
+    in_zoo = name.removeprefix(_FROM_ZOO)
+    run, _, agent = name.rpartition("/")
+    in_run = [folder / _AGENTS / f"{agent}.safetensors" for folder in (Path(run), _RUNS / run) if run and agent]
+    if in_zoo in zoo_names():
+        path = ZOO / f"{in_zoo}.safetensors"
     elif Path(name).suffix == ".safetensors" or Path(name).exists():
         path = Path(name)
+    elif any(file.is_file() for file in in_run):
+        path = next(file for file in in_run if file.is_file())
     else:
         raise InvalidInput(
-            f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file."
+            f"no agent is called '{name}': choose one of {', '.join(known)}, or give a .safetensors file, or RUN/NAME "
+            "for an agent of a training run."
         )
     return load_agent(path), path

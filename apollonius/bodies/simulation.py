@@ -15,7 +15,7 @@ from apollonius.evaluate.match import begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
-from apollonius.playout import Results
+from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state, together
 from apollonius.rollout import random_words
 
@@ -56,7 +56,15 @@ class Choice(eqx.Module):
     ideal: Float[Array, "games 8"]
 
 
-def simulate(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, drive: Drive) -> Simulated:
+def simulate(
+    game: Game,
+    pursuer: Pool,
+    evader: Pool,
+    starts: GameState,
+    key: PRNGKeyArray,
+    drive: Drive,
+    report: Report = lambda done, total: None,
+) -> Simulated:
     """Play each of the given starts to its end with bodies; the players draw the same random words as in `play_out`.
 
     Players see the bodies' exact states, once in every step of the game. A step is judged as in the game, from where
@@ -66,6 +74,7 @@ def simulate(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PR
     Args:
         starts: initial states, leaves `[games]`.
         key: consumed.
+        report: told after every step of the games how many have ended.
 
     Raises:
         InvalidInput: as `Physics`.
@@ -91,6 +100,7 @@ def simulate(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PR
         taken = (before, np.asarray(choice.actions), rows, np.asarray(choice.ideal))
         log.append((alive, *(part[alive] for part in taken)))
         alive = alive[outcome[alive] == Outcome.ONGOING]
+        report(count - alive.size, count)
     index, states, actions, after, ideal = (np.concatenate(parts) for parts in zip(*log, strict=True))
     return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after, ideal)
 
@@ -103,15 +113,16 @@ def simulate_match(
     seed: int,
     drive: Drive,
     viable: bool = False,
+    report: Report = lambda done, total: None,
 ) -> Simulated:
-    """The games of `play_match`, from the same starts, with bodies.
+    """The games of `play_match`, from the same starts, with bodies; `report` as in `simulate`.
 
     Raises:
         InvalidInput: as `simulate`, and for more games than memory has room for.
     """
     SIMULATED_GAMES.require("games", games)
     starts, key = begin(game, games, seed, viable)
-    return simulate(game, solo(pursuer), solo(evader), starts, key, drive)
+    return simulate(game, solo(pursuer), solo(evader), starts, key, drive, report)
 
 
 def record_course(simulated: Simulated, game: Game, names: tuple[str, str], seed: int, index: int) -> Replay:

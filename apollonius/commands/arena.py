@@ -45,6 +45,7 @@ def run_list(options: argparse.Namespace) -> int:
     for name in game_names():
         print(f"{name:<12} {about_game(name)}")
     if options.out:
+        options.display.begin("drawing the arenas")
         options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery({name: find_game(name) for name in game_names()}, options.out)
         finish(options.out, then=command("show", "intercept", "flee-aware", "--game", "office", "--out", "office.gif"))
@@ -57,6 +58,7 @@ def run_check(options: argparse.Namespace) -> int:
     from apollonius.game.survey import survey
 
     game = find_game(options.game)
+    options.display.begin("surveying the arena", compiles=True)
     if options.out:
         with plots():
             from apollonius.show.plan import save_plan
@@ -65,6 +67,7 @@ def run_check(options: argparse.Namespace) -> int:
         save_plan(Path(options.game).stem, game, found, options.out)
     else:
         found = survey(game)
+    options.display.end()
     if options.json:
         print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": found.notes}))
     else:

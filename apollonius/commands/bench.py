@@ -35,12 +35,16 @@ def run_bench(options: argparse.Namespace) -> int:
     from apollonius.bench import CLASSIC, bench_env, bench_train
     from apollonius.learn.learner_config import PROFILES
 
+    display = options.display
+    display.begin(f"measuring {options.what}", compiles=True)
     if options.what == "env":
-        result = bench_env(4096 if options.games is None else options.games)
+        result = bench_env(4096 if options.games is None else options.games, report=display.report)
     else:
         profiles = {"classic": CLASSIC, **PROFILES}
         config = profiles[options.profile]
-        result = bench_train(config if options.games is None else replace(config, games=options.games))
+        config = config if options.games is None else replace(config, games=options.games)
+        result = bench_train(config, report=display.report)
+    display.end()
     if options.json:
         print(json.dumps(result))
     else:

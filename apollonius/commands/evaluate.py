@@ -22,16 +22,22 @@ def run_evaluate(options: argparse.Namespace) -> int:
     from apollonius.terminal import match_table
 
     game, pursuer, evader = requested_match(options)
+    display = options.display
     viable = options.starts == "viable"
-    results = play_games(game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable)
+    display.begin(f"playing {options.games:,} games", compiles=True)
+    results = play_games(
+        game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable, report=display.report
+    )
     result = count(game, results, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
+        display.begin(f"writing {options.record} replays")
     written = []
     for index in worst_first(results)[: options.record]:
         replay = record_game(game, pursuer, evader, options.games, options.seed, index, viable)
         written.append(options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
         save_replay(replay, written[-1])
+    display.end()
     if options.json:
         match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         print(json.dumps(match | {"seed": options.seed} | result.to_dict()))

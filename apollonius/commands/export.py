@@ -73,6 +73,7 @@ def run_export(options: argparse.Namespace) -> int:
     )
     game = find_game(options.game) if options.game else from_dict(Game, agent.header.game, f"'{name}'")
     blueprint = make_blueprint(path.stem, agent, game)
+    options.display.begin(f"writing the policy and comparing it in {STATES:,} states", compiles=True)
     with tempfile.TemporaryDirectory() as folder:
         files = format_.make_files(blueprint, Path(folder) / out.name)
         for file, content in files.items():
@@ -81,6 +82,7 @@ def run_export(options: argparse.Namespace) -> int:
     out.parent.mkdir(parents=True, exist_ok=True)
     for file, content in files.items():
         write_atomically(out.with_name(file.name), content)
+    options.display.end()
     print(blueprint.title, *checked, sep="\n")
     sides = (name, "random") if agent.header.role == "pursuer" else ("random", name)
     finish(

@@ -47,15 +47,18 @@ def run_play(options: argparse.Namespace) -> int:
     from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site
 
+    options.display.begin("writing the page")
     choice = choose(Role[options.side.upper()], options.against, options.game, options.seed)
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
         write_site(options.site, choice)
+        options.display.end()
         finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0
     with tempfile.TemporaryDirectory() as folder:
         write_site(Path(folder), choice)
+        options.display.end()
         with make_server(Path(folder), options.port) as server:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             try:

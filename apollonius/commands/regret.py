@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import finish_with_replays
@@ -73,11 +72,13 @@ def _run_regret(options: argparse.Namespace, game: "Game") -> int:
     grid, hold = requested_grid(options, game, Role.PURSUER)
     targets = 20 if options.targets is None else options.targets
 
-    def report(done: int) -> None:
-        print(f"target {done} of {targets} solved and played", file=sys.stderr, flush=True)
-
+    display = options.display
     chase = make_chase(game, grid, hold)
-    regret = measure_regret(chase, pursuer.policy, options.games, targets, options.seed, report)
+    display.begin(f"solving for {targets} targets and playing", compiles=True)
+    regret = measure_regret(
+        chase, pursuer.policy, options.games, targets, options.seed, lambda done: display.report(done, targets)
+    )
+    display.end()
     if options.json:
         about = {"pursuer": pursuer.name, "game": options.game, "starts": options.starts, "seed": options.seed}
         print(json.dumps(about | {"grid": list(grid.counts), "hold": hold} | regret.to_dict()))
@@ -110,7 +111,17 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     agent = find_player(options.agent, role, game)
     own, other = sides[role], sides[Role(1 - role)]
     response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
-    card = measure_card(game, agent.policy, (own, other), options.games, options.seed, response, options.response_games)
+    display = options.display
+    display.begin("playing against the table", compiles=True)
+
+    def report(opponent: str, done: int, total: int) -> None:
+        if display.estimate.what != f"playing against the {opponent}":
+            display.begin(f"playing against the {opponent}")
+        display.report(done, total)
+
+    card = measure_card(
+        game, agent.policy, (own, other), options.games, options.seed, response, options.response_games, report
+    )
     table_of_other = next(path for path, player in zip(options.tables, players, strict=True) if player is other)
     opponent = Named(table_of_other.stem, other)
     pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
@@ -121,6 +132,7 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
         replay = record_game(game, pursuer, evader, options.games, options.seed, lost["game"])
         written.append(options.replays / f"game-{lost['game']}-{lost['outcome']}.json")
         save_replay(replay, written[-1])
+    display.end()
     if options.json:
         about = {"agent": agent.name, "game": options.game, "starts": options.starts, "seed": options.seed}
         print(json.dumps(about | {"tables": [path.name for path in options.tables]} | card.to_dict()))

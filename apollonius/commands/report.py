@@ -35,8 +35,10 @@ def run_report(options: argparse.Namespace) -> int:
     bound = "finished" if unfinished else "the folder of a training run or a reproduction"
     remedy = "go on with apollonius reproduce and --resume" if unfinished else "check the path"
     require(is_study or is_run, "RUN", folder, f"{bound}; {remedy}")
+    options.display.begin("playing games and drawing", compiles=True)
     page = study_page(folder) if is_study else training_page(folder)
     out.parent.mkdir(parents=True, exist_ok=True)
     save_page(page, out)
+    options.display.end()
     finish(out, then=f"open {out} in a browser")
     return 0

@@ -2,13 +2,16 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import LENGTHS, PLACES, PLACES_HELP, plots
 from apollonius.commands.values import count, new_folder
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES, SEEDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def add_reproduce(subparsers: Any) -> None:
@@ -33,8 +36,14 @@ def run_reproduce(options: argparse.Namespace) -> int:
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"
+    display = options.display
     go_on(f"go on with: {again}")
-    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):
+
+    def watch(what: str, poll: "Callable[[], tuple[float, float]]") -> None:
+        display.begin(what, poll=poll)
+
+    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on, watch=watch):
         raise KeyboardInterrupt
+    display.end()
     finish(folder / "report.md", folder / "results.json", then=command("report", folder))
     return 0

@@ -1,7 +1,6 @@
 """`apollonius show`: one game as a picture, an animation or a replay file."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +39,13 @@ def run_show(options: argparse.Namespace) -> int:
         require(options.out.suffix in animation.FORMATS, "--speed", options.speed, moving)
         possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
         require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
+    display = options.display
+    display.begin("playing one game", compiles=True)
     if options.evader is None:
         replay = load_replay(Path(options.pursuer))
         first = replay.first_difference()
         if first is not None:
-            print(f"played again, this game differs from step {first} on", file=sys.stderr)
+            display.tell(f"played again, this game differs from step {first} on")
     else:
         from apollonius.evaluate.match import record_game
         from apollonius.game.types import Role
@@ -54,6 +55,7 @@ def run_show(options: argparse.Namespace) -> int:
         pursuer = find_player(options.pursuer, Role.PURSUER, game)
         evader = find_player(options.evader, Role.EVADER, game)
         replay = record_game(game, pursuer, evader, 1, options.seed, 0, options.starts == "viable")
+    display.begin(f"drawing {len(replay.states)} states")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
@@ -63,6 +65,7 @@ def run_show(options: argparse.Namespace) -> int:
         save_picture(replay, options.out)
     else:
         animation.save_animation(replay, options.out, options.speed or 1.0)
+    display.end()
     print(
         f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} ({len(replay.actions)} steps)"
     )

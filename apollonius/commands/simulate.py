@@ -38,12 +38,17 @@ def run_simulate(options: argparse.Namespace) -> int:
     game, pursuer, evader = requested_match(options)
     drive, viable = _drive(options.drive), options.starts == "viable"
     match = game, pursuer.policy, evader.policy, options.games, options.seed
-    simulated = simulate_match(*match, drive, viable)
-    rules = play_games(*match, viable=viable)
-    comparisons = {"as it is": compare(game, rules, simulated, viable)}
     kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
-    for kind, parts in kinds.items() if options.ablate else ():
-        other = simulate_match(*match, without(drive, *parts), viable)
+    display, ablated = options.display, kinds if options.ablate else {}
+    display.plan({"playing with bodies": 1.0, "playing by the rules": 0.1} | dict.fromkeys(ablated, 1.0))
+    display.begin("playing with bodies", compiles=True)
+    simulated = simulate_match(*match, drive, viable, display.report)
+    display.begin("playing by the rules", compiles=True)
+    rules = play_games(*match, viable=viable, report=display.report)
+    comparisons = {"as it is": compare(game, rules, simulated, viable)}
+    for kind, parts in ablated.items():
+        display.begin(kind, compiles=True)
+        other = simulate_match(*match, without(drive, *parts), viable, display.report)
         comparisons[kind] = compare(game, rules, other, viable)
     if options.record:
         options.replays.mkdir(parents=True, exist_ok=True)
@@ -52,6 +57,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         replay = record_course(simulated, game, (pursuer.name, evader.name), options.seed, index)
         written.append(options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
         save_replay(replay, written[-1])
+    display.end()
     if options.json:
         asked = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}

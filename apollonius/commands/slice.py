@@ -54,7 +54,9 @@ def run_slice(options: argparse.Namespace) -> int:
     else:
         player, agent, path = find_valued(options.agent)
         role = Role[agent.header.role.upper()]
+    options.display.begin("asking the agent all over the arena", compiles=True)
     save_slice(player, role, path.stem, game, own, opponent, options.out)
+    options.display.end()
     players = (options.agent, "random") if role == Role.PURSUER else ("random", options.agent)
     finish(
         options.out, then=command("show", *players, *chosen_rules(options), "--out", options.out.with_suffix(".gif"))

@@ -13,6 +13,7 @@ from apollonius.errors import InvalidInput, require
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from apollonius.display import Display
     from apollonius.game.game import Game
     from apollonius.game.types import Role
     from apollonius.solve.store import Problem, Solution
@@ -82,7 +83,7 @@ def run_solve(options: argparse.Namespace) -> int:
         if solution.problem != problem:
             raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
     else:
-        solution = _solve(problem, game, role)
+        solution = _solve(problem, game, role, options.display)
         path.parent.mkdir(parents=True, exist_ok=True)
         save_solution(solution, path)
         written.append(path)
@@ -90,6 +91,7 @@ def run_solve(options: argparse.Namespace) -> int:
         options.plot.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(solution, game, options.plot)
         written.append(options.plot)
+    options.display.begin("judging the table", compiles=True)
     facts = {
         "grid": "x".join(map(str, problem.counts)),
         "hold [s]": round(problem.hold * float(game.dt), 6),
@@ -98,6 +100,7 @@ def run_solve(options: argparse.Namespace) -> int:
     }
     facts |= {"safety": _about_safety, "reach": _about_reach, "game": _about_game}[what](solution, game, role)
     facts["file"] = str(path)
+    options.display.end()
     if options.json:
         print(json.dumps(facts))
     else:
@@ -147,7 +150,7 @@ def _game_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "P
     return Problem("game", role.name.lower(), to_dict(game), list(grid.counts), hold, payoff=payoff)
 
 
-def _solve(problem: "Problem", game: "Game", role: "Role") -> "Solution":
+def _solve(problem: "Problem", game: "Game", role: "Role", display: "Display") -> "Solution":
     import jax.numpy as jnp
 
     from apollonius.solve.catalogue import contest_of
@@ -156,9 +159,10 @@ def _solve(problem: "Problem", game: "Game", role: "Role") -> "Solution":
     from apollonius.solve.reach import make_chase, solve_reach
     from apollonius.solve.safety import solve_safety
     from apollonius.solve.store import Solution
-    from apollonius.terminal import SweepDisplay
+    from apollonius.terminal import sweeps_on
 
-    report = SweepDisplay()
+    display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
+    report = sweeps_on(display)
     if problem.kind == "game":
         solved = solve_duel(make_duel(contest_of(problem, game)), report)
         return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))

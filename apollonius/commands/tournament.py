@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,15 +61,19 @@ def run_tournament(options: argparse.Namespace) -> int:
 
     def tell(pursuer: str, evader: str, result: MatchResult) -> None:
         if not options.json:
-            print(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}", file=sys.stderr, flush=True)
+            options.display.tell(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}")
 
     if options.keep:
         go_on(f"the matches in {options.keep} are kept: give the same command again")
     viable = options.starts == "viable"
-    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep)
+    options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
+    tournament = play_tournament(
+        game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep, options.display.report
+    )
     if options.plot:
         options.plot.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(tournament, options.plot)
+    options.display.end()
     if options.json:
         settings = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
         print(json.dumps(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))

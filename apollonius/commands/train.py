@@ -14,7 +14,9 @@ from apollonius.interrupts import answer, go_on
 from apollonius.limits import SEED
 
 if TYPE_CHECKING:
+    from apollonius.display import Display
     from apollonius.learn.config import RunConfig
+    from apollonius.learn.progress import Progress
 
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
@@ -23,6 +25,13 @@ SCHEMES = (
     "latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "psro",
     "psro-hedge", "league",
 )  # fmt: skip
+
+
+_JUDGING = "judging"
+_JUDGED_GAMES = 2000
+"""Games of each match that judges a run."""
+_GAME_STEPS = 1000
+"""Steps that a judged game costs about, with the batch running on until its last game is over."""
 
 
 def add_train(subparsers: Any) -> None:
@@ -81,14 +90,14 @@ def run_train(options: argparse.Namespace) -> int:
     for role in Role:
         load_first(config, role)
     create_run(config, folder, force=options.force)
-    return _train_and_judge(config, folder)
+    return _train_and_judge(config, folder, options.display)
 
 
 def run_resume(options: argparse.Namespace) -> int:
     """Go on from a run's checkpoint."""
     from apollonius.learn.folder import load_config
 
-    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder)
+    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -124,10 +133,10 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _train_and_judge(config: "RunConfig", folder: Path) -> int:
+def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
     """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
     from apollonius.learn.run import Run
-    from apollonius.terminal import TrainingDisplay
+    from apollonius.terminal import training_notes
 
     interrupts: list[int] = []
 
@@ -141,35 +150,67 @@ def _train_and_judge(config: "RunConfig", folder: Path) -> int:
             answer()  # and then save where the training stands, however long that takes
         return bool(interrupts)
 
+    def report(progress: "Progress") -> None:
+        if display.estimate.what != progress.stage:
+            display.begin(progress.stage)
+        display.report(progress.share, 1)
+        display.note(training_notes(progress))
+        later = stages[stages.index(progress.stage) + 1 :]
+        if progress.env_steps >= progress.total_env_steps and later:
+            display.begin(later[0], compiles=True)
+
+    run = Run(config, folder, report, should_stop)
+    stages = list(run.work)
+    display.plan(run.work | {_JUDGING: _judging_work(config, stages)})
     go_on(f"go on with: apollonius resume {folder}")
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:
-        with TrainingDisplay() as display:
-            finished = Run(config, folder, display, should_stop).execute()
+        display.begin(stages[0], compiles=True)
+        finished = run.execute()
     finally:
         signal.signal(signal.SIGINT, before)
     if not finished:
         raise KeyboardInterrupt
-    _judge(config, folder)
+    display.begin(_JUDGING, compiles=True)
+    _judge(config, folder, display)
     return 0
 
 
-def _judge(config: "RunConfig", folder: Path, games: int = 2000) -> None:
+def _judging_work(config: "RunConfig", stages: list[str]) -> float:
+    """About how much judging takes, in env steps of one learning side."""
+    learner = config.learner
+    samples = learner.batch * learner.updates_per_iteration / learner.env_steps_per_iteration
+    matches = sum(1 if stage == "fixed-target" else 2 for stage in stages)
+    return matches * _JUDGED_GAMES * _GAME_STEPS / (1 + 4 * samples)
+
+
+def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     """Play the agents of a finished run; print the tables and keep them in `evaluation.json`."""
     from apollonius.agents.catalogue import find_agent
     from apollonius.agents.store import write_atomically
     from apollonius.evaluate.match import play_match
     from apollonius.evaluate.pairings import last_agents, pairings
+    from apollonius.evaluate.trend import self_play_trend
     from apollonius.game.types import Role
     from apollonius.terminal import match_table
 
     agents = last_agents(folder)
     record = {}
-    for name, opponent in pairings(agents):
+    matches = pairings(agents)
+    for number, (name, opponent) in enumerate(matches):
         pursuer = find_agent(str(agents[name]), Role.PURSUER)
         evader = find_agent(str(agents.get(opponent, opponent)), Role.EVADER)
-        result = play_match(config.game, pursuer.policy, evader.policy, games, seed=1)
+
+        def report(done: int, games: int, before: int = number * _JUDGED_GAMES) -> None:
+            display.report(before + done, games * len(matches))
+
+        result = play_match(config.game, pursuer.policy, evader.policy, _JUDGED_GAMES, seed=1, report=report)
         record[f"{name} against {opponent}"] = result.to_dict()
-        print(match_table(name, opponent, result), end="\n\n")
+        print(match_table(pursuer.name, evader.name, result), end="\n\n", flush=True)
+    display.end()
     write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
+    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+    looks = [line["evaluation"] for line in lines if line["stage"] == "self-play" and "evaluation" in line]
+    if trend := self_play_trend(looks):
+        print(trend, end="\n\n")
     finish(folder, then=command("report", folder))

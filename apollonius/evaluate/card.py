@@ -1,6 +1,8 @@
 """The regret card of an agent: how far its play is from what the solved two-robot game says can be had."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -14,7 +16,7 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
-from apollonius.playout import Results
+from apollonius.playout import Report, Results
 from apollonius.solve.players import AbstractLookahead, SaddlePolicy
 
 _REGIONS = 5
@@ -73,6 +75,7 @@ def measure_card(
     seed: int,
     response: AbstractLookahead | None = None,
     response_games: int = 1000,
+    report: Callable[[str, int, int], None] = lambda opponent, done, total: None,
 ) -> Card:
     """Play the agent against the other side's table, and compare with what its own side's table is sure of.
 
@@ -80,6 +83,8 @@ def measure_card(
         tables: the players of the agent's side and of the other one.
         games, seed: as of a match; the starts are those of `play_match`.
         response: an opponent that knows the agent; it plays the first `response_games` starts of another match.
+        report: told against whom it plays, table or response, how many of these games have ended, and how many there
+            are.
 
     Raises:
         InvalidInput: as `play_match`, and unless the tables are of two sides and one payoff.
@@ -90,12 +95,12 @@ def measure_card(
     same = (own.contest.win, own.contest.lose) == (-other.contest.lose, -other.contest.win)
     require(same, "tables", "of two payoffs", "two that were solved with the same --payoff")
     starts, _ = begin(game, games, seed, viable=False)
-    results = _play(game, role, agent, other, games, seed)
+    results = _play(game, role, agent, other, games, seed, partial(report, "table"))
     payoffs, sure = _payoffs(own, results), np.asarray(own.best_worth(starts))
     gaps = sure - payoffs
     answered = None
     if response is not None:
-        lost_to = _play(game, role, agent, response, response_games, seed)
+        lost_to = _play(game, role, agent, response, response_games, seed, partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
     own_starts = (starts.pursuer, starts.evader)[role]
     return Card(
@@ -112,9 +117,11 @@ def measure_card(
     )
 
 
-def _play(game: Game, role: Role, player: AbstractPolicy, opponent: AbstractPolicy, games: int, seed: int) -> Results:
+def _play(
+    game: Game, role: Role, player: AbstractPolicy, opponent: AbstractPolicy, games: int, seed: int, report: Report
+) -> Results:
     pair = (player, opponent) if role == Role.PURSUER else (opponent, player)
-    return play_games(game, *pair, games, seed)
+    return play_games(game, *pair, games, seed, report=report)
 
 
 def _payoffs(own: SaddlePolicy, results: Results) -> np.ndarray:

@@ -10,6 +10,7 @@ from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.game.game import Game
 from apollonius.game.record import from_dict, to_dict
+from apollonius.playout import Report
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,14 @@ def match_file(folder: Path, pursuer: str, evader: str) -> Path:
 
 
 def kept_match(
-    folder: Path, game: Game, pursuer: Named, evader: Named, games: int, seed: int, viable: bool = False
+    folder: Path,
+    game: Game,
+    pursuer: Named,
+    evader: Named,
+    games: int,
+    seed: int,
+    viable: bool = False,
+    report: Report = lambda done, total: None,
 ) -> MatchResult:
     """The match of two players, as `play_match`: read from the folder if it lies there, or else played and kept there.
 
@@ -46,7 +54,7 @@ def kept_match(
         require(same, "--keep", folder, f"another folder: '{path.name}' is of another match")
         assert kept.result is not None
         return kept.result
-    result = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable)
+    result = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable, report=report)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps(to_dict(replace(asked, result=result)), indent=1).encode())
     return result

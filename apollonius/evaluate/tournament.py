@@ -16,6 +16,7 @@ from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.evaluate.ratings import Ratings, rate
 from apollonius.game.game import Game
 from apollonius.matrix_game import Equilibrium, broadest_equilibrium
+from apollonius.playout import Report
 
 Points = Float[np.ndarray, " players"]
 
@@ -113,6 +114,7 @@ def play_tournament(
     on_match: Callable[[str, str, MatchResult], None] = lambda pursuer, evader, result: None,
     viable: bool = False,
     keep: Path | None = None,
+    report: Report = lambda done, total: None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader. All matches have the same starts.
 
@@ -121,6 +123,7 @@ def play_tournament(
         on_match: called after each.
         viable: as in `play_match`.
         keep: folder for the matches; those that lie there already are not played again.
+        report: told of the games of all matches together, as of one match by `play_match`.
 
     Raises:
         InvalidInput: unless there is a player on either side, no name twice; and as `play_match` and `kept_match`.
@@ -128,14 +131,21 @@ def play_tournament(
     for side, players in (("pursuers", pursuers), ("evaders", evaders)):
         names = [player.name for player in players]
         require(names and len(set(names)) == len(names), side, ", ".join(names) or "none", "one at least, each once")
-    rows = []
+    rows, total = [], games * len(pursuers) * len(evaders)
     for pursuer in pursuers:
         row = []
         for evader in evaders:
+            before = games * (len(rows) * len(evaders) + len(row))
+            report(before, total)
+
+            def of_all(done: int, _: int, before: int = before) -> None:
+                report(before + done, total)
+
             if keep is None:
-                row.append(play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable))
+                match = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable, report=of_all)
             else:
-                row.append(kept_match(keep, game, pursuer, evader, games, seed, viable))
+                match = kept_match(keep, game, pursuer, evader, games, seed, viable, of_all)
+            row.append(match)
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))

@@ -1,6 +1,7 @@
 """The whole evaluation of the paper: train what is missing, play, draw, report."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from apollonius.errors import require
@@ -8,10 +9,12 @@ from apollonius.experiments import beyond, course, figure4, figure5, figure6, fi
 from apollonius.experiments.jobs import available_cores
 from apollonius.experiments.report import write_report
 from apollonius.experiments.study import Study
-from apollonius.experiments.training import train_missing
+from apollonius.experiments.training import train_missing, work_done
 from apollonius.learn.config import PRESETS
 from apollonius.limits import SEEDS, STUDY_GAMES
 
+Watch = Callable[[str, Callable[[], tuple[float, float]]], None]
+"""Told what begins, and whom to ask about it now and then."""
 EXPERIMENTS = (figure4, figure5, figure6, figure7, table2, table3, figure8, course, beyond)
 """In the order of the report."""
 
@@ -24,6 +27,7 @@ def reproduce(
     games: int = 10_000,
     report: Callable[[str], None] = print,
     on: str = "local",
+    watch: Watch = lambda what, poll: None,
 ) -> bool:
     """Train the agents of all seeds, then run every experiment and write the report.
 
@@ -35,6 +39,7 @@ def reproduce(
         games: games in a match.
         report: called with every line of progress.
         on: where trainings run, as `run_jobs` has it.
+        watch: told what begins, and whom to ask how much of it is done, and of how much.
 
     Returns:
         Whether it is finished; False after Ctrl-C.
@@ -50,9 +55,11 @@ def reproduce(
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
+    watch("training the agents", partial(work_done, study))
     if not train_missing(study, available_cores(), report, on):
         return False
     findings = []
+    watch("playing the matches, drawing the figures", lambda: (len(findings), len(EXPERIMENTS)))
     for experiment in EXPERIMENTS:
         findings.append(experiment.run(study))
         report(f"done: {findings[-1].title}")

@@ -24,6 +24,7 @@ from apollonius.learn.best_response import best_response
 from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.state import Plan
+from apollonius.playout import Report
 from apollonius.solve.catalogue import find_player
 
 
@@ -90,8 +91,17 @@ def response_file(folder: Path, seed: int) -> Path:
     return folder / f"response-{seed}.safetensors"
 
 
-def train_response(attack: Attack, folder: Path, seed: int, should_stop: ShouldStop = lambda: False) -> bool:
+def train_response(
+    attack: Attack,
+    folder: Path,
+    seed: int,
+    should_stop: ShouldStop = lambda: False,
+    report: Report = lambda done, total: None,
+) -> bool:
     """Train the response of a seed, unless it lies in the folder already. Returns False if there was no time to begin.
+
+    Args:
+        report: as of `best_response`.
 
     Raises:
         InvalidInput: when responses to another agent, or other ones, lie in the folder.
@@ -100,11 +110,13 @@ def train_response(attack: Attack, folder: Path, seed: int, should_stop: ShouldS
     if path.exists():
         made = {name: load_agent(path).header.training.get(name) for name in attack.record}
         bound = f"another folder: here lie responses to {made['against']}, or other ones"
-        require(made == attack.record, "--out", folder, bound)
+        same = made | {"against": attack.record["against"]} == attack.record  # weights tell agents, not their names
+        require(same, "--out", folder, bound)
         return True
     if should_stop():
         return False
-    network = best_response(attack.plan, attack.rules, attack.player.policy, attack.other, seed, attack.start)
+    policy, other = attack.player.policy, attack.other
+    network = best_response(attack.plan, attack.rules, policy, other, seed, attack.start, report)
     folder.mkdir(parents=True, exist_ok=True)
     training = {"command": "apollonius exploit", "seed": seed, **attack.record, "stage": asdict(attack.plan.stage)}
     save_agent(describe(network, attack.other, to_dict(attack.rules), training), path)
@@ -124,9 +136,11 @@ class Loss:
     match: MatchResult
 
 
-def judge_response(attack: Attack, folder: Path, seed: int, games: int) -> Loss:
+def judge_response(
+    attack: Attack, folder: Path, seed: int, games: int, report: Report = lambda done, total: None
+) -> Loss:
     """How often the agent loses to a kept response. The starts are others than in training."""
-    return judge_opponent(attack, kept_response(folder, seed), games)
+    return judge_opponent(attack, kept_response(folder, seed), games, report=report)
 
 
 def kept_response(folder: Path, seed: int) -> AbstractPolicy:
@@ -134,18 +148,27 @@ def kept_response(folder: Path, seed: int) -> AbstractPolicy:
     return at_best(load_agent(response_file(folder, seed)).network)
 
 
-def judge_opponent(attack: Attack, opponent: AbstractPolicy, games: int, seed: int = CHOOSING) -> Loss:
+def judge_opponent(
+    attack: Attack,
+    opponent: AbstractPolicy,
+    games: int,
+    seed: int = CHOOSING,
+    report: Report = lambda done, total: None,
+) -> Loss:
     """How often the agent loses to any opponent. A pursuer loses every game that it does not win."""
     players = [attack.player.policy, opponent]
     pursuer, evader = players if attack.role == Role.PURSUER else players[::-1]
-    match = play_match(attack.rules, pursuer, evader, games, seed, slots=64)
+    match = play_match(attack.rules, pursuer, evader, games, seed, slots=64, report=report)
     won = round(match.pursuer_win_rate * games)
     lost = games - won if attack.role == Role.PURSUER else won
     return Loss(lost / games, wilson_interval(lost, games), match)
 
 
 def judge_strongest(
-    attack: Attack, opponents: Mapping[str, AbstractPolicy], losses: Mapping[str, Loss]
+    attack: Attack,
+    opponents: Mapping[str, AbstractPolicy],
+    losses: Mapping[str, Loss],
+    report: Report = lambda done, total: None,
 ) -> tuple[str, Loss]:
     """The opponent that the agent loses to most often, and how often it loses to it in as many games on other starts.
 
@@ -153,4 +176,4 @@ def judge_strongest(
     are not biased so, and the lower end of their interval is a bound of what the agent can lose.
     """
     name = max(losses, key=lambda one: losses[one].rate)
-    return name, judge_opponent(attack, opponents[name], losses[name].match.games, JUDGING)
+    return name, judge_opponent(attack, opponents[name], losses[name].match.games, JUDGING, report)

@@ -81,7 +81,7 @@ class Study:
         role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
         moment = percent if bare in SELF_PLAYED else 100
         player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
-        return find_agent(SHIELDED + player if bare != name else player, role, self.game)
+        return replace(find_agent(SHIELDED + player if bare != name else player, role, self.game), name=name)
 
     def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
         """The games of a match between two agents of a seed, those of self-play at a percentage of it."""

@@ -8,6 +8,7 @@ from apollonius.experiments.jobs import Job, ShouldStop, run_jobs
 from apollonius.experiments.study import RUN_OF, Study, run_configs
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file, create_run, load_config
+from apollonius.learn.progress import last_metrics
 
 
 def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
@@ -18,6 +19,21 @@ def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], No
         for name, config in run_configs(study.preset, seed).items()
     }
     return train_runs(runs, cores, report, on)
+
+
+def work_done(study: Study) -> tuple[float, float]:
+    """How much of a study's training is done, and of how much: env steps, once for each side that learns."""
+    done = whole = 0.0
+    for seed in study.seeds:
+        for name, config in run_configs(study.preset, seed).items():
+            stages = {"fixed-target": config.fixed_target.env_steps, "self-play": 2 * config.self_play.env_steps}
+            work = stages if config.stages == "both" else {config.stages: stages[config.stages]}
+            stage, env_steps = last_metrics(study.run(name, seed) / "metrics.jsonl")
+            before = list(work)[: list(work).index(stage)] if stage in work else []
+            here = env_steps * (2 if stage == "self-play" else 1)
+            done += min(sum(work.values()), sum(work[earlier] for earlier in before) + here)
+            whole += sum(work.values())
+    return done, whole
 
 
 def train_runs(

@@ -11,6 +11,9 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.learn.stage import Metrics
 from apollonius.learn.state import Plan, TrainState
 
+_TAIL = 8192
+"""Bytes in which the last line of metrics is looked for; a line has less than a thousand."""
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -28,6 +31,8 @@ class Progress:
     """Mean loss of each learning side's updates in the latest chunk."""
     evaluation: dict[str, Any] | None
     """Outcome counts of the latest greedy evaluation, if there was one in this stage."""
+    share: float
+    """Part of the stage's work that is done, from 0 to 1: of the env steps that updates go with."""
 
 
 def measure(
@@ -42,17 +47,19 @@ def measure(
     """
     learning = {"pursuer": train.pursuer, "evader": train.evader}
     losses = {"pursuer": float(metrics.pursuer_loss), "evader": float(metrics.evader_loss)}
-    updates = int(metrics.updates)
+    updates, env_steps, total = int(metrics.updates), int(train.env_steps), plan.chunks * plan.env_steps_per_chunk
+    idle = plan.learner.learning_starts if plan.learner.learning_starts < total else 0
     return Progress(
         stage=stage,
-        env_steps=int(train.env_steps),
-        total_env_steps=plan.chunks * plan.env_steps_per_chunk,
+        env_steps=env_steps,
+        total_env_steps=total,
         episodes=int(train.episodes),
         updates=int(train.pursuer.learner.updates) if train.pursuer else 0,
         env_steps_per_second=speed,
         outcomes=counts_by_name(np.asarray(metrics.outcomes)),
         losses={name: round(losses[name] / max(1, updates), 6) for name, side in learning.items() if side is not None},
         evaluation=evaluation,
+        share=max(0, env_steps - idle) / (total - idle),
     )
 
 
@@ -83,3 +90,14 @@ def truncate_metrics(path: Path, size: int) -> None:
     """Cut off what was written after the checkpoint, or make an empty file."""
     with open(path, "ab") as file:
         file.truncate(size)
+
+
+def last_metrics(path: Path) -> tuple[str | None, int]:
+    """The stage of the last whole line of a `metrics.jsonl` and its env steps; None and 0 where there is none yet."""
+    if not path.is_file():
+        return None, 0
+    with open(path, "rb") as file:
+        file.seek(max(0, path.stat().st_size - _TAIL))
+        whole = [line for line in file.read().splitlines(keepends=True) if line.startswith(b"{") and line[-1:] == b"\n"]
+    line = json.loads(whole[-1]) if whole else {"stage": None, "env_steps": 0}
+    return line["stage"], line["env_steps"]

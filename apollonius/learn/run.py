@@ -77,6 +77,11 @@ class Run:
         self.evaders = find_pool(config.evaders, Role.EVADER, config.game)
         self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
 
+    @property
+    def work(self) -> dict[str, int]:
+        """About how much each stage takes, by name: its env steps, once for each side that learns."""
+        return {stage: self._plan(stage).stage.env_steps * (1 if stage == FIXED_TARGET else 2) for stage in self.stages}
+
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
 

@@ -30,12 +30,11 @@ class Sweep:
     tolerance: float = TOLERANCE
     """The residual that is asked for."""
 
-    def seconds_left(self, first_residual: float) -> float:
-        """Seconds to go if the residual goes on falling as it did on average so far; a rough guess."""
+    def share(self, first_residual: float) -> float:
+        """Part of the way from the first residual to the last, as residuals fall by a factor each time."""
         wanted = max(self.tolerance, _ROUNDING)
-        fallen = log(max(first_residual, wanted) / max(self.residual, wanted))
-        to_fall = log(max(self.residual, wanted) / wanted)
-        return self.seconds * to_fall / fallen if fallen > 0 else float("inf")
+        whole = log(max(first_residual, wanted) / wanted)
+        return 1 - log(max(self.residual, wanted) / wanted) / whole if whole > 0 else 1.0
 
 
 def silent(sweep: Sweep) -> None:

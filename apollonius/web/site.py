@@ -5,7 +5,7 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, zoo_names
+from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, find_trained, zoo_names
 from apollonius.agents.store import load_agent
 from apollonius.errors import require
 from apollonius.game.file import find_game, game_names
@@ -62,11 +62,11 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     playable = found.header is not None or bare in BUILT_IN
     require(playable, "--against", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
     agents = {}
-    if found.header is not None and bare not in zoo_names():
-        path = Path(bare).resolve()
+    if found.header is not None:
+        path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
-        agents = {f"{path.stem} of {path.parents[1].name}": path}
-        name = name.removesuffix(bare) + next(iter(agents))
+        agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
+        name = name.removesuffix(bare) + next(iter(agents), path.stem)
     pursuer, evader = (name, YOU) if side == Role.PURSUER else (YOU, name)
     return Choice(pursuer, evader, Path(game).stem if games else game, seed, agents, games)
 

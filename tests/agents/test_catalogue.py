@@ -1,5 +1,7 @@
 """Agents by name: built in, or a file that plays the side it was trained for."""
 
+from pathlib import Path
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,6 +15,7 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
+from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 
@@ -37,6 +40,25 @@ def test_a_file_plays_greedily_and_brings_its_header(pursuer, tmp_path):
     assert isinstance(found.policy, Greedy)
     assert eqx.tree_equal(found.policy.network, pursuer.network)
     assert found.header == pursuer.header
+
+
+def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tmp_path, monkeypatch):
+    """Two runs give their agents the same names, and those of the zoo."""
+    monkeypatch.chdir(tmp_path)
+    file = Path("runs/demo/agents/P_stage1.safetensors")
+    file.parent.mkdir(parents=True)
+    save_agent(pursuer, file)
+    for name in ("demo/P_stage1", "runs/demo/P_stage1", str(file), str(file.resolve())):
+        found = find_agent(name, Role.PURSUER)
+        assert found.name == "demo/P_stage1"
+        assert found.header == pursuer.header
+    shielded = find_agent("shielded:demo/P_stage1", Role.PURSUER, make_game("paper"))
+    assert shielded.name == "shielded:demo/P_stage1"
+    assert find_agent("P_stage1", Role.PURSUER).name == "P_stage1"
+    assert find_agent("zoo/P_stage1", Role.PURSUER).name == "zoo/P_stage1"
+    assert eqx.tree_equal(find_agent("zoo/P_stage1", Role.PURSUER).policy, find_agent("P_stage1", Role.PURSUER).policy)
+    with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
+        find_agent("demo/P_stage2", Role.PURSUER)
 
 
 def test_a_file_plays_no_other_side(pursuer, tmp_path):

@@ -58,8 +58,9 @@ def test_each_sweep_goes_down_and_the_last_moves_nothing():
     solved = solve_safety(SMALL, Role.PURSUER, make_grid(SMALL.arena, BODY, TINY), HOLD, told.append)
     assert [sweep.number for sweep in told] == list(range(1, solved.sweeps + 1))
     assert told[-1].residual == solved.residual == 0 < told[0].residual
-    assert told[1].seconds_left(told[0].residual) > 0
-    assert told[-1].seconds_left(told[0].residual) == 0
+    shares = [sweep.share(told[0].residual) for sweep in told]
+    assert (shares[0], shares[-1]) == (0, 1)
+    assert 0 < shares[1] < 1
 
 
 @pytest.mark.parametrize(("counts", "hold"), [((8, 8, 4, 7), 1), (TINY, HOLD)])

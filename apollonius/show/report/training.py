@@ -12,6 +12,7 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import MatchResult
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.paper import paper_shares
+from apollonius.evaluate.trend import self_play_trend
 from apollonius.game.game import Game
 from apollonius.game.record import from_dict
 from apollonius.game.types import Role
@@ -35,7 +36,7 @@ def training_page(folder: Path) -> Page:
         lines = _lines(folder / "metrics.jsonl")
         stages = [stage for stage in _STAGES if config["stages"] in (stage, "both")]
         facts = [_fact(stage, lines, config) for stage in stages]
-        matches = _matches(folder / "evaluation.json")
+        matches = _matches(folder / "evaluation.json", folder.resolve().name)
         game = from_dict(Game, config["game"], f"'{folder / 'config.toml'}'")
         sections = [section for stage in stages if (section := _learning(stage, lines, config))]
         seed = config["seed"]
@@ -105,13 +106,14 @@ def _warnings(folder: Path, facts: list[tuple[str, ...]], matches: list[Judged],
     return found
 
 
-def _matches(path: Path) -> list[Judged]:
+def _matches(path: Path, run: str) -> list[Judged]:
     """The matches that judged the run; none where it was not judged."""
     judged = []
     for name, result in (json.loads(path.read_text()) if path.is_file() else {}).items():
         pursuer, evader = name.split(" against ")
         judged_as = from_dict(MatchResult, result, f"'{path}'")
-        judged.append(Judged(pursuer, evader, judged_as, paper_shares(pursuer, evader)))
+        ours = [f"{run}/{name}" if name.startswith(("P_", "E_")) else name for name in (pursuer, evader)]
+        judged.append(Judged(ours[0], ours[1], judged_as, paper_shares(pursuer, evader)))
     return judged
 
 
@@ -125,6 +127,8 @@ def _learning(stage: str, lines: list[dict[str, Any]], config: dict[str, Any]) -
         f"Greedy games: {games:,} from fixed starts, with Wilson 95 % intervals over games as bands. Rewards and "
         "losses: running means over the games and updates of training, in which players explore."
     )
+    if stage == "self-play":
+        text = f"{text}\n\n{self_play_trend([line['evaluation'] for line in own if 'evaluation' in line])}".rstrip()
     return Section(f"Learning: {stage}", text, pictures)
 
 

@@ -109,6 +109,10 @@ def test_the_papers_numbers_stand_beside_ours(document):
     assert paper_shares("P_curriculum", "still") == {}
 
 
+def test_the_runs_agents_are_told_from_those_of_the_zoo(document):
+    assert "tiny/P_curriculum against random" in document.text
+
+
 def test_every_stage_has_its_curves_with_units(document):
     assert document.tags.count("svg") == 6
     for label in ("games [%]", "mean reward of a game", "mean loss of an update", "episodes"):
@@ -118,10 +122,10 @@ def test_every_stage_has_its_curves_with_units(document):
 def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_run):
     agents, games = last_agents(finished_run), document.games
     assert pairings(agents) == [("P_curriculum", "random"), ("P_curriculum", "E_curriculum"), ("P_stage1", "still")]
-    seen = list(dict.fromkeys((game["pursuer"], game["evader"]) for game in games))
-    assert seen == pairings(agents)
-    for names in pairings(agents):
-        own = [game for game in games if (game["pursuer"], game["evader"]) == names]
+    shown = [tuple(f"tiny/{name}" if name in agents else name for name in names) for names in pairings(agents)]
+    assert list(dict.fromkeys((game["pursuer"], game["evader"]) for game in games)) == shown
+    for names, ours in zip(pairings(agents), shown, strict=True):
+        own = [game for game in games if (game["pursuer"], game["evader"]) == ours]
         ranks = [rank(Outcome[game["outcome"].upper()]) for game in own]
         assert ranks == sorted(ranks)
         pursuer, evader = (
@@ -153,7 +157,7 @@ def test_names_are_shown_as_they_are_written(copy):
     assert "b" not in document.tags
     assert document.tags.count("script") == 2
     assert f"{name} against random" in document.text
-    assert document.games[0]["pursuer"] == name
+    assert document.games[0]["pursuer"] == f"copy/{name}"
 
 
 def test_an_unfinished_run_says_so(copy):
