@@ -50,11 +50,14 @@ def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGK
         key: consumed.
         index: which of the games.
     """
-    start = jax.tree.map(lambda leaf: leaf[index], starts)
-    actions = _actions(game, pursuer, evader, start, key, jnp.asarray([index]), int(game.max_steps))
-    states, outcomes = play_actions(game, start, actions)
-    last = int(jnp.argmax(outcomes != Outcome.ONGOING))
-    return Trajectory(jax.tree.map(lambda leaf: leaf[: last + 2], states), actions[: last + 1], outcomes[last])
+    # Cut on the host, where nothing is compiled for it.
+    start = jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[index], starts))
+    number = jax.device_put(np.array([index], np.int32))
+    actions = _actions(game, pursuer, evader, start, key, number, int(game.max_steps))
+    states, outcomes = jax.device_get(play_actions(game, start, actions))
+    last = int(np.argmax(outcomes != Outcome.ONGOING))
+    course = jax.tree.map(lambda leaf: leaf[: last + 2], states), np.asarray(actions)[: last + 1], outcomes[last]
+    return Trajectory(*jax.device_put(course))
 
 
 @functools.partial(jax.jit, static_argnames="length")
