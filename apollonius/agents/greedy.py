@@ -1,5 +1,6 @@
 """Players that act by a network's action values: the best action, or now and then a random one."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
@@ -23,6 +24,12 @@ class Greedy(AbstractValued):
         """The network's action values."""
         return self.network(observation)
 
+    def together(
+        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+    ) -> Int[Array, " games"]:
+        """The best action for each observation."""
+        return jnp.argmax(self.network.together(observations), axis=-1).astype(jnp.int32)
+
 
 class EpsilonGreedy(AbstractPolicy):
     """With probability `epsilon` (to 1.5e-5) a uniformly random action, otherwise the greedy one."""
@@ -36,6 +43,15 @@ class EpsilonGreedy(AbstractPolicy):
         return self.network.observation
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        best = jnp.argmax(self.network(observation)).astype(jnp.int32)
+        return self._explore(self.network(observation), word)
+
+    def together(
+        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+    ) -> Int[Array, " games"]:
+        """The action for each observation."""
+        return jax.vmap(self._explore)(self.network.together(observations), words)
+
+    def _explore(self, values: Float[Array, "9"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        best = jnp.argmax(values).astype(jnp.int32)
         explore = (word & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
         return jnp.where(explore, uniform_action(word), best)

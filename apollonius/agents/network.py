@@ -12,6 +12,8 @@ from apollonius.game.types import NUM_ACTIONS
 
 Layers = tuple[eqx.nn.Linear, ...]
 """Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of 256 units)."""
+_BLOCK = 64
+"""Rows and columns of a product that XLA on the CPU computes in whole blocks are multiples of this."""
 
 
 class QNetwork(eqx.Module):
@@ -27,6 +29,10 @@ class QNetwork(eqx.Module):
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
         """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
         return apply_to_batch(self.layers, observations)
+
+    def together(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
+        """The same for a batch, what a `vmap` makes of it, but quicker."""
+        return apply_together(self.layers, observations)
 
 
 class GaussianActor(eqx.Module):
@@ -50,6 +56,13 @@ class GaussianActor(eqx.Module):
         mean, spread = jnp.split(apply_to_batch(self.layers, observations), 2, axis=1)
         return mean, _deviation(spread)
 
+    def together(
+        self, observations: Float[Array, "batch size"]
+    ) -> tuple[Float[Array, "batch 2"], Float[Array, "batch 2"]]:
+        """The same for a batch, what a `vmap` makes of it, but quicker."""
+        mean, spread = jnp.split(apply_together(self.layers, observations), 2, axis=1)
+        return mean, _deviation(spread)
+
 
 Network = QNetwork | GaussianActor
 """What a trained agent plays by."""
@@ -69,6 +82,21 @@ def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     for layer in layers[:-1]:
         hidden = jax.nn.relu(layer(hidden))
     return layers[-1](hidden)
+
+
+def apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
+    """What a `vmap` of `apply` makes of a batch, but quicker where batch and layers are large.
+
+    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes what every layer makes of them.
+    Products whose sizes are multiples of `_BLOCK` it adds up in the same order either way, so the results are the same
+    to the last bit; others, and the last layer, which it treats apart, are left as they are.
+    """
+    if inputs.shape[0] % _BLOCK or any(layer.out_features % _BLOCK for layer in layers[:-1]):
+        return jax.vmap(apply, in_axes=(None, 0))(layers, inputs)
+    hidden = inputs
+    for layer in layers[:-1]:
+        hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
+    return jax.vmap(layers[-1])(hidden)
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:

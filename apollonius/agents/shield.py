@@ -1,11 +1,13 @@
 """A player that does not crash: another player's actions, unless they leave no way to stop in time."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import ceil
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, acts_continuously
@@ -13,8 +15,9 @@ from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game
+from apollonius.game.nearby import Edges, Surroundings, surroundings
 from apollonius.game.observation import own_state
-from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
 
 MARGIN = 1e-3
 """Room [m] that must be left: many times what is lost when a state is read from an observation."""
@@ -39,6 +42,7 @@ class Backup(eqx.Module):
         arena, body, dt: what the manoeuvres are tried on.
         steps: how many steps they last.
         manoeuvres: each the braking action to take in a state.
+        surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
     """
 
     arena: Arena
@@ -46,25 +50,53 @@ class Backup(eqx.Module):
     dt: Real
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[Callable[[RobotState], Int[Array, ""]], ...] = tuple(Brake(action) for action in BRAKING)
+    surroundings: Surroundings | None = None
 
     def room(self, robot: RobotState) -> Scalar:
-        """Least clearance [m] on the way to rest by the best of the manoeuvres, the body's radius taken off."""
+        """Least clearance [m] on the way to rest by the best of the manoeuvres, the body's radius taken off.
 
-        def one_step(carry: list[tuple[RobotState, Scalar]], _: None) -> tuple[list[tuple[RobotState, Scalar]], None]:
-            moved = []
-            for (before, least), manoeuvre in zip(carry, self.manoeuvres, strict=True):
-                after = self._hold(before, manoeuvre(before))
-                moved.append((after, jnp.minimum(least, self.arena.clearance_along(before, after))))
-            return moved, None
-
-        here = self.arena.clearance(robot.x, robot.y)
-        ends, _ = jax.lax.scan(one_step, [(robot, here)] * len(self.manoeuvres), None, self.steps)
-        return jnp.max(jnp.stack([least for _, least in ends])) - self.body.radius
+        Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
+        room than `MARGIN` without them and with them.
+        """
+        return self._room(robot, self._near(robot))
 
     def room_after(self, robot: RobotState, action: Action) -> Scalar:
         """The same, for the way that begins with one step of an action."""
+        near = self._near(robot)
         after = self._hold(robot, action)
-        return jnp.minimum(self.arena.clearance_along(robot, after) - self.body.radius, self.room(after))
+        (clearance,) = self._along([robot], [after], near)
+        if near is not None:
+            clearance = jnp.minimum(clearance, near.clearance_from(robot.x, robot.y))
+        return jnp.minimum(clearance - self.body.radius, self._room(after, near))
+
+    def _room(self, robot: RobotState, near: Edges | None) -> Scalar:
+        def one_step(carry: list[tuple[RobotState, Scalar]], _: None) -> tuple[list[tuple[RobotState, Scalar]], None]:
+            before = [robot for robot, _ in carry]
+            after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
+            clearances = self._along(before, after, near)
+            moved = zip(after, carry, clearances, strict=True)
+            return [(to, jnp.minimum(least, clearance)) for to, (_, least), clearance in moved], None
+
+        here = self._arena(near).clearance(robot.x, robot.y)
+        if near is not None:
+            here = jnp.minimum(here, near.clearance_from(robot.x, robot.y))
+        ends, _ = jax.lax.scan(one_step, [(robot, here)] * len(self.manoeuvres), None, self.steps)
+        return jnp.max(jnp.stack([least for _, least in ends])) - self.body.radius
+
+    def _near(self, robot: RobotState) -> Edges | None:
+        return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
+
+    def _arena(self, near: Edges | None) -> Arena:
+        """What is left of the arena where the polygons' edges are given."""
+        return self.arena if near is None else replace(self.arena, polygons=())
+
+    def _along(self, before: list[RobotState], after: list[RobotState], near: Edges | None) -> list[Scalar]:
+        """Least clearance [m] on each of some segments."""
+        arena = self._arena(near)
+        clearances = [arena.clearance_along(one, other) for one, other in zip(before, after, strict=True)]
+        if near is None:
+            return clearances
+        return [jnp.minimum(*both) for both in zip(clearances, near.clearances_along(before, after), strict=True)]
 
     def _hold(self, robot: RobotState, action: Action) -> RobotState:
         return self.body.move(robot, *self.body.controls(action), self.dt)
@@ -95,8 +127,30 @@ class Shielded(AbstractPolicy):
         return self.policy.observation
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Action:
-        own = own_state(self.observation, self.backup.arena, self.backup.body, observation)
+        own = self._own(observation)
         room = jax.vmap(lambda action: self.backup.room_after(own, action))(jnp.arange(NUM_ACTIONS))
+        return self._choose(own, room, observation, word)
+
+    def together(self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Actions:
+        """The actions for the observations of many games.
+
+        Among polygons each action is tried in all games at once, rather than all actions in each game: what is near to
+        a robot is then read from memory in a row.
+        """
+        if self.backup.surroundings is None:
+            return super().together(observations, words)
+        own = jax.vmap(self._own)(observations)
+        room_after = jax.vmap(jax.vmap(self.backup.room_after, in_axes=(0, None)), in_axes=(None, 0))
+        rooms = room_after(own, jnp.arange(NUM_ACTIONS))
+        return jax.vmap(self._choose, in_axes=(0, 1, 0, 0))(own, rooms, observations, words)
+
+    def _own(self, observation: Float[Array, " size"]) -> RobotState:
+        return own_state(self.observation, self.backup.arena, self.backup.body, observation)
+
+    def _choose(
+        self, own: RobotState, room: Float[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
+    ) -> Action:
+        """The action, by the room that each of the nine leaves."""
         allowed = room > MARGIN
         among = self.policy.act_among(allowed, observation, word)
         safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
@@ -115,7 +169,18 @@ def brakes(game: Game, role: Role) -> Backup:
     body = game.pursuer if role == Role.PURSUER else game.evader
     bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
     require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
-    return Backup(game.arena, body, game.dt, steps=ceil(body.v_max / (body.u1_max * game.dt)))
+    steps = ceil(body.v_max / (body.u1_max * game.dt))
+    return Backup(game.arena, body, game.dt, steps, surroundings=_surroundings(game, body))
+
+
+def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
+    """The arena's polygons by where a robot is that brakes after one step; None if their numbers are not known yet."""
+    arena = game.arena
+    numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
+    if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
+        return None
+    reach = body.v_max * game.dt + body.v_max**2 / (2 * body.u1_max) + body.radius + MARGIN
+    return surroundings(arena.polygons, *map(float, (reach, arena.x_min, arena.x_max, arena.y_min, arena.y_max)))
 
 
 def shielded(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:

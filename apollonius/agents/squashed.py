@@ -1,5 +1,6 @@
 """Players that act by a distribution over pairs of gears: its middle, or drawn from it."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt32
 
@@ -34,7 +35,17 @@ class SquashedGaussian(AbstractContinuous):
         return self.network.observation
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
-        mean, deviation = self.network(observation)
+        return self._sample(*self.network(observation), word)
+
+    def together(
+        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+    ) -> Float[Array, "games 2"]:
+        """The two gears for each observation."""
+        return jax.vmap(self._sample)(*self.network.together(observations), words)
+
+    def _sample(
+        self, mean: Float[Array, "2"], deviation: Float[Array, "2"], word: UInt32[Array, ""]
+    ) -> Float[Array, "2"]:
         return jnp.tanh(mean + self.spread * deviation * normal_pair(word))
 
 

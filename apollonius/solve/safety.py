@@ -17,6 +17,7 @@ by how much its table is above a fixed point is not known.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -105,7 +106,7 @@ def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v he
     """
     backup = brakes(game, role)
     steering = Steering(motion_of(game, role, 1), grid, table)
-    return Backup(backup.arena, backup.body, backup.dt, backup.steps, (*backup.manoeuvres, steering))
+    return replace(backup, manoeuvres=(*backup.manoeuvres, steering))
 
 
 def kernel_shielded(

@@ -6,7 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.network import make_network
+from apollonius.agents.greedy import EpsilonGreedy
+from apollonius.agents.network import make_actor, make_network
+from apollonius.agents.policy import solo
+from apollonius.agents.squashed import SquashedGaussian
 
 NETWORK = make_network("encoded", 16, 3, jax.random.key(0))
 SEEN = jax.random.normal(jax.random.key(1), (40, 17))
@@ -42,3 +45,19 @@ def test_its_gradient_is_that_of_the_same_values(of):
     for one, other in zip(mine, theirs, strict=True):
         assert np.abs(other).max() > 1e-4
         np.testing.assert_allclose(one, other, atol=1e-7, rtol=1e-4)
+
+
+@pytest.mark.parametrize("games", [64, 40], ids=["whole blocks", "fewer"])
+@pytest.mark.parametrize("kind", ["discrete", "continuous"])
+def test_players_of_many_games_act_as_each_of_them_would(kind, games):
+    """Quicker ways through the network are taken for whole blocks only."""
+    if kind == "discrete":
+        player = EpsilonGreedy(make_network("encoded", 64, 2, jax.random.key(0)), jnp.float32(0.3))
+    else:
+        player = SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0))
+    seen = jax.random.normal(jax.random.key(1), (games, 17))
+    words = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
+    together = solo(player).act(jnp.zeros(games, jnp.int32), seen, words)
+    each = jax.vmap(player)(seen, words)
+    assert len(np.unique(each, axis=0)) > 5
+    np.testing.assert_allclose(together, each, atol=1e-6)

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import quad
 
 from apollonius.agents.catalogue import find_agent
+from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractPolicy
@@ -17,8 +18,10 @@ from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
 
@@ -113,6 +116,46 @@ def test_a_robot_that_is_lost_does_what_leaves_most_room():
     state = Game().reset(jax.random.key(0))
     seen = Game().observe(type(state)(own, robot(1.0, 1.0), state.steps), Role.PURSUER, "encoded")
     assert room[int(guarded(seen, jnp.uint32(0)))] == max(room)
+
+
+def yard():
+    """18 m square, 16 stars and triangles of 1 m in it."""
+    star = [(1.0, 0.0), (0.2, 0.2), (0.0, 1.0), (-0.2, 0.2), (-1.0, 0.0), (-0.2, -0.2), (0.0, -1.0), (0.2, -0.2)]
+    triangle = [(0.9, 0.0), (-0.6, 0.7), (-0.5, -0.8)]
+    polygons = [
+        Polygon(tuple((3.0 + 3.6 * column + 0.3 * row + x, 3.0 + 3.5 * row + y) for x, y in shape))
+        for row in range(4)
+        for column, shape in enumerate([star, triangle] * 2)
+    ]
+    return Game(arena=Arena(x_max=18.0, y_max=18.0, polygons=tuple(polygons)), max_steps=80)
+
+
+def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_changes():
+    game = yard()
+    backup = brakes(game, Role.PURSUER)
+    edges = sum(len(polygon.vertices) for polygon in game.arena.polygons)
+    assert backup.surroundings.within.shape[-1] < edges / 2
+    x, y, v, heading = jax.random.uniform(jax.random.key(0), (4, 800))
+    robots = jax.vmap(RobotState)(18 * x, 18 * y, 1.2 * v, 6 * heading - 3)
+    actions = jnp.arange(800) % 9
+    near, all_over = (
+        np.asarray(jax.jit(jax.vmap(tried.room_after))(robots, actions))
+        for tried in (backup, replace(backup, surroundings=None))
+    )
+    lost = all_over <= 2 * MARGIN
+    assert 60 < lost.sum() < 700
+    np.testing.assert_allclose(near[lost], all_over[lost], atol=2e-5)
+    assert (near[~lost] > MARGIN).all()
+    assert (near >= all_over - 2e-5).all()
+    assert (all_over < -0.3).sum() > 10
+
+
+def test_behind_a_shield_a_robot_never_fails_among_many_polygons():
+    """The other one stands still, so that nothing ends a game before its time but a failure or a capture."""
+    game = yard()
+    outcomes = play_match(game, shielded(Reckless(), game, Role.PURSUER), Still(), games=32, seed=1).outcomes
+    assert outcomes["captured"] + outcomes["no_result"] == 32
+    assert outcomes["no_result"] > 16
 
 
 @pytest.mark.parametrize("v_min", [0.2, -0.5], ids=["drives on", "goes backwards"])
