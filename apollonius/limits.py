@@ -107,5 +107,5 @@ SEED = Counted(0, most=2**32 - 1, least=0)
 """What a seed of random numbers can be."""
 PORT = Counted(0, most=2**16 - 1)
 """Port of a server."""
-DISCS = Counted(0, most=1_000, least=0)
+DISCS = Counted(0, most=250, least=0)
 """Discs of an arena."""

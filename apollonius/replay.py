@@ -18,15 +18,22 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.policy import Pool
 from apollonius.agents.store import write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.document import parse_json, read_bytes
+from apollonius.errors import require
 from apollonius.game.dynamics import gears, is_continuous
 from apollonius.game.game import Game
 from apollonius.game.record import from_dict, to_dict
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
+from apollonius.game.validation import MAX_SIZE
+from apollonius.limits import MOST_COUNTED, SEED
 from apollonius.rollout import begin, random_words, step_games
 
 FORMAT = 1
 """Version of the file format."""
+_MOST_BYTES = 2**26
+"""Largest file [bytes]: a game of some 400,000 steps."""
+_LONGEST_NAME = 1_000
+"""Most characters of a player's name."""
 
 
 BothActions = Int[Array, "steps 2"] | Float[Array, "steps 2 2"]
@@ -187,34 +194,60 @@ def load_replay(path: Path) -> Replay:
     """The replay of a file.
 
     Raises:
-        InvalidInput: when it is missing, no replay, or of another version.
+        InvalidInput: when it is missing, no replay, of another version, or cannot have been played.
     """
-    require(path.is_file(), "REPLAY", path, "a replay file; check the path")
+    content = read_bytes(path, "a replay", "check the path", _MOST_BYTES)
+    data = parse_json(content, f"'{path}' is no replay; record it again")
+    version = data.get("format")
+    require(version == FORMAT, f"'{path}': format", version, f"{FORMAT}, as this version reads")
+    record = from_dict(_Record, data, f"'{path}' is no replay")
+    first = record.actions[0] if record.actions else None
+    discrete = not (isinstance(first, list) and first and isinstance(first[0], list))
+    actions = _numbers(record.actions, np.int32 if discrete else np.float32, f"'{path}': actions")
+    states = _numbers(record.states, np.float32, f"'{path}': states")
+    shape = (len(actions), 2) if discrete else (len(actions), 2, 2)
+    fits = states.shape == (len(actions) + 1, 8) and actions.shape == shape and len(actions)
+    require(fits, f"'{path}': states", states.shape, "a row of 8 more than actions")
+    least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+    known = (actions >= least).all() and (actions <= most).all() and (np.abs(states) <= MAX_SIZE).all()
+    require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and within {MAX_SIZE:g} of 0")
+    game, outcome = from_dict(Game, record.game, f"'{path}'"), Outcome[record.outcome.upper()]
+    match = record.pursuer, record.evader, record.seed, record.games, record.index
+    return Replay(game, *match, states, actions, outcome, record.tolerance)
+
+
+@dataclass(frozen=True)
+class _Record:
+    """A replay as its file says it."""
+
+    format: int
+    game: dict[str, Any]
+    pursuer: str
+    evader: str
+    seed: int
+    games: int
+    index: int
+    outcome: str
+    actions: list
+    states: list
+    tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in (self.pursuer, self.evader):
+            require(name.isprintable() and len(name) <= _LONGEST_NAME, "player", name, "a name that can be printed")
+        SEED.require("seed", self.seed)
+        require(0 <= self.index < self.games <= MOST_COUNTED, "index", self.index, f"below games = {self.games}")
+        require(self.outcome.upper() in Outcome.__members__, "outcome", self.outcome, "how a game can end")
+        require(0 <= self.tolerance <= 1, "tolerance", self.tolerance, "from 0 to 1")
+
+
+def _numbers(data: list, kind: type, name: str) -> np.ndarray:
+    """Nested lists of numbers as an array: whole ones where the kind is; neither texts nor truths pass for them."""
     try:
-        data = json.loads(path.read_text())
-        require(data["format"] == FORMAT, f"'{path}': format", data["format"], f"{FORMAT}, as this version reads")
-        states = np.asarray(data["states"], np.float32)
-        discrete = np.ndim(data["actions"]) < 3
-        actions = np.asarray(data["actions"], np.int32 if discrete else np.float32)
-        shape = (len(actions), 2) if discrete else (len(actions), 2, 2)
-        fits = states.ndim == 2 and states.shape == (len(actions) + 1, 8) and actions.shape == shape
-        require(fits and len(actions), f"'{path}': states", states.shape, "a row of 8 more than actions")
-        least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
-        known = (actions >= least).all() and (actions <= most).all() and np.isfinite(states).all()
-        require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and finite")
-        return Replay(
-            game=from_dict(Game, data["game"], f"'{path}'"),
-            pursuer=str(data["pursuer"]),
-            evader=str(data["evader"]),
-            seed=int(data["seed"]),
-            games=int(data["games"]),
-            index=int(data["index"]),
-            states=states,
-            actions=actions,
-            outcome=Outcome[data["outcome"].upper()],
-            tolerance=float(data.get("tolerance", 0.0)),
-        )
-    except InvalidInput:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InvalidInput(f"'{path}' is no replay ({type(error).__name__}: {error}): record it again.") from error
+        found = np.array(data)
+    except ValueError:  # lists of different lengths
+        found = np.array(None)
+    kinds = "i" if np.issubdtype(kind, np.integer) else "if"
+    require(found.dtype.kind in kinds or not data, name, "some", "numbers, whole ones for actions of nine")
+    with np.errstate(over="ignore"):  # what is too large for single precision is infinite, and refused as that
+        return found.astype(kind)

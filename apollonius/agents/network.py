@@ -64,6 +64,10 @@ class GaussianActor(eqx.Module):
         return mean, _deviation(spread)
 
 
+MOST_WIDTH = 8_192
+"""Most units of a hidden layer."""
+MOST_LAYERS = 64
+"""Most hidden layers."""
 Network = QNetwork | GaussianActor
 """What a trained agent plays by."""
 _LOG_DEVIATION = (-5.0, 1.0)

@@ -2,24 +2,40 @@
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from apollonius.agents.network import Network, QNetwork, make_actor, make_network
-from apollonius.errors import InvalidInput
+from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
+from apollonius.document import parse_json
+from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.observation import OBSERVATION_SIZES
+from apollonius.game.record import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 
 FORMAT = "apollonius-agent"
 FORMAT_VERSION = 1
+MOST_HEADER = 2**24
+"""Largest header of a file [bytes]."""
 _MAKE = {"values": make_network, "gaussian": make_actor}
+_ACTIONS = {"values": NUM_ACTIONS, "gaussian": 0}
+_NUMBERS = {
+    name: np.dtype(kind)
+    for name, kind in (
+        ("BOOL", bool), ("U8", np.uint8), ("I8", np.int8), ("U16", np.uint16), ("I16", np.int16), ("F16", np.float16),
+        ("U32", np.uint32), ("I32", np.int32), ("F32", np.float32),
+    )
+}  # fmt: skip
+"""Number types by the names that safetensors has for them."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +62,11 @@ class AgentHeader:
     """What its network says: the `values` of the actions, or the `gaussian` of the gears."""
     format: str = FORMAT
     version: int = FORMAT_VERSION
+
+    def __post_init__(self) -> None:
+        require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")
+        require(1 <= self.width <= MOST_WIDTH, "width", self.width, f"from 1 to {MOST_WIDTH:,}")
+        require(1 <= self.depth <= MOST_LAYERS, "depth", self.depth, f"from 1 to {MOST_LAYERS}")
 
 
 @dataclass(frozen=True)
@@ -110,52 +131,84 @@ def load_agent(path: Path) -> Agent:
     """
     if not path.is_file():
         raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
-    try:
-        with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except (SafetensorError, OSError) as error:
-        raise InvalidInput(f"'{path}' is not a whole safetensors file ({error}): copy or train it again.") from error
-    header = _read_header(path, metadata)
-    make = _MAKE[header.network]
-    template = eqx.filter_eval_shape(lambda: make(header.observation, header.width, header.depth, jax.random.key(0)))
-    return Agent(_fill(path, template, arrays), header)
+    with opened(path, "copy or train it again") as file:
+        header = _read_header(path, file.metadata() or {})
+        template = eqx.filter_eval_shape(
+            _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)
+        )
+        expected = named_leaves(template)
+        misfit = f"'{path}' has weights that do not fit its header: copy or train it again."
+        if kinds_in(file) != kinds_of(expected) or header.num_actions != _ACTIONS[header.network]:
+            raise InvalidInput(misfit)
+        arrays = {name: file.get_tensor(name) for name in expected}
+    require_finite(path, arrays, "train it again")
+    leaves = [jnp.asarray(array) for array in arrays.values()]
+    return Agent(jax.tree.unflatten(jax.tree.structure(template), leaves), header)
 
 
 def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
-    foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder."
-    try:
-        fields = json.loads(metadata["header"])
-        if fields.get("format") != FORMAT:
-            raise InvalidInput(foreign)
-        version = fields.get("version")
-        if version != FORMAT_VERSION:
-            raise InvalidInput(
-                f"'{path}' has format version {version}, this program reads {FORMAT_VERSION}: update it."
-            )
-        header = AgentHeader(**fields)
-    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
-        raise InvalidInput(foreign) from error
+    foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
+    fields = parse_json(metadata.get("header", ""), foreign)
+    if fields.get("format") != FORMAT:
+        raise InvalidInput(f"{foreign}.")
+    version = fields.get("version")
+    if version != FORMAT_VERSION:
+        told = f"'{path}' has format version {shown(version)}, this program reads {FORMAT_VERSION}: update it."
+        raise InvalidInput(told)
+    header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         raise InvalidInput(
-            f"'{path}' has a network of the kind {header.network}, this program reads {', '.join(_MAKE)}: update it."
+            f"'{path}' has a network of the kind {shown(header.network)}, this program reads {', '.join(_MAKE)}: "
+            "update it."
         )
     size = OBSERVATION_SIZES.get(header.observation)
     if size != header.observation_size:
         known = ", ".join(f"{name} ({size})" for name, size in OBSERVATION_SIZES.items())
+        made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
         raise InvalidInput(
-            f"'{path}' was made for the observation {header.observation} ({header.observation_size} numbers); "
-            f"this program has {known}: train it again."
+            f"'{path}' was made for the observation {made_for}; this program has {known}: train it again."
         )
     return header
 
 
-def _fill(path: Path, template: Network, arrays: dict[str, np.ndarray]) -> Network:
-    expected = named_leaves(template)
-    if kinds_of(arrays) != kinds_of(expected):
-        raise InvalidInput(f"'{path}' has weights that do not fit its header: copy or train it again.")
-    leaves = jax.device_put([arrays[name] for name in expected])
-    return jax.tree.unflatten(jax.tree.structure(template), leaves)
+@contextmanager
+def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Iterator[Any]:
+    """A safetensors file of which nothing but the header is read yet.
+
+    Args:
+        remedy: what to do about a damaged file.
+        kind: what it should be.
+
+    Raises:
+        InvalidInput: when it is none, is cut off, or has a header of more than `MOST_HEADER` bytes.
+    """
+    damaged = f"'{path}' is not a whole {kind}"
+    try:
+        with open(path, "rb") as file:
+            size = int.from_bytes(file.read(8), "little")
+        if size > MOST_HEADER:
+            raise InvalidInput(f"{damaged} (a header of {size:,} bytes): {remedy}.")
+        with safe_open(path, framework="numpy") as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise InvalidInput(f"{damaged} ({error}): {remedy}.") from error
+
+
+def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """Shape and number type of every array of an open safetensors file, by its header alone; as `kinds_of`."""
+    slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    return {name: (tuple(one.get_shape()), _NUMBERS.get(one.get_dtype())) for name, one in slices.items()}
+
+
+def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> None:
+    """Refuse a file whose numbers are not all finite.
+
+    Raises:
+        InvalidInput: with the name of the first array that has one that is not.
+    """
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise InvalidInput(f"'{path}' has numbers that are not finite, in {name}: {remedy}.")
 
 
 def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import finish_with_replays
 from apollonius.commands.options import add_match_options, requested_match
 from apollonius.commands.values import existing_file
-from apollonius.errors import InvalidInput
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
@@ -73,17 +72,13 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 def _drive(path: Path | None) -> "Drive":
     """The drive of a file, or the one that is built in."""
-    import tomllib
-
     from apollonius.bodies.drive import Drive
+    from apollonius.document import parse_toml, read_bytes
     from apollonius.game.record import from_dict
 
     if path is None:
         return Drive()
-    try:
-        return from_dict(Drive, tomllib.loads(path.read_text()), f"'{path}'")
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"'{path}' is no TOML ({error}): correct it.") from error
+    return from_dict(Drive, parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path), f"'{path}'")
 
 
 def _table(comparison: "Comparison") -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from apollonius.agents.catalogue import Named, fingerprint
 from apollonius.agents.store import write_atomically
+from apollonius.document import parse_json, read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.game.game import Game
@@ -62,11 +63,8 @@ def kept_match(
 
 def _read(path: Path) -> KeptMatch:
     remedy = f"'{path}' is no match that was kept (remove it, and it is played again)"
-    try:
-        record = json.loads(path.read_text())
-    except ValueError as error:
-        raise InvalidInput(f"{remedy}.") from error
-    kept = from_dict(KeptMatch, record if isinstance(record, dict) else {}, remedy)
+    content = read_bytes(path, "a match that was kept", "remove it, and it is played again")
+    kept = from_dict(KeptMatch, parse_json(content, remedy), remedy)
     if kept.result is None:
         raise InvalidInput(f"{remedy}.")
     return kept

@@ -1,12 +1,14 @@
 """Games as files: a TOML file says what differs from the defaults, or a preset's name stands for one."""
 
-import tomllib
 from pathlib import Path
+from typing import Any
 
+from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.record import find_map, from_dict
+from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS
 
 GALLERY = Path(__file__).parent.parent / "gallery"
 """Where the games that ship with the package as files lie."""
@@ -47,14 +49,19 @@ def load_game(path: Path) -> Game:
     Raises:
         InvalidInput: when the file is missing or no TOML, for an unknown key, and for a game that cannot be played.
     """
-    require(path.is_file(), "game", path, "a preset's name or a .toml file; check the path")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        reason = str(error) or "it is nested too deeply"
-        raise InvalidInput(f"'{path}' is no TOML file: {reason}; correct it.") from error
+    data = parse_toml(read_bytes(path, "a game's .toml file", "check the path, or name a preset"), path)
     arena = data.get("arena")
+    _check_obstacles(arena, path)
     if isinstance(arena, dict) and "map" in arena:
         arena["map"] = found = find_map(arena["map"], path.parent)
         data["arena"] = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max} | arena
     return from_dict(Game, data, f"'{path}'")
+
+
+def _check_obstacles(arena: Any, path: Path) -> None:
+    """Refuse more obstacles than a game can have before any of them is made."""
+    for kind, most in (("discs", MOST_DISCS), ("polygons", MOST_POLYGONS)):
+        obstacles = arena.get(kind) if isinstance(arena, dict) else None
+        if isinstance(obstacles, list):
+            many = f"'{path}': arena.{kind}"
+            require(len(obstacles) <= most, many, f"{len(obstacles):,} of them", f"at most {most}; {FEWER}")

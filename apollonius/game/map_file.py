@@ -10,11 +10,16 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.document import read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.game.occupancy import OccupancyMap, distance_field
 
 _MOST_CELLS = 10_000
 """Most cells along a side: the field of so many takes 400 MB."""
+_MOST_YAML = 2**14
+"""Largest YAML file [bytes]; map_server's have some 150."""
+_MOST_IMAGE = 5 * _MOST_CELLS**2
+"""Largest image file [bytes]: as text, a cell may take four digits and a blank."""
 _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
 """The lightest value of each kind of grey image."""
 
@@ -33,12 +38,10 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
         InvalidInput: for a file that is missing or unreadable, an impossible value, a map that is turned, and a map
             that has another digest.
     """
-    require(path.is_file(), "map", f"'{path}'", "the YAML file of a ROS map; check the path")
-    text = path.read_bytes()
+    text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
     said = _read_yaml(text, f"map '{path}'")
     image = path.parent / str(said["image"])
-    require(image.is_file(), f"map '{path}': image", f"'{image}'", "a file; check the path")
-    content = image.read_bytes()
+    content = read_bytes(image, f"the image of the map '{path}'", "check the path", _MOST_IMAGE)
     found = hashlib.sha256(text + content).hexdigest()
     bound = "the map of this game, which has changed since; restore it"
     require(digest in (None, found), f"map '{path}'", f"SHA-256 {found[:12]}...", bound)
@@ -60,8 +63,16 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     """The values, as numbers, checked."""
     import yaml
 
+    class Loader(yaml.SafeLoader):
+        """No aliases: with them a line is a million."""
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                raise yaml.YAMLError("aliases such as *this are not read")
+            return super().compose_node(parent, index)
+
     try:
-        said = yaml.safe_load(text)
+        said = yaml.load(text, Loader)
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise InvalidInput(f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.") from error
     require(isinstance(said, dict), name, type(said).__name__, "keys with values: image, resolution, origin ...")

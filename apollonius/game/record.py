@@ -12,6 +12,8 @@ from apollonius.game.map_file import load_map
 from apollonius.game.occupancy import OccupancyMap
 
 T = TypeVar("T")
+_LARGEST_WHOLE = 2**1000
+"""A whole number below this has a real one."""
 
 
 def to_dict(config: Any) -> dict[str, Any]:
@@ -34,7 +36,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     Raises:
         InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
     """
-    hooks = {float: _real, OccupancyMap: lambda named: find_map(named, folder)}
+    hooks = {float: _real, int: _whole, OccupancyMap: lambda named: find_map(named, folder)}
     try:
         return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks=hooks))
     except dacite.UnexpectedDataError as error:
@@ -43,9 +45,15 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         raise InvalidInput(f"{source}: '{unknown}' is no known key: remove it, or did you mean '{near}'?") from error
     except dacite.DaciteError as error:
         raise InvalidInput(f"{source}: {error}; correct the value.") from error
-    except InvalidInput:
-        raise
-    except (TypeError, ValueError) as error:  # a number where a list is due, a table where there are several
+    except InvalidInput as error:
+        raise InvalidInput(f"{source}: {error}") from error
+    except (
+        TypeError,
+        ValueError,
+        ArithmeticError,
+        AttributeError,
+        RecursionError,
+    ) as error:  # a number where a list is due, a table where there are several
         raise InvalidInput(f"{source}: a value is of the wrong kind ({error}); correct it.") from error
 
 
@@ -66,7 +74,14 @@ def find_map(named: Any, folder: Path) -> OccupancyMap:
 
 def _real(value: Any) -> Any:
     """A whole number serves as a real one, as people write 1 for 1.0; anything else is left for the type check."""
-    return float(value) if type(value) is int else value
+    return float(value) if type(value) is int and abs(value) < _LARGEST_WHOLE else value
+
+
+def _whole(value: Any) -> Any:
+    """True and False, which Python counts among the whole numbers, are none."""
+    if isinstance(value, bool):
+        raise InvalidInput(f"{value} is not possible: it must be a whole number.")
+    return value
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.errors import InvalidInput, require
+from apollonius.limits import DISCS
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena
@@ -26,6 +27,14 @@ _TOGETHER = 5_000
 """Pairs that are looked at together; in most arenas the first few have room enough."""
 MOST_CORNERS = 1_000
 """Most corners of a polygon: every step looks at all of them."""
+MOST_EDGES = 2_000
+"""Most corners of all polygons together."""
+MOST_POLYGONS = 200
+"""Most polygons: each takes some time to compile."""
+MOST_DISCS = DISCS.most
+"""Most discs: with this many, a game takes half a minute to compile."""
+FEWER = "draw so many obstacles as an occupancy map"
+"""What to do instead of many obstacles."""
 _APART = 1e-6
 """What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
 _to_obstacles = jax.jit(jax.vmap(lambda arena, x, y: arena.to_obstacles(x, y), in_axes=(None, 0, 0)))
@@ -91,6 +100,13 @@ def _check_arena(game: "Game") -> None:
     arena = game.arena
     require(arena.x_min < arena.x_max, "arena.x_min", arena.x_min, f"less than x_max = {arena.x_max} m")
     require(arena.y_min < arena.y_max, "arena.y_min", arena.y_min, f"less than y_max = {arena.y_max} m")
+    require(
+        len(arena.discs) <= MOST_DISCS, "arena.discs", f"{len(arena.discs):,} of them", f"at most {MOST_DISCS}; {FEWER}"
+    )
+    polygons = len(arena.polygons)
+    require(polygons <= MOST_POLYGONS, "arena.polygons", f"{polygons:,} of them", f"at most {MOST_POLYGONS}; {FEWER}")
+    corners = sum(len(polygon.vertices) for polygon in arena.polygons)
+    require(corners <= MOST_EDGES, "arena.polygons", f"{corners:,} corners", f"at most {MOST_EDGES} in all; {FEWER}")
     for index, disc in enumerate(arena.discs):
         name = f"arena.discs[{index}]"
         require(disc.radius > 0, f"{name}.radius", disc.radius, "more than 0 m; remove the disc to have none")

@@ -1,20 +1,25 @@
 """The whole training state as one safetensors file: written atomically, read back to the last bit."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from apollonius.agents.store import kinds_of, named_leaves, write_atomically
-from apollonius.errors import InvalidInput
+from apollonius.agents.store import kinds_in, kinds_of, named_leaves, opened, require_finite, write_atomically
+from apollonius.document import parse_json
+from apollonius.errors import InvalidInput, require
+from apollonius.game.outcome import counts_by_name
+from apollonius.game.record import from_dict
+from apollonius.game.types import Outcome
 
 FORMAT = "apollonius-checkpoint-1"
 T = TypeVar("T")
+_OUTCOMES = tuple(counts_by_name(np.zeros(len(Outcome), int)))
 
 
 def save_checkpoint(path: Path, state: Any, progress: dict[str, Any]) -> None:
@@ -27,35 +32,69 @@ def save_checkpoint(path: Path, state: Any, progress: dict[str, Any]) -> None:
     write_atomically(path, save(arrays, {FORMAT: json.dumps(progress)}))
 
 
+@dataclass(frozen=True)
+class Evaluation:
+    """What a greedy evaluation found, as a checkpoint keeps it."""
+
+    env_steps: int
+    episodes: int
+    outcomes: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where a run stands: the record of a checkpoint."""
+
+    stage: str
+    chunks: int
+    """Chunks done of the stage."""
+    seconds: float
+    """Time they took."""
+    best: Evaluation | None
+    """Of the best pursuer so far."""
+    evaluation: Evaluation | None
+    """The latest."""
+    metrics_bytes: int
+    """Size of `metrics.jsonl`."""
+
+    def __post_init__(self) -> None:
+        for name in ("chunks", "seconds", "metrics_bytes"):
+            value = getattr(self, name)
+            require(0 <= value < 2**62, name, value, "0 or more")
+        for found in (self.best, self.evaluation):
+            counts = found.outcomes if found else {}
+            require(set(counts) in (set(), set(_OUTCOMES)), "outcomes", ", ".join(counts), ", ".join(_OUTCOMES))
+
+
 def load_progress(path: Path) -> dict[str, Any]:
-    """The record saved with a checkpoint.
+    """The record saved with a checkpoint, a `Stand` as a dictionary.
 
     Raises:
-        InvalidInput: for a missing, truncated or foreign file.
+        InvalidInput: for a missing, truncated or foreign file, and a record that cannot be.
     """
     if not path.is_file():
         raise InvalidInput(f"there is no checkpoint '{path}': the run had not begun; start it with `apollonius train`.")
-    try:
-        with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
-    except (SafetensorError, OSError) as error:
-        raise InvalidInput(f"'{path}' is not a whole checkpoint ({error}): train again.") from error
+    with opened(path, "train again", "checkpoint") as file:
+        metadata = file.metadata() or {}
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
-    return json.loads(metadata[FORMAT])
+    record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
+    from_dict(Stand, record, f"the record of '{path}'")
+    return record
 
 
 def load_checkpoint(path: Path, template: T) -> T:
     """The saved pytree, in the structure of `template`, whose values are not used.
 
     Raises:
-        InvalidInput: when the file does not hold this structure.
+        InvalidInput: when the file does not hold this structure, or numbers that are not finite.
     """
     expected = named_leaves(template)
-    with safe_open(path, framework="numpy") as file:
-        saved = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    if kinds_of(saved) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
-        raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
+    with opened(path, "train again", "checkpoint") as file:
+        if kinds_in(file) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
+            raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
+        saved = {name: file.get_tensor(name) for name in expected}
+    require_finite(path, saved, "train again")
     leaves = [_like(leaf, saved[name]) for name, leaf in expected.items()]
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
 

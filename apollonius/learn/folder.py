@@ -1,12 +1,12 @@
 """The folder of a training run: how it is made, and how its configuration is read back."""
 
-import tomllib
 from pathlib import Path
 
 import tomli_w
 
 from apollonius.agents.store import write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.document import parse_toml, read_bytes
+from apollonius.errors import require
 from apollonius.game.record import from_dict, to_dict
 from apollonius.learn.config import RunConfig
 
@@ -59,10 +59,5 @@ def load_config(path: Path) -> RunConfig:
     Raises:
         InvalidInput: when it is missing, no TOML, or has an unknown key or an impossible value.
     """
-    if not path.is_file():
-        raise InvalidInput(f"there is no config '{path}': check the path.")
-    try:
-        data = tomllib.loads(path.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"'{path}' is no TOML file ({error}): correct it.") from error
-    return from_dict(RunConfig, data, str(path))
+    content = read_bytes(path, "a training's config.toml", "check the path")
+    return from_dict(RunConfig, parse_toml(content, path), str(path))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from apollonius.errors import require
 from apollonius.game.outcome import counts_by_name
 from apollonius.learn.stage import Metrics
 from apollonius.learn.state import Plan, TrainState
@@ -87,7 +88,13 @@ def append_metrics(path: Path, progress: Progress, metrics: Metrics, seconds: fl
 
 
 def truncate_metrics(path: Path, size: int) -> None:
-    """Cut off what was written after the checkpoint, or make an empty file."""
+    """Cut off what was written after the checkpoint, or make an empty file.
+
+    Raises:
+        InvalidInput: when the file is shorter than that.
+    """
+    there = path.stat().st_size if path.exists() else 0
+    require(there >= size, f"'{path}'", f"{there:,} bytes", f"{size:,} at least, as its checkpoint says; train again")
     with open(path, "ab") as file:
         file.truncate(size)
 

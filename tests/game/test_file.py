@@ -136,7 +136,7 @@ def test_polygons_are_lists_of_corners(written):
 
 
 def test_a_missing_file_is_refused():
-    with pytest.raises(InvalidInput, match=r"game = nowhere\.toml .* check the path"):
+    with pytest.raises(InvalidInput, match=r"nowhere\.toml' is no file.*check the path"):
         find_game("nowhere.toml")
 
 

@@ -37,7 +37,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
         (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
-        (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*between 0"),
+        (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
     ],
 )

@@ -1,0 +1,397 @@
+"""Files that lie: damaged, crafted and huge ones are refused in one line, before anything large is built or read, or
+are sound; never anything else."""
+
+import copy
+import io
+import json
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from safetensors.numpy import load, save
+
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.errors import InvalidInput
+from apollonius.game.file import load_game
+from apollonius.game.map_file import load_map
+from apollonius.game.presets import make_game
+from apollonius.game.record import to_dict
+from apollonius.game.types import Outcome, Role
+from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
+from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
+from apollonius.replay import Replay, load_replay, save_replay
+from apollonius.solve.store import Problem, Solution, load_solution, save_solution
+
+GAME = make_game("paper")
+STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
+EVALUATION = {"env_steps": 8, "episodes": 2, "outcomes": {}}
+STAND = {"stage": "self-play", "chunks": 3, "seconds": 1.5, "best": None, "evaluation": EVALUATION, "metrics_bytes": 9}
+
+
+def write_agent(path):
+    save_agent(describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {"seed": 3}), path)
+
+
+def write_table(path):
+    problem = Problem("reach", "pursuer", to_dict(GAME), [4, 3, 2, 5], 5, [0.5, 1.0])
+    save_solution(Solution(problem, 12, 3e-5, jnp.arange(120, dtype=jnp.float32).reshape(2, 5, 4, 3)), path)
+
+
+def write_checkpoint(path):
+    save_checkpoint(path, STATE, STAND)
+
+
+def write_replay(path):
+    states, actions = np.ones((4, 8), np.float32), np.full((3, 2), 4)
+    save_replay(Replay(GAME, "you", "still", 1, 5, 2, states, actions, Outcome.CAPTURED), path)
+
+
+def write_game(path):
+    path.write_text(tomli_w.dumps(to_dict(GAME)))
+
+
+def write_map(path):
+    rows = bytes([254] * 40)
+    path.with_suffix(".pgm").write_bytes(b"P5\n8 5\n255\n" + rows)
+    path.write_text(
+        f"image: {path.stem}.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\nmode: trinary\n"
+    )
+
+
+def read_checkpoint(path):
+    return load_progress(path), load_checkpoint(path, STATE)
+
+
+KINDS: dict[str, tuple[Any, Any, str]] = {
+    "agent": (write_agent, load_agent, "a.safetensors"),
+    "table": (write_table, load_solution, "t.npz"),
+    "checkpoint": (write_checkpoint, read_checkpoint, "c.safetensors"),
+    "replay": (write_replay, load_replay, "r.json"),
+    "game": (write_game, load_game, "g.toml"),
+    "map": (write_map, load_map, "m.yaml"),
+}
+"""How a small file of each kind is written and read."""
+
+
+def header_of(kind, path):
+    """What a file says of itself, as data."""
+    content = path.read_bytes()
+    if kind in ("agent", "checkpoint"):
+        size = int.from_bytes(content[:8], "little")
+        told = json.loads(content[8 : 8 + size])["__metadata__"]
+        return json.loads(told["header" if kind == "agent" else CHECKPOINT])
+    if kind == "table":
+        with np.load(path) as file:
+            return json.loads(str(file["header"]))
+    if kind == "replay":
+        return json.loads(content)
+    return to_dict(GAME) if kind == "game" else {
+        "image": "m.pgm", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0, "occupied_thresh": 0.65,
+        "free_thresh": 0.2, "mode": "trinary",
+    }  # fmt: skip
+
+
+def with_header(kind, path, header):
+    """The same file with other words about itself: data, or a text that is no data."""
+    text = header if isinstance(header, str) else json.dumps(header)
+    if kind in ("agent", "checkpoint"):
+        path.write_bytes(save(load(path.read_bytes()), {"header" if kind == "agent" else CHECKPOINT: text}))
+    elif kind == "table":
+        with np.load(path) as file:
+            np.savez_compressed(path, **(dict(file) | {"header": np.array(text)}))
+    elif kind == "game":
+        path.write_text(header if isinstance(header, str) else tomli_w.dumps(header))
+    else:
+        path.write_text(text)  # JSON is YAML
+
+
+def told(kind, path):
+    """How a file is refused; None where it is sound."""
+    said = None
+    try:
+        KINDS[kind][1](path)
+    except InvalidInput as refusal:
+        said = str(refusal)
+    assert said is None or len(said.splitlines()) == 1
+    return said
+
+
+@pytest.fixture
+def file(tmp_path):
+    """A function that writes a sound file of a kind."""
+
+    def write(kind):
+        path = tmp_path / KINDS[kind][2]
+        KINDS[kind][0](path)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sound_files_are_read(kind, file):
+    assert told(kind, file(kind)) is None
+
+
+LIES = [
+    ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": 2**40}), ("agent", {"width": True}),
+    ("agent", {"width": "4"}), ("agent", {"network": ["values"]}), ("agent", {"observation": {}}),
+    ("agent", {"observation_size": None}), ("agent", {"role": "referee"}), ("agent", {"role": 3}),
+    ("agent", {"game": 3}), ("agent", {"num_actions": 8}), ("agent", {"version": 10**4000}),
+    ("table", {"problem": None}), ("table", {"sweeps": -1}), ("table", {"residual": float("nan")}),
+    ("table", {"version": [1]}),
+    *[("table", {"problem": {**to_dict(Problem("safety", "pursuer", {}, [4, 3, 2, 5], 5)), **lie}}) for lie in (
+        {"hold": 0}, {"hold": 10**18}, {"hold": "5"}, {"role": "both"}, {"kind": "chess"}, {"payoff": "win"},
+        {"counts": [4, 3, 2]}, {"counts": [10**13, 3, 2, 5]}, {"counts": [4, 3, 2, -5]}, {"counts": "4325"},
+        {"game": []}, {"target": [1.0, 2.0]}, {"kind": "game", "payoff": "gold"},
+        {"kind": "game", "payoff": "win", "counts": [900, 900, 9, 9]},
+    )],
+    ("checkpoint", {"chunks": -1}), ("checkpoint", {"chunks": "3"}), ("checkpoint", {"seconds": float("nan")}),
+    ("checkpoint", {"evaluation": 3}), ("checkpoint", {"best": {"outcomes": {"won": 1}}}),
+    ("checkpoint", {"metrics_bytes": 2**70}), ("checkpoint", {"stage": None}),
+    ("replay", {"actions": [[0.5, 1], [1, 1], [1, 1]]}), ("replay", {"actions": [["1", "1"]] * 3}),
+    ("replay", {"actions": [[10**30, 1]] * 3}), ("replay", {"states": [[1e30] * 8] * 4}),
+    ("replay", {"states": [[float("nan")] * 8] * 4}), ("replay", {"states": [[1] * 8, [1]] * 2}),
+    ("replay", {"seed": -1}), ("replay", {"index": 5}), ("replay", {"games": 10**12}),
+    ("replay", {"pursuer": "\ud800"}),
+    ("replay", {"pursuer": "\x1b[31m"}), ("replay", {"tolerance": float("inf")}), ("replay", {"game": {"dt": True}}),
+    ("game", {"dt": 10**4000}), ("game", {"max_steps": 1.5}),
+    ("map", {"resolution": 10**4000}), ("map", {"mode": [[["trinary"]]]}), ("map", {"image": "x" * 5000}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "lie"), LIES, ids=lambda value: str(value)[:60] if isinstance(value, dict) else value)
+def test_impossible_headers_are_refused(kind, lie, file):
+    path = file(kind)
+    with_header(kind, path, header_of(kind, path) | lie)
+    said = told(kind, path)
+    assert said is not None
+    assert len(said) < 1_200
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("text", ["9" * 5_000, "{'a': 1", "", "[1]", '{"version":' + "9" * 5_000 + "}", "[" * 100_000])
+def test_texts_that_are_no_header_are_refused(kind, text, file):
+    path = file(kind)
+    with_header(kind, path, text)
+    if kind != "game" or text:  # a game may have nothing but defaults
+        assert told(kind, path) is not None
+
+
+@pytest.mark.parametrize("kind", ["agent", "checkpoint", "replay"])
+def test_deep_nesting_is_refused(kind, file):
+    path = file(kind)
+    deep = '{"a":' * 500 + "1" + "}" * 500
+    key = {"agent": "game", "checkpoint": "best", "replay": "game"}[kind]
+    text = json.dumps(header_of(kind, path) | {key: 0}).replace(f'"{key}": 0', f'"{key}": {deep}')
+    with_header(kind, path, text)
+    assert "nested too deeply" in (told(kind, path) or "")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("kind", ["agent", "table", "checkpoint"])
+def test_numbers_that_are_not_finite_are_refused(kind, bad, file):
+    path = file(kind)
+    if kind == "table":
+        with np.load(path) as entries:
+            content = dict(entries)
+        content["table"][0, 1, 2, 0] = bad
+        np.savez_compressed(path, **content)
+    else:
+        text, arrays = json.dumps(header_of(kind, path)), load(path.read_bytes())
+        name = next(name for name, array in arrays.items() if array.dtype == np.float32)
+        arrays[name] = np.full_like(arrays[name], bad)
+        path.write_bytes(save(arrays, {"header" if kind == "agent" else CHECKPOINT: text}))
+    assert "not finite" in (told(kind, path) or "")
+
+
+def rezipped(path, table, kind=zipfile.ZIP_DEFLATED):
+    """The file with other bytes for its table."""
+    with zipfile.ZipFile(path) as archive:
+        header = archive.read("header.npy")
+    with zipfile.ZipFile(path, "w", kind) as archive:
+        archive.writestr("header.npy", header)
+        archive.writestr("table.npy", table)
+
+
+def npy(shape, kind="<f4", content=b""):
+    """An array of NumPy's whose header says this."""
+    told = f"{{'descr': {kind!r}, 'fortran_order': False, 'shape': {shape}, }}".encode()
+    told += b" " * (-(len(told) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(told)) + told + content
+
+
+@pytest.mark.parametrize(
+    "table",
+    [npy((10**13,)), npy((2, 5, 4, 3), "O"), npy((2, 5, 4, 3), "<f4", b"\0" * 100), b"", b"\x93NUMPY\x01\x00\xff\xff",
+     npy((2, 5, 4, 3), "<f4", b"\0" * 2**25), npy("(" * 5_000)],
+    ids=["shape", "objects", "short", "empty", "header", "bomb", "brackets"],
+)  # fmt: skip
+def test_a_table_is_of_the_size_that_its_header_says(table, file):
+    path = file("table")
+    rezipped(path, table)
+    assert told("table", path) is not None
+
+
+@pytest.mark.parametrize("damage", ["encrypted", "compression", "stream", "checksum", "lzma"])
+def test_archives_that_cannot_be_read_are_refused(damage, file):
+    path = file("table")
+    if damage == "lzma":
+        rezipped(path, npy((2, 5, 4, 3), "<f4", b"\0" * 480), zipfile.ZIP_LZMA)
+        assert told("table", path) is not None
+        return
+    content = bytearray(path.read_bytes())
+    for sign, flags, method in ((b"PK\x03\x04", 6, 8), (b"PK\x01\x02", 8, 10)):
+        for at in [place for place in range(len(content)) if content[place : place + 4] == sign]:
+            if damage == "encrypted":
+                content[at + flags] |= 1
+            elif damage == "compression":
+                content[at + method] = 77
+            elif damage == "checksum":
+                content[at + method + 6] ^= 0xFF
+    if damage == "stream":
+        at = content.index(b"header.npy") + 40
+        content[at : at + 20] = b"\xff" * 20
+    path.write_bytes(content)
+    assert told("table", path) is not None
+
+
+def test_a_map_with_aliases_is_refused_at_once(file):
+    path = file("map")
+    bomb = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
+        f"a{level}: &a{level} [{','.join([f'*a{level - 1}'] * 9)}]\n" for level in range(1, 12)
+    )
+    for key in ("image", "origin", "mode", "resolution"):
+        path.write_text(bomb + f"{key}: *a11\n" + path.read_text())
+        assert "aliases" in (told("map", path) or "")
+
+
+@pytest.mark.parametrize("kind", ["discs", "polygons"])
+def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path):
+    one = "x = 5\ny = 5\nradius = 0.01\n" if kind == "discs" else "vertices = [[5, 5], [6, 5], [5, 6]]\n"
+    path = tmp_path / "g.toml"
+    path.write_text(f"[[arena.{kind}]]\n{one}" * 1_000)
+    assert "occupancy map" in (told("game", path) or "")
+    path.write_text(f"[[arena.{kind}]]\n{one}" * 100_000)
+    assert "bytes" in (told("game", path) or "")
+    path.write_text("dt = 0x" + "f" * 6_000)
+    assert told("game", path) is not None
+
+
+NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308]))
+VALUES = st.recursive(
+    st.one_of(NUMBERS, st.none(), st.booleans(), st.text(max_size=6), st.sampled_from(["pursuer", "game", "values"])),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=4), inner, max_size=3)),
+    max_leaves=5,
+)
+
+
+@st.composite
+def lies(draw, header):
+    """A header with some of its values, at any depth, replaced by anything, or left out."""
+    data = copy.deepcopy(header)
+    for _ in range(draw(st.integers(1, 3))):
+        place: Any = data
+        while True:
+            keys = sorted(place) if isinstance(place, dict) else list(range(len(place)))
+            if not keys:
+                break
+            key = draw(st.sampled_from(keys))
+            if isinstance(place[key], dict | list) and draw(st.booleans()):
+                place = place[key]
+                continue
+            if draw(st.integers(0, 5)):
+                place[key] = draw(VALUES)
+            else:
+                del place[key]
+            break
+    return data
+
+
+@st.composite
+def damages(draw, content):
+    """Bytes of a file with some of them flipped, cut out or put in."""
+    found = bytearray(content)
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, max(0, len(found) - 1)))
+        if draw(st.booleans()) and found:
+            found[at] ^= 1 << draw(st.integers(0, 7))
+        elif draw(st.booleans()):
+            del found[at : at + draw(st.integers(1, len(content)))]
+        else:
+            found[at:at] = draw(st.binary(max_size=8))
+    return bytes(found)
+
+
+def fuzz(kind, folder, cases):
+    """Crafted and damaged files of a kind: each is refused in one line or is sound."""
+    path: Path = folder / KINDS[kind][2]
+    KINDS[kind][0](path)
+    content, header = path.read_bytes(), header_of(kind, path)
+
+    @settings(max_examples=cases // 2)
+    @given(lies(header))
+    def crafted(data):
+        path.write_bytes(content)
+        try:
+            with_header(kind, path, data)
+        except (TypeError, ValueError):  # TOML has no null
+            return
+        told(kind, path)
+
+    @settings(max_examples=cases // 2)
+    @given(damages(content))
+    def damaged(found):
+        path.write_bytes(found)
+        told(kind, path)
+
+    crafted()
+    damaged()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_file_does_anything_but_be_sound_or_be_refused(kind, tmp_path):
+    fuzz(kind, tmp_path, 200)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_none_of_ten_thousand_does(kind, tmp_path):
+    fuzz(kind, tmp_path, 10_000)
+
+
+def test_images_of_maps_are_fuzzed_too(file):
+    path = file("map")
+    image = path.with_suffix(".pgm")
+    content = image.read_bytes()
+
+    @settings(max_examples=100)
+    @given(damages(content))
+    def damaged(found):
+        image.write_bytes(found)
+        told("map", path)
+
+    damaged()
+
+
+def test_a_png_of_many_bytes_is_no_map(file):
+    path = file("map")
+    head = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
+    chunks = [(b"IHDR", head), (b"IDAT", zlib.compress(bytes(10**6))), (b"IEND", b"")]
+    png = io.BytesIO(b"\x89PNG\r\n\x1a\n")
+    png.seek(0, io.SEEK_END)
+    for kind, data in chunks:
+        png.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
+    path.with_suffix(".pgm").write_bytes(png.getvalue())
+    assert told("map", path) is not None
