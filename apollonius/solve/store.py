@@ -164,7 +164,7 @@ def _table(archive: zipfile.ZipFile, problem: Problem, path: Path) -> np.ndarray
         return np.frombuffer(content, expected).reshape(shape)
 
 
-def _entry(archive: zipfile.ZipFile, name: str, most: int) -> zipfile.ZipExtFile:
+def _entry(archive: zipfile.ZipFile, name: str, most: int) -> Any:
     """An entry of an archive to read from, if it is stored in one of NumPy's two ways and not too large."""
     entry = archive.getinfo(name)
     if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
@@ -174,7 +174,7 @@ def _entry(archive: zipfile.ZipFile, name: str, most: int) -> zipfile.ZipExtFile
     return archive.open(entry)
 
 
-def _array_kind(file: zipfile.ZipExtFile) -> tuple[tuple[int, ...], np.dtype]:
+def _array_kind(file: Any) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and number type of an array of NumPy's, by its header."""
     if np.lib.format.read_magic(file) != (1, 0):
         raise ValueError("an array of another version")
