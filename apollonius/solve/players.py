@@ -1,6 +1,8 @@
 """The players of the two-robot game that act by a solved table: they look one hold ahead, anew in every step."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -84,14 +86,11 @@ def _worths_in_one(
 
 @_worths_in_one.def_vmap
 def _worths_in_many(
-    size: int,
-    batched: tuple[AbstractLookahead, RobotState, RobotState, bool],
-    player: AbstractLookahead,
-    *seen: RobotState | UInt32[Array, "..."],
+    size: int, batched: Sequence[Any], player: AbstractLookahead, *seen: Any
 ) -> tuple[Float[Array, "games 9"], bool]:
-    """The rule by which a `vmap` over games asks for all of them at once."""
+    """The rule by which a `vmap` over games asks for all of them at once; `batched` says what is one for each game."""
     if any(jax.tree.leaves(batched[0])):
-        axes = jax.tree.map(lambda has: 0 if has else None, batched)
+        axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
         return jax.vmap(_worths_in_one.fun, in_axes=axes, axis_size=size)(player, *seen), True
     everywhere = jax.tree.map(
         lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), seen, tuple(batched[1:])

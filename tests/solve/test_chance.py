@@ -16,7 +16,7 @@ from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import lanes_of
-from apollonius.solve.players import ResponsePolicy
+from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from tests.solve.small import BODY, MOVING, SMALL
 
@@ -90,3 +90,18 @@ def test_on_the_grid_chance_that_never_comes_changes_nothing():
     )
     np.testing.assert_allclose(by_chance, sure, atol=1e-6)
     assert np.mean(np.abs(drawn - sure)) > 1e-3
+
+
+def test_a_batch_of_games_is_decided_as_one_game_after_the_other(starts):
+    """Also where every game has a player of its own."""
+    players = [SaddlePolicy(CONTEST, NOTHING + level) for level in (0.0, 0.5)]
+    few = jax.tree.map(lambda leaf: leaf[:4], starts)
+    seen = jax.vmap(lambda state: SMALL.observe(state, Role.PURSUER, "paper"))(few)
+    together = np.asarray(jax.vmap(players[1].values)(seen))
+    alone = jax.jit(lambda player, one: player.values(one))
+    np.testing.assert_allclose(together, [alone(players[1], one) for one in seen], atol=1e-5)
+    both = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *players)
+    own = np.asarray(jax.vmap(lambda player, one: player.values(one))(both, seen[:2]))
+    np.testing.assert_allclose(
+        own, [alone(player, one) for player, one in zip(players, seen[:2], strict=True)], atol=1e-5
+    )
