@@ -38,7 +38,8 @@ def begin(folder, devices, *arguments):
     environment = os.environ | {
         "PYTHONPATH": str(REPOSITORY),
         "XLA_FLAGS": f"--xla_force_host_platform_device_count={devices}",
-        "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir),
+        # Of several processes only the first keeps compilations: it would not wait for the others to make theirs.
+        "JAX_COMPILATION_CACHE_DIR": "" if "--coordinator" in arguments else str(jax.config.jax_compilation_cache_dir),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PLATFORMS": "cpu",
     }
