@@ -89,6 +89,8 @@ SIMULATED_GAMES = Counted(100_000)
 """Games between robots with bodies: the physics of each, and all its states."""
 BENCHED_GAMES = Counted(2_500)
 """Games that are played at a time, with what training keeps of them."""
+TRANSITIONS = Counted(100)
+"""Transitions of one side that training keeps, or learns from at a time."""
 TARGETS = Counted(1_000)
 """Places of a standing target."""
 HOLD = Counted(500_000)

@@ -10,7 +10,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.scheme import OpponentConfig
-from apollonius.limits import SEED
+from apollonius.limits import GAMES, SEED
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class StageConfig:
 
     def __post_init__(self) -> None:
         require_positive(self, "env_steps", "evaluations", "evaluation_games")
+        GAMES.require("evaluation_games", self.evaluation_games)
         require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
         for name in ("progress", "failure"):
             require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")

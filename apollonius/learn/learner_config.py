@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from math import log
 from typing import Literal
 
+from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.errors import require, require_positive
+from apollonius.limits import BENCHED_GAMES, TRANSITIONS
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,11 @@ class LearnerConfig:
             self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
         )
         require_positive(self, "games", "replay_capacity")
+        require(self.width <= MOST_WIDTH, "width", self.width, f"at most {MOST_WIDTH:,}")
+        require(self.depth <= MOST_LAYERS, "depth", self.depth, f"at most {MOST_LAYERS}")
+        BENCHED_GAMES.require("games", self.games)
+        TRANSITIONS.require("replay_capacity", self.replay_capacity)
+        TRANSITIONS.require("batch", self.batch)
         require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
         require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
         require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
