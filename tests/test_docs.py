@@ -33,17 +33,24 @@ class Parsed(Exception):
     """What a command was asked for, instead of doing it."""
 
 
-@pytest.fixture
-def only_parse(monkeypatch):
+_parse_args = argparse.ArgumentParser.parse_args
+
+
+def stop_after_parsing(patch):
     """Programs go no further than their arguments."""
-    parse = argparse.ArgumentParser.parse_args
 
     def stop(parser, arguments=None):
-        raise Parsed(parse(parser, arguments))
+        raise Parsed(_parse_args(parser, arguments))
 
-    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
-    monkeypatch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
-    monkeypatch.setattr(values, "_unwritable", lambda path, folder: None)
+    patch.setattr(argparse.ArgumentParser, "parse_args", stop)
+    patch.setattr(values, "_is", lambda question: True)  # the files that a document names are not here
+    patch.setattr(values, "_unwritable", lambda path, folder: None)
+
+
+@pytest.fixture
+def only_parse(monkeypatch):
+    """See `stop_after_parsing`."""
+    stop_after_parsing(monkeypatch)
 
 
 def asked(words, monkeypatch):
@@ -186,6 +193,73 @@ def test_the_shield_promises_nothing_but_from_rest():
     ):
         for sentence in re.split(r"[.;:]\s", path.read_text()):
             assert "never crash" not in sentence or "rest" in sentence, f"{path.name}: {sentence}"
+
+
+LESS = {"--games": "8", "--response-games": "2", "--targets": "1", "--responses": "1", "--env-steps": "20000"}
+"""Options of which a walk through a document asks for less, where the command takes them."""
+GRIDS = {"game": "5x5x3x8", "safety": "21x21x5x16", "reach": "21x21x9x16"}
+ELSEWHERE = {
+    "make": "the workflow calls its targets",
+    "pip": "a test changes no installation",
+    "gcc": "tests/adapters/export compiles what is exported",
+    "python3": "tests/examples runs the node with stand-ins for ROS",
+    "python": "tests/examples and tests/experiments",
+    "reproduce": "tests/experiments/test_reproduce.py",
+    "bench": "tests/test_cli.py",
+    "exploit": "tests/experiments/test_responses.py",
+    "simulate": "tests/bodies and tests/test_simulate_command.py",
+}
+"""Commands that a walk leaves out, and where they are run."""
+
+
+def with_less(words, options):
+    """A command that takes seconds instead of minutes or hours; None for one that is run elsewhere."""
+    program, *rest = words
+    what = rest[0] if program == "apollonius" else program
+    if what in ELSEWHERE or (what == "play" and not options["site"]) or "runs/reproduce-quick" in words:
+        return None
+    changes = {option: value for option, value in LESS.items() if option[2:].replace("-", "_") in options}
+    if options.get("record"):
+        changes = {}  # the games that are named below must be among them
+    if what == "train":
+        changes = {"--config": "tiny.toml"}
+        rest = [word for word in rest if word not in ("--preset", "quick")]
+    if what == "regret":
+        changes = changes if not options["tables"] else {"--games": "8", "--response-games": "2"}
+        changes |= {} if options["tables"] else {"--grid": GRIDS["reach"]}
+    if what == "solve":
+        changes["--grid"] = GRIDS[options["what"]]
+    if what == "tournament":
+        changes |= {} if options["pursuers"] else {"--pursuers": "intercept", "--evaders": "flee-aware"}
+    for option, value in changes.items():
+        if option in rest:
+            rest[rest.index(option) + 1] = value
+        else:
+            rest += [option, value]
+    return rest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["README.md", "deploy.md", "ground_truth.md", "pictures.md"])
+def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeypatch):
+    """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # what is exported to it is imported
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    names = {}
+    for block in (block for block in ALL if block.document.name == name):
+        with jax.numpy_dtype_promotion("standard"):  # which optax needs
+            if block.language == "python":
+                exec(block.code, names)
+            for words in block.commands() if block.language == "sh" else ():
+                with monkeypatch.context() as patch:
+                    stop_after_parsing(patch)
+                    options = asked(words, patch) or {}
+                arguments = with_less(words, options)
+                if arguments is not None:
+                    assert main(arguments) == 0, words
+                    for option in ("out", "plot", "site"):
+                        assert not options.get(option) or Path(options[option]).exists(), words
 
 
 def run(name):
