@@ -39,8 +39,10 @@ def command(*words: object) -> str:
 
 
 def _named(path: Path) -> str:
-    files = f"{sum(file.is_file() for file in path.rglob('*'))} files, " if path.is_dir() else ""
-    return f"{path} ({files}{_in_words(_size(path))})"
+    if not path.is_dir():
+        return f"{path} ({_in_words(_size(path))})"
+    count = sum(file.is_file() for file in path.rglob("*"))
+    return f"{path} ({count} file{'' if count == 1 else 's'}, {_in_words(_size(path))})"
 
 
 def _size(path: Path) -> int:
