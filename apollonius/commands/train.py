@@ -30,8 +30,8 @@ SCHEMES = (
 _JUDGING = "judging"
 _JUDGED_GAMES = 2000
 """Games of each match that judges a run."""
-_GAME_STEPS = 1000
-"""Steps that a judged game costs about, with the batch running on until its last game is over."""
+_GAME_STEPS = 350
+"""Env steps without an update that a judged game takes about as long as."""
 
 
 def add_train(subparsers: Any) -> None:
