@@ -239,7 +239,7 @@ def with_less(words, options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["README.md", "deploy.md", "pictures.md"])
+@pytest.mark.parametrize("name", ["README.md", "deploy.md", "ground_truth.md", "pictures.md"])
 def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeypatch):
     """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
     monkeypatch.chdir(tmp_path)
