@@ -23,6 +23,8 @@ from apollonius.rollout import Games, Transition, anew, begin, random_words, ste
 
 Report = Callable[[int, int], None]
 """Told now and then how many games have ended, and how many there are."""
+_MOST_STEPS = 2**20
+"""Steps that the compiled function takes at most, however quick it is."""
 _CHUNK_SECONDS = 0.2
 """How long the games go on before the program is asked again, about."""
 _WINDOW = 8
@@ -113,7 +115,8 @@ def play_out(
             column[index] = np.asarray(fresh)[:new]
         done += new
         # The first call compiles, so that the steps grow from the second one on.
-        steps = max(1, steps * 2 if time.perf_counter() - asked < _CHUNK_SECONDS else steps // 2)
+        quick = time.perf_counter() - asked < _CHUNK_SECONDS
+        steps = min(steps * 2, _MOST_STEPS) if quick else max(steps // 2, 1)
         report(done, total)
     return jax.device_put(results)
 

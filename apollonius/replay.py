@@ -151,12 +151,6 @@ class Replay:
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
 
-def describe_end(game: Game, played: Trajectory | Replay) -> str:
-    """How a game ended and when, as `captured after 12.3 s`."""
-    name = Outcome(int(played.outcome)).name.lower().replace("_", " ")
-    return f"{name} after {len(played.actions) * float(game.dt):.1f} s"
-
-
 def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
     """States as rows of 8 numbers."""
     return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)

@@ -252,6 +252,17 @@ def test_play_out_can_be_stopped_while_games_go_on():
         random_results(report=stop)
 
 
+def test_however_many_short_games_there_are_the_length_of_a_chunk_can_be_counted():
+    starts = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 2000, axis=0), row(random_starts(), 0))
+    sides = solo(Uniform()), solo(Uniform())
+    told = []
+    results = play_out(
+        replace(GAME, max_steps=1), *sides, starts, jax.random.key(0), slots=4, report=lambda *n: told.append(n)
+    )
+    assert len(told) > 40, "each chunk may take twice the steps of the one before"
+    assert set(np.unique(results.steps)) == {1}
+
+
 def test_games_go_the_same_as_a_part_of_what_is_compiled():
     sides, starts = (pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), (0, slice(PLAYED_OUT)))
     assert identical(numpy(jax.jit(play_at_once)(GAME, *sides, starts, jax.random.key(0))), random_results())

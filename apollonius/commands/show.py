@@ -31,8 +31,9 @@ def add_show(subparsers: Any) -> None:
 
 def run_show(options: argparse.Namespace) -> int:
     """One game, drawn or written as a replay."""
-    from apollonius.replay import describe_end, load_replay, save_replay
+    from apollonius.replay import load_replay, save_replay
     from apollonius.show import animation
+    from apollonius.show.words import describe_end
 
     if options.speed is not None:
         moving = f"left out, as only {', '.join(animation.FORMATS)} move"

@@ -3,9 +3,9 @@
 from apollonius.evaluate.match import replay_game
 from apollonius.experiments.finding import Finding
 from apollonius.experiments.study import MATCH_SEED, Study
-from apollonius.replay import describe_end
 from apollonius.show import style
 from apollonius.show.arena import draw_game
+from apollonius.show.words import describe_end
 
 MOMENTS = (25, 75, 100)
 """Percentages of self-play, where agents are kept; the paper shows 23, 80 and 100 %."""

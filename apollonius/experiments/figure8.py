@@ -7,9 +7,9 @@ from apollonius.experiments.finding import Finding
 from apollonius.experiments.study import MATCH_SEED, Study
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Outcome
-from apollonius.replay import describe_end
 from apollonius.show import style
 from apollonius.show.arena import draw_game
+from apollonius.show.words import describe_end
 
 
 def run(study: Study) -> Finding:

@@ -50,6 +50,7 @@ def reproduce(
     """
     require(budget in PRESETS, "--budget", budget, f"one of {', '.join(PRESETS)}")
     SEEDS.require("--seeds", seeds)
+    STUDY_GAMES.require("--games", games)
     STUDY_GAMES.require("--games x --seeds", games * seeds)
     is_new = not folder.exists() or not any(folder.iterdir())
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")

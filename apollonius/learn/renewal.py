@@ -12,6 +12,7 @@ from apollonius.game.types import Scalar
 from apollonius.learn import opponents, payoffs
 from apollonius.learn.algorithm import algorithm_of
 from apollonius.learn.replay import cut
+from apollonius.learn.seats import has_seat
 from apollonius.learn.state import Learning, Plan, TrainState
 from apollonius.rollout import Games, anew, fresh_player
 
@@ -90,7 +91,7 @@ def reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, M
     """Who sits is drawn anew, and the games of seats begin anew."""
     config = plan.opponents
     start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
-    seated = opponents.has_seat(config, plan.learner.games)
+    seated = has_seat(config, plan.learner.games)
     fresh = reset_batch(game, start_key, plan.learner.games)
 
     def renewed(side: Learning | None, key: PRNGKeyArray, mixture: Mixture | None) -> Learning:

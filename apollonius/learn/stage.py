@@ -17,6 +17,7 @@ from apollonius.game.types import GameState, Outcome, Role, Scalar
 from apollonius.learn import opponents, replay
 from apollonius.learn.algorithm import Learner, Moment, algorithm_of
 from apollonius.learn.schedule import linear
+from apollonius.learn.seats import against_learner
 from apollonius.learn.state import Learning, Plan, TrainState, players
 from apollonius.rollout import Players, Side, Transition, collect
 
@@ -162,7 +163,7 @@ def _learn(
     learner, loss = updated(side.learner, key)
     exploiter = side.exploiter
     if exploiter is not None:
-        among = opponents.against_learner(plan.opponents, role, config.games)
+        among = against_learner(plan.opponents, role, config.games)
         exploiter, _ = updated(exploiter, jax.random.fold_in(key, 1), among)
     archive = side.archive
     if archive is not None:

@@ -11,9 +11,10 @@ from matplotlib.patches import Circle, Polygon
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState
-from apollonius.replay import Replay, Trajectory, describe_end
+from apollonius.replay import Replay, Trajectory
 from apollonius.show import palette, style
 from apollonius.show.shapes import Round, shapes
+from apollonius.show.words import describe_end
 
 _CLOCK_SECONDS = 5.0
 """Time between two marks on a trail [s]."""

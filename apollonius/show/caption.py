@@ -5,9 +5,10 @@ from math import floor, hypot, log10
 
 from PIL import Image, ImageDraw, ImageFont
 
-from apollonius.replay import Replay, describe_end
+from apollonius.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, PAPER, PURSUER
+from apollonius.show.words import describe_end
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""

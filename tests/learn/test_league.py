@@ -12,6 +12,7 @@ import pytest
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents, replay
 from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.seats import against_learner
 from tests.learn.test_opponents import GAMES, archive_of, networks, play, same
 from tests.learn.tiny import CHUNK
 
@@ -51,7 +52,7 @@ def test_an_exploiter_learns_from_games_with_the_other_sides_learner_only(played
     """In which the other side's member is 0, the player at large."""
     games = played[-1].games
     met = (games.evader if role == Role.PURSUER else games.pursuer).member
-    first, count = opponents.against_learner(CONFIG, role, GAMES)
+    first, count = against_learner(CONFIG, role, GAMES)
     among = (first + np.arange(count)) % GAMES
     assert np.flatnonzero(met == 0).tolist() == sorted(among)
 

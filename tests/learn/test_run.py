@@ -193,8 +193,11 @@ def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeyp
 CHILD = """
 import os, signal, sys
 from pathlib import Path
+from apollonius.compilations import keep_compilations
 from apollonius.learn import run
 from tests.learn.tiny import RUN
+
+keep_compilations()
 
 def die_in_self_play(progress):
     if progress.stage == "self-play" and progress.env_steps == 3 * 8192:
@@ -207,13 +210,7 @@ run.Run(RUN, Path(sys.argv[1]), die_in_self_play).execute()
 
 def test_a_process_killed_by_the_system_leaves_a_run_that_ends_the_same(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run")
-    cache = {
-        "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-    }
-    child = subprocess.run(
-        [sys.executable, "-c", CHILD, str(folder)], cwd=REPOSITORY, env=os.environ | cache, check=False
-    )
+    child = subprocess.run([sys.executable, "-c", CHILD, str(folder)], cwd=REPOSITORY, check=False)
     assert child.returncode == -signal.SIGKILL
     assert len(metrics(folder)) == 7
     assert Run(RUN, folder).execute()

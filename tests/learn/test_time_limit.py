@@ -41,7 +41,7 @@ def test_in_a_truncated_game_the_value_goes_on_at_the_time_limit(role):
     batch = targets("paper", role)
     assert batch.discount.min() >= GAMMA**LIMIT * 0.999
     assert len(np.unique(batch.discount.round(5))) == LIMIT, "windows of one to five steps"
-    np.testing.assert_allclose(batch.reward, 0, atol=1e-5)  # nobody came nearer, nobody is paid or punished
+    np.testing.assert_allclose(batch.reward, 0, atol=1e-4)  # nobody came nearer, nobody is paid or punished
 
 
 @pytest.mark.parametrize(("role", "paid"), [(Role.PURSUER, -1), (Role.EVADER, 1)])

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius import limits
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role
-from apollonius.solve import iteration
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
@@ -114,7 +114,7 @@ def test_at_nodes_interpolation_gives_the_table(bounds):
 
 
 def test_a_grid_that_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
-    monkeypatch.setattr(iteration.os, "sysconf", lambda name: {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 1000}[name])
+    monkeypatch.setattr(limits, "available_memory", lambda: 4096 * 1000)
     with pytest.raises(InvalidInput, match=r"grid = 5x7x3x6 needs .* GiB of memory and this machine has 0.0 GiB"):
         make_duel(contest(SMALL, Role.PURSUER, MORE))
 

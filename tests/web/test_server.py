@@ -120,4 +120,5 @@ def test_the_command_ends_with_ctrl_c():
         assert f"http://{LOOPBACK}:{port}/" in process.stdout.readline()
         os.kill(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=20)
-    assert (process.returncode, out.strip(), err) == (0, "ended", "")
+    assert (process.returncode, out.strip()) == (0, "ended")
+    assert all(line.startswith("apollonius play: ") for line in err.splitlines())

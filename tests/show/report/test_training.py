@@ -183,7 +183,7 @@ def test_a_run_that_has_not_begun_says_so(copy):
 
 def test_the_command_writes_the_report_into_the_run(copy, capsys):
     assert main(["report", str(copy)]) == 0
-    assert str(copy / "report.html") in capsys.readouterr().out
+    assert f"wrote {copy / 'report.html'} (" in capsys.readouterr().err
     assert Document((copy / "report.html").read_text()).games
     assert main(["report", str(copy), "--out", str(copy / "new" / "other.html")]) == 0
     assert (copy / "new" / "other.html").read_bytes() == (copy / "report.html").read_bytes()
