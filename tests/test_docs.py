@@ -204,7 +204,7 @@ ELSEWHERE = {
     "python": "tests/examples and tests/experiments",
     "reproduce": "tests/experiments/test_reproduce.py",
     "bench": "tests/test_cli.py",
-    "exploit": "tests/experiments/test_responses.py",
+    "exploit": "tests/learn/test_exploit.py",
     "simulate": "tests/bodies and tests/test_simulate_command.py",
 }
 """Commands that a walk leaves out, and where they are run."""
