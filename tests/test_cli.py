@@ -17,6 +17,7 @@ from safetensors.numpy import load_file, save_file
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.cli import COMMANDS, main
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
@@ -45,8 +46,9 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 @pytest.fixture
 def tiny(tmp_path):
-    """A config file of a training that takes seconds."""
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    """A config file of a training that takes seconds, of robots that can stop: no start at rest is lost."""
+    game = replace(RUN.game, pursuer=Unicycle(), evader=Unicycle())
+    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(replace(RUN, game=game))))
     return "tiny.toml"
 
 
@@ -353,8 +355,9 @@ def test_bad_input_never_costs_an_old_run(capsys, arguments, naming):
     assert_refused(capsys, *arguments, naming=naming)
 
 
-def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys):
+def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, monkeypatch):
     """Only a run's own files are replaced."""
+    monkeypatch.setattr("apollonius.commands.train._JUDGED_GAMES", 200)
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
     assert run_main(*arguments) == 0
     printed = capsys.readouterr()

@@ -67,9 +67,7 @@ def _sweep(
     image: Image, room: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
     after = image.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
-    after = jnp.minimum(
-        after, table
-    )  # exactly, it is no more anyway; rounded, values that went up again might never rest
+    after = jnp.minimum(after, table)  # it is no more anyway; but by rounding, values might go up and down for ever
     return after, jnp.max(table - after)
 
 
