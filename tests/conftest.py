@@ -1,5 +1,6 @@
 """How every test runs: no silent promotion, compilations kept between runs, the same examples each time."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -15,6 +16,8 @@ jax.config.update("jax_disable_most_optimizations", True)  # tests compile more 
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"  # and so do the commands that they run as processes
 os.environ.setdefault(VARIABLE, str(Path(__file__).parents[1] / ".jax_cache"))
 keep_compilations()
+gc.freeze()
+gc.set_threshold(100_000, 50, 100)  # tracing makes many objects, of which hardly any go in circles
 MOST_MAPS = 20_000
 """Memory maps of a process at which it forgets its compilations; Linux allows 65,530."""
 

@@ -23,6 +23,7 @@ def run_json(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
     facts = run_json(capsys, "solve", "safety", *COARSE)
     assert facts["grid"] == "21x21x9x16"

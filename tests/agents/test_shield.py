@@ -56,7 +56,7 @@ class Reckless(AbstractPolicy):
     ("name", "policy"),
     [
         ("paper", Uniform()),
-        ("one-large", Reckless()),
+        pytest.param("one-large", Reckless(), marks=pytest.mark.slow),
         ("robot", Reckless()),
         pytest.param("four-small", Reckless(), marks=pytest.mark.slow),
     ],
@@ -150,6 +150,7 @@ def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_c
     assert (all_over < -0.3).sum() > 10
 
 
+@pytest.mark.slow
 def test_behind_a_shield_a_robot_never_fails_among_many_polygons():
     """The other one stands still, so that nothing ends a game before its time but a failure or a capture."""
     game = yard()

@@ -119,6 +119,7 @@ def test_behind_a_shield_unsafe_gears_become_the_nearest_discrete_ones_that_are_
         np.testing.assert_array_equal(guarded_action(own, (0.5, turn)), action)
 
 
+@pytest.mark.slow
 def test_behind_a_shield_it_never_fails():
     game = make_game("one-large")
     wild = SquashedGaussian(make_actor("paper", 8, 2, jax.random.key(2)), jnp.asarray(1.0))

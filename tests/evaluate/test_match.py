@@ -116,6 +116,7 @@ def test_no_start_is_doomed_where_both_can_stay_at_rest():
     assert count(PAPER, Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == 0
 
 
+@pytest.mark.slow
 def test_doomed_starts_are_counted_unless_they_are_left_out():
     results = Results(jnp.array([7]), jnp.array([1]))
     expected = doomed_start_rate(MOVING, solve_viability(MOVING))

@@ -92,6 +92,7 @@ def test_on_the_grid_chance_that_never_comes_changes_nothing():
     assert np.mean(np.abs(drawn - sure)) > 1e-3
 
 
+@pytest.mark.slow
 def test_a_batch_of_games_is_decided_as_one_game_after_the_other(starts):
     """Also where every game has a player of its own."""
     players = [SaddlePolicy(CONTEST, NOTHING + level) for level in (0.0, 0.5)]

@@ -110,6 +110,7 @@ def dubins_to_point(x, y, heading, radius, distance):
     return min(lengths)
 
 
+@pytest.mark.slow
 def test_at_constant_speed_the_least_time_is_that_of_dubins_paths():
     """A robot that neither brakes nor speeds up, in an arena without obstacles: within 1 % in the median."""
     body = Unicycle(v_min=0.999, v_max=1.0, u1_max=0.0, u2_max=2.0)

@@ -119,6 +119,7 @@ def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
     assert result.doomed_start_rate == 0
 
 
+@pytest.mark.slow
 def test_doomed_starts_are_those_from_which_every_shield_fails():
     viability = solve_viability(MOVING)
     starts = viable_starts(MOVING, viability, jax.random.key(5), 500)
@@ -130,6 +131,7 @@ def test_doomed_starts_are_those_from_which_every_shield_fails():
     assert 1 - np.mean(kept) == pytest.approx(rate, abs=4 * np.sqrt(rate * (1 - rate) / 500))
 
 
+@pytest.mark.slow
 def test_a_robot_that_cannot_stop_is_judged_by_the_table():
     """On a field without obstacles it may circle at 0.1 / 0.8 = 0.125 m for ever."""
     body = Unicycle(v_min=0.1, v_max=0.4)
@@ -140,6 +142,7 @@ def test_a_robot_that_cannot_stop_is_judged_by_the_table():
         steered_brakes(game, Role.PURSUER, GRID, jnp.zeros(GRID.shape))
 
 
+@pytest.mark.slow
 def test_a_game_without_viable_starts_is_refused():
     rocket = Unicycle(v_min=2.0, v_max=3.0)
     game = Game(pursuer=rocket, evader=rocket, arena=SMALL.arena, starts=MOVING.starts)
