@@ -6,9 +6,10 @@ import sys
 
 import pytest
 
-SOON = 30
-"""Seconds that nothing may last here, whatever else the machine does; on an idle one it is 2."""
-COMMAND = "import sys; print('begun', flush=True); from apollonius.cli import main; sys.exit(main())"
+SOON = 2.0 + 6.0
+"""Seconds from Ctrl-C to the end of a program: what is promised, and what a busy machine may add."""
+COMMAND = "import sys; from apollonius.cli import main; print('begun', flush=True); sys.exit(main())"
+"""A program hears from its first tenth of a second on, which a busy machine makes longer: so it has begun then."""
 
 
 def interrupted(code, *arguments, after=0.0, folder=None):
@@ -88,24 +89,27 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", [0.2, 1.0, 2.0, 4.0, 8.0, 14.0])
 @pytest.mark.parametrize(
-    "arguments",
+    ("after", "arguments"),
     [
-        ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**6],
-        ["tournament", "--games", 10**5],
-        ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9],
-        ["regret", "P_stage1", "--games", 10**6],
-        ["solve", "game", "--role", "pursuer"],
-        ["simulate", "random", "still", "--games", 10**4],
-        ["play", "--no-open"],
-        ["train", "--preset", "paper", "--out", "run"],
-        ["bench", "train"],
-        ["reproduce", "--budget", "quick", "--out", "study"],
+        (0.2, ["train", "--preset", "paper", "--out", "run"]),
+        (8.0, ["train", "--preset", "paper", "--out", "run"]),
+        (0.6, ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**6]),
+        (7.0, ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**6]),
+        (1.0, ["solve", "game", "--role", "pursuer"]),
+        (4.0, ["solve", "game", "--role", "pursuer"]),
+        (0.4, ["play", "--no-open"]),
+        (5.0, ["play", "--no-open"]),
+        (3.0, ["tournament", "--games", 10**5]),
+        (5.0, ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9]),
+        (2.0, ["regret", "P_stage1", "--games", 10**6]),
+        (3.0, ["simulate", "random", "still", "--games", 10**4]),
+        (4.0, ["bench", "train"]),
+        (6.0, ["reproduce", "--budget", "quick", "--out", "study"]),
     ],
-    ids=lambda arguments: arguments[0],
+    ids=lambda value: value[0] if isinstance(value, list) else str(value),
 )
-def test_every_command_stops_at_every_moment(arguments, after, tmp_path):
+def test_every_command_stops_while_it_loads_compiles_or_works(after, arguments, tmp_path):
     status, _, errors = interrupted(COMMAND, *arguments, after=after, folder=tmp_path)
     begun = arguments[0] == "play" and status == 0  # the page was up, and Ctrl-C is how it ends
     assert begun or (status, errors.splitlines()[-1].split(";")[0]) == (130, "stopped")
