@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo paper check test test-all wheel bench lock clean
+.PHONY: demo paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -29,6 +29,10 @@ test: check
 # PyTorch and the CUDA that it brings, some 5 GB.
 test-all: check $(VENV)/installed-peers
 	$(PYTEST) -m ""
+
+# How many small changes of the code the tests notice: an hour or two; a second call goes on.
+mutants: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/mutants.py --mutants 200 --out mutants.jsonl
 
 # dist/apollonius-*.whl and dist/apollonius-*.tar.gz
 wheel: $(VENV)/installed

@@ -1,0 +1,202 @@
+"""How much the tests notice: sampled small changes of the code ("mutants"), and which of them make a test fail.
+
+    python benchmarks/mutants.py --mutants 200 --seed 0 --out mutants.jsonl
+
+Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest, in a copy of
+the tree. The tests of its file run first, then those of its room and of what stands on it, each until the first
+failure, and without the slow ones; the rest of the tests might notice a few more. A mutant that no test notices
+survives: it is printed, to be read. A line of the file is written for each one, and a second call goes on where the
+first one stopped.
+"""
+
+import argparse
+import ast
+import copy
+import importlib
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.optimize", "scipy.stats")
+"""Imported once, before the processes that run the tests are forked."""
+ROOT = Path(__file__).parents[1]
+TESTS = {
+    "apollonius/game": "tests/game tests/test_golden.py tests/test_rollout.py tests/agents",
+    "apollonius/rollout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
+    "apollonius/playout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
+    "apollonius/learn/replay.py": "tests/learn",
+    "apollonius/learn/dqn.py": "tests/learn",
+    "apollonius/learn/opponents.py": "tests/learn",
+    "apollonius/learn/seats.py": "tests/learn",
+    "apollonius/solve": "tests/solve tests/evaluate/test_regret.py",
+    "apollonius/agents/shield.py": "tests/agents",
+}
+"""What is changed, and the tests that may notice, in the order in which they are asked."""
+SWAPS: dict[type, type] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.LShift: ast.RShift, ast.RShift: ast.LShift,
+    ast.And: ast.Or, ast.Or: ast.And,
+}  # fmt: skip
+NAMES = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min", "any": "all", "all": "any",
+         "sin": "cos", "cos": "sin", "argmin": "argmax", "argmax": "argmin"}  # fmt: skip
+QUIETLY = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+"""Libraries that are pytest's plugins too have been imported before it."""
+SKIPPED = (ast.AnnAssign, ast.Assert, ast.Raise, ast.JoinedStr)
+"""Statements that decide nothing: an annotated field without a function, a message."""
+
+
+def mutants(source: str) -> Iterator[tuple[int, str, str, str]]:
+    """Every mutant of a file: its line, what stood there, what stands there now, and the whole text."""
+    starts = [0]
+    for line in source.encode().splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    raw = source.encode()
+    for node in _nodes(ast.parse(source), inside=False):
+        before = ast.unparse(node)
+        for changed in _changes(node):
+            begin = starts[node.lineno - 1] + node.col_offset
+            end = starts[node.end_lineno - 1] + node.end_col_offset
+            text = raw[:begin] + b"(" + changed.encode() + b")" + raw[end:]
+            yield node.lineno, before, changed, text.decode()
+
+
+def _nodes(node: ast.AST, inside: bool) -> Iterator[ast.expr]:
+    """The expressions that functions compute with; no annotations, decorators, defaults or messages."""
+    if isinstance(node, ast.FunctionDef):
+        for statement in node.body:
+            yield from _nodes(statement, True)
+        return
+    if isinstance(node, SKIPPED) and not (inside and isinstance(node, ast.AnnAssign)):
+        return
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("require", "print"):
+        return
+    if inside and isinstance(node, ast.expr):
+        yield node
+    if isinstance(node, ast.Subscript):
+        yield from _nodes(node.value, inside)
+        return
+    children = [node.value] if isinstance(node, ast.AnnAssign) and node.value else ast.iter_child_nodes(node)
+    for child in children:
+        yield from _nodes(child, inside)
+
+
+def _changes(node: ast.expr) -> Iterator[str]:
+    """What could stand there instead."""
+    changed = copy.deepcopy(node)
+    match changed:
+        case ast.Compare(ops=[op]) if type(op) in SWAPS:
+            changed.ops = [SWAPS[type(op)]()]
+        case ast.BinOp(op=op) | ast.BoolOp(op=op) if type(op) in SWAPS:
+            changed.op = SWAPS[type(op)]()
+        case ast.UnaryOp(op=ast.Not() | ast.USub() | ast.Invert()):
+            changed = changed.operand
+        case ast.Constant(value=bool() as value):
+            changed = ast.Constant(not value)
+        case ast.Constant(value=(int() | float()) as value):
+            changed = ast.Constant(value + 1)
+        case ast.IfExp():
+            changed.body, changed.orelse = changed.orelse, changed.body
+        case ast.Call(func=ast.Attribute(attr=name)) if name in NAMES:
+            changed.func.attr = NAMES[name]
+        case ast.Call(func=ast.Attribute(attr="where"), args=[_, first, second]):
+            changed.args[1:] = [second, first]
+        case _:
+            return
+    yield ast.unparse(changed)
+
+
+def sample(root: Path, number: int, seed: int) -> list[tuple[str, str, int, str, str, str]]:
+    """Mutants of a tree: group, file, line, before, after and text, drawn evenly from all that there are."""
+    found = []
+    for group in TESTS:
+        path = root / group
+        files = sorted(path.rglob("*.py")) if path.is_dir() else [path] * path.exists()
+        for file in files:
+            found += [(group, str(file.relative_to(root)), *mutant) for mutant in mutants(file.read_text())]
+    return random.Random(seed).sample(found, min(number, len(found)))
+
+
+def noticed(tree: Path, tests: list[str], limit: float) -> str:
+    """The first test file or folder that fails, or nothing. What hangs is noticed too."""
+    for test in tests:
+        child = os.fork()
+        if child == 0:
+            status = pytest.ExitCode.INTERNAL_ERROR
+            try:
+                status = _run_tests(tree, test)
+            finally:
+                os._exit(status)
+        end = time.monotonic() + limit
+        while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end:
+            time.sleep(0.05)
+        if ended[0] == 0:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return f"{test} (too slow)"
+        if os.waitstatus_to_exitcode(ended[1]) not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+            return test
+    return ""
+
+
+def _run_tests(tree: Path, test: str) -> int:
+    """The whole life of a forked process: libraries are there already, the changed code is read anew."""
+    os.setsid()
+    silence = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silence, 1)
+    os.dup2(silence, 2)
+    os.chdir(tree)
+    os.environ |= {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    sys.dont_write_bytecode = True
+    sys.path.insert(0, str(tree))
+    return int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--timeout", "120", *QUIETLY, test]))
+
+
+def main() -> None:
+    """Sample, run, write down."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--mutants", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--tree", type=Path, default=ROOT, help="the tree to change a copy of (default: this one)")
+    parser.add_argument("--share", default="0/1", help="of several processes: number/processes (default: %(default)s)")
+    parser.add_argument("--limit", type=float, default=900, help="seconds for one folder of tests")
+    parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
+    options = parser.parse_args()
+    for library in LIBRARIES:
+        importlib.import_module(library)
+    number, processes = map(int, options.share.split("/"))
+    chosen = sample(options.tree, options.mutants, options.seed)[number::processes]
+    done = len(options.out.read_text().splitlines()) if options.out.exists() else 0
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        shutil.copytree(options.tree, tree, ignore=shutil.ignore_patterns(".git", ".venv", "runs"))
+        for count, (group, file, line, before, after, text) in enumerate(chosen[done:], done + 1):
+            began, original = time.monotonic(), (tree / file).read_text()
+            (tree / file).write_text(text)
+            own = f"tests/{Path(file).parent.name}/test_{Path(file).stem}.py"
+            tests = [own] * (tree / own).is_file() + TESTS[group].split()
+            killer = noticed(tree, tests, options.limit)
+            (tree / file).write_text(original)
+            record = {"file": file, "line": line, "before": before, "after": after, "killed_by": killer}
+            record["seconds"] = round(time.monotonic() - began, 1)
+            with options.out.open("a") as out:
+                out.write(json.dumps(record) + "\n")
+            print(
+                f"{count}/{len(chosen)} {file}:{line} {killer or 'SURVIVES: ' + before + '  ->  ' + after}", flush=True
+            )
+    records = [json.loads(line) for line in options.out.read_text().splitlines()]
+    killed = sum(bool(record["killed_by"]) for record in records)
+    print(f"{killed} of {len(records)} mutants killed ({killed / len(records):.1%})")
+
+
+if __name__ == "__main__":
+    main()
