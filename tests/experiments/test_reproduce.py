@@ -117,11 +117,11 @@ def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
     assert not re.search(r"https?:", html)
     pairings = list(dict.fromkeys(shown.pairing for shown in page.games))
     assert pairings == [
-        "P_stage1 against still",
-        "P_random against random",
-        "P_curriculum against random",
-        "P_random against E_scratch",
-        "P_curriculum against E_scratch",
+        "curriculum/P_stage1 against still",
+        "random/P_random against random",
+        "curriculum/P_curriculum against random",
+        "random/P_random against scratch/E_scratch",
+        "curriculum/P_curriculum against scratch/E_scratch",
     ]
     assert all(shown.replay.game == RUN.game for shown in page.games)
 
