@@ -28,7 +28,13 @@ class Greedy(AbstractValued):
         self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
     ) -> Int[Array, " games"]:
         """The best action for each observation."""
-        return jnp.argmax(self.network.together(observations), axis=-1).astype(jnp.int32)
+        return jnp.argmax(self.weigh_together(observations, words), axis=-1).astype(jnp.int32)
+
+    def weigh_together(
+        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+    ) -> Float[Array, "games 9"]:
+        """The network's action values for each observation."""
+        return self.network.together(observations)
 
 
 class EpsilonGreedy(AbstractPolicy):

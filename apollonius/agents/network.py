@@ -96,11 +96,17 @@ def apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Ar
     to the last bit; others, and the last layer, which it treats apart, are left as they are.
     """
     if inputs.shape[0] % _BLOCK or any(layer.out_features % _BLOCK for layer in layers[:-1]):
-        return jax.vmap(apply, in_axes=(None, 0))(layers, inputs)
+        return _weights_first(layers, inputs)
     hidden = inputs
     for layer in layers[:-1]:
         hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
-    return jax.vmap(layers[-1])(hidden)
+    return _weights_first(layers[-1:], hidden)
+
+
+def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
+    """A `vmap` of `apply`, whose products have the weights before the inputs, as where a pool has several members."""
+    alone = jax.tree.map(lambda leaf: leaf[None], layers)
+    return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(alone)[0]
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:

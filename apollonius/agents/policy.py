@@ -37,12 +37,23 @@ class AbstractPolicy(eqx.Module):
         """The actions for the observations of many games, each its own: a `vmap`, or what is quicker and the same."""
         return jax.vmap(self)(observations, words)
 
+    def weigh(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Any:
+        """All that `choose` has to know, before it is known which actions are allowed: here the player's own action."""
+        return self(observation, word)
+
+    def weigh_together(self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Any:
+        """The same for the observations of many games, as in `together`."""
+        return self.together(observations, words)
+
+    def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
+        """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
+        return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
+
     def act_among(
         self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
     ) -> Int[Array, ""]:
-        """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
-        action = self(observation, word)
-        return jnp.where(allowed[action], action, jnp.argmax(allowed)).astype(jnp.int32)
+        """The discrete action for an observation where only some are allowed; the player's own if that is."""
+        return self.choose(self.weigh(observation, word), allowed)
 
 
 class AbstractValued(AbstractPolicy):
@@ -53,13 +64,21 @@ class AbstractValued(AbstractPolicy):
         """The values of the nine actions for an observation in the policy's profile: the higher the better."""
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.argmax(self.values(observation)).astype(jnp.int32)
+        return jnp.argmax(self.weigh(observation, word)).astype(jnp.int32)
 
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
+    def weigh(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "9"]:
+        """The values of the nine actions."""
+        return self.values(observation)
+
+    def weigh_together(
+        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+    ) -> Float[Array, "games 9"]:
+        """The same for the observations of many games."""
+        return jax.vmap(self.weigh)(observations, words)
+
+    def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """The allowed action of highest value."""
-        return jnp.argmax(jnp.where(allowed, self.values(observation), -jnp.inf)).astype(jnp.int32)
+        return jnp.argmax(jnp.where(allowed, weighed, -jnp.inf)).astype(jnp.int32)
 
 
 class AbstractContinuous(AbstractPolicy):
@@ -69,11 +88,9 @@ class AbstractContinuous(AbstractPolicy):
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
         """The two gears for an observation."""
 
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
+    def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """The allowed discrete action whose gears are nearest to the player's own."""
-        own = gears(self(observation, word))
+        own = gears(weighed)
 
         def away(action: Int[Array, ""]) -> Scalar:
             gear_u1, gear_u2 = gears(action)
@@ -131,9 +148,9 @@ class Pool(eqx.Module):
         word: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by the member of this pool that it meets."""
-        everyone = jax.vmap(lambda policy: policy.together(observation, word), axis_size=self.size)(self.members)
         if self.size == 1:
-            return everyone[0]
+            return jax.tree.map(lambda leaf: leaf[0], self.members).together(observation, word)
+        everyone = jax.vmap(lambda policy: policy.together(observation, word), axis_size=self.size)(self.members)
         theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
         return jnp.take_along_axis(everyone, theirs, axis=0)[0]
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,6 +24,8 @@ MARGIN = 1e-3
 """Room [m] that must be left: many times what is lost when a state is read from an observation."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
+_HELD_BACK = 8
+"""Robots that may not do what they want for which all actions are tried at a time."""
 
 
 class Brake(eqx.Module):
@@ -127,37 +130,50 @@ class Shielded(AbstractPolicy):
         return self.policy.observation
 
     def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Action:
-        own = self._own(observation)
-        room = jax.vmap(lambda action: self.backup.room_after(own, action))(jnp.arange(NUM_ACTIONS))
-        return self._choose(own, room, observation, word)
+        own, weighed = self._own(observation), self.policy.weigh(observation, word)
+        wanted = self._wanted(weighed)
+        keeps = self.backup.room_after(own, wanted) > MARGIN
+        room = jax.vmap(self.backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
+        return jnp.where(keeps, wanted, self._instead(weighed, room))
 
     def together(self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Actions:
         """The actions for the observations of many games.
 
-        Among polygons each action is tried in all games at once, rather than all actions in each game: what is near to
-        a robot is then read from memory in a row.
+        Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
+        a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
+        is then read from memory in a row.
         """
-        if self.backup.surroundings is None:
-            return super().together(observations, words)
-        own = jax.vmap(self._own)(observations)
+        own, weighed = jax.vmap(self._own)(observations), self.policy.weigh_together(observations, words)
+        wanted = jax.vmap(self._wanted)(weighed)
+        held_back = ~(jax.vmap(self.backup.room_after)(own, wanted) > MARGIN)
+        games = held_back.shape[0]
+        (which,) = jnp.nonzero(held_back, size=games + -games % _HELD_BACK, fill_value=games)
         room_after = jax.vmap(jax.vmap(self.backup.room_after, in_axes=(0, None)), in_axes=(None, 0))
-        rooms = room_after(own, jnp.arange(NUM_ACTIONS))
-        return jax.vmap(self._choose, in_axes=(0, 1, 0, 0))(own, rooms, observations, words)
+
+        def some(carry: tuple[Int[Array, ""], Actions]) -> tuple[Int[Array, ""], Actions]:
+            done, actions = carry
+            rows = jax.lax.dynamic_slice(which, (done,), (_HELD_BACK,))
+            theirs = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, games - 1)], (own, weighed))
+            rooms = room_after(theirs[0], jnp.arange(NUM_ACTIONS))
+            instead = jax.vmap(self._instead, in_axes=(0, 1))(theirs[1], rooms)
+            return done + _HELD_BACK, actions.at[rows].set(instead, mode="drop")
+
+        count = jnp.sum(held_back, dtype=jnp.int32)
+        return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1]
 
     def _own(self, observation: Float[Array, " size"]) -> RobotState:
         return own_state(self.observation, self.backup.arena, self.backup.body, observation)
 
-    def _choose(
-        self, own: RobotState, room: Float[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Action:
-        """The action, by the room that each of the nine leaves."""
+    def _wanted(self, weighed: Any) -> Action:
+        """What the player behind the shield would do."""
+        return weighed if acts_continuously(self.policy) else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
+
+    def _instead(self, weighed: Any, room: Float[Array, "9"]) -> Action:
+        """What it does where that is not allowed, by the room that each of the nine actions leaves."""
         allowed = room > MARGIN
-        among = self.policy.act_among(allowed, observation, word)
+        among = self.policy.choose(weighed, allowed)
         safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
-        if not acts_continuously(self.policy):
-            return safest
-        wanted = self.policy(observation, word)
-        return jnp.where(self.backup.room_after(own, wanted) > MARGIN, wanted, jnp.stack(gears(safest)))
+        return jnp.stack(gears(safest)) if acts_continuously(self.policy) else safest
 
 
 def brakes(game: Game, role: Role) -> Backup:

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
-from jaxtyping import Array, Bool, Float, Int, Shaped, UInt32
+from jaxtyping import Array, Float, Int, Shaped, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, AbstractValued, acts_by_chance
 from apollonius.game.game import judge
@@ -45,14 +45,9 @@ class AbstractLookahead(AbstractValued):
         """What the nine actions are worth."""
         return self._worths_seen(observation, jnp.zeros((), jnp.uint32))
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.argmax(self._worths_seen(observation, word)).astype(jnp.int32)
-
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
-        """The allowed action that is worth most."""
-        return jnp.argmax(jnp.where(allowed, self._worths_seen(observation, word), -jnp.inf)).astype(jnp.int32)
+    def weigh(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "9"]:
+        """What they are worth against one who acts by chance, as by this word."""
+        return self._worths_seen(observation, word)
 
     def best_worth(self, states: GameState) -> Float[Array, " games"]:
         """What its side is sure of in several states of the game, leaves `[games]`."""

@@ -1,14 +1,13 @@
 """The player that acts by a solved table."""
 
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Float
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractValued
 from apollonius.game.observation import own_state
 from apollonius.solve.reach import Reach
 
 
-class TablePolicy(AbstractPolicy):
+class TablePolicy(AbstractValued):
     """The pursuer that catches a target standing still in the least time; it decides anew in every step."""
 
     reach: Reach
@@ -18,13 +17,7 @@ class TablePolicy(AbstractPolicy):
         """The profile that tells the robot's own state with the least arithmetic."""
         return "paper"
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return self.act_among(jnp.ones(9, bool), observation, word)
-
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
-        """The allowed action that is worth most."""
+    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+        """What the nine actions are worth."""
         motion = self.reach.motion
-        values = self.reach.action_values(own_state(self.observation, motion.arena, motion.body, observation))
-        return jnp.argmax(jnp.where(allowed, values, -jnp.inf)).astype(jnp.int32)
+        return self.reach.action_values(own_state(self.observation, motion.arena, motion.body, observation))

@@ -13,14 +13,14 @@ from apollonius.agents.catalogue import find_agent
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game
+from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
@@ -157,6 +157,37 @@ def test_behind_a_shield_a_robot_never_fails_among_many_polygons():
     outcomes = play_match(game, shielded(Reckless(), game, Role.PURSUER), Still(), games=32, seed=1).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 32
     assert outcomes["no_result"] > 16
+
+
+class Swerves(AbstractContinuous):
+    """Speeds up, and turns by chance."""
+
+    observation = "paper"
+
+    def __call__(self, observation, word):
+        return jnp.stack([jnp.float32(0.7), (word >> 16).astype(jnp.float32) / 32768 - 1])
+
+
+@pytest.mark.parametrize(
+    ("game", "policy"),
+    [(PAPER, Greedy(NETWORK)), (PAPER, Swerves()), (yard(), Reckless())],
+    ids=["discs, valued", "discs, continuous", "polygons, random"],
+)
+def test_games_are_guarded_together_as_each_alone(game, policy):
+    """Only those that are held back, of which there are several blocks and a part of one, have all actions tried."""
+    player = shielded(policy, game, Role.PURSUER)
+    states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
+    speeds = jnp.linspace(0.6, 1.2, 500)
+    states = eqx.tree_at(lambda states: states.pursuer.v, states, speeds)
+    seen = jax.vmap(lambda state: game.observe(state, Role.PURSUER, policy.observation))(states)
+    words = jax.random.bits(jax.random.key(1), 500)
+    alone = eqx.filter_jit(lambda player: jax.vmap(player)(seen, words))
+    together = np.asarray(eqx.filter_jit(player.together)(seen, words))
+    np.testing.assert_array_equal(together, alone(player))
+    differs = together != np.asarray(alone(policy))
+    held_back = differs.reshape(500, -1).any(axis=1).sum()
+    assert 8 < held_back < 492
+    assert held_back % 8
 
 
 @pytest.mark.parametrize("v_min", [0.2, -0.5], ids=["drives on", "goes backwards"])
