@@ -29,6 +29,7 @@ from apollonius.learn.state import Plan
 from apollonius.limits import BENCHED_GAMES
 from apollonius.playout import Report
 from apollonius.rollout import Games, begin, collect
+from apollonius.words import fold_in
 
 CLASSIC = DQNConfig(
     observation="paper",
@@ -165,7 +166,7 @@ def _random_play(game: Game, carry: _Stepped, starts: GameState, key: PRNGKeyArr
 
     def one_step(step: Int[Array, ""], carry: _Stepped) -> _Stepped:
         row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % _START_ROWS, 1), starts)
-        return _step(game, carry.games, row, jax.random.fold_in(key, step))
+        return _step(game, carry.games, row, fold_in(key, step))
 
     return jax.lax.fori_loop(0, _STEPS, one_step, carry)
 

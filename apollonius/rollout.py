@@ -15,6 +15,7 @@ from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, 
 from apollonius.agents.policy import Held, Pool, Seated
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
+from apollonius.words import fold_in, random_bits
 
 Players = Pool | Seated | Held
 """All who play one side of a batch of games."""
@@ -141,11 +142,11 @@ def collect(
     def draw(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
         """Words for the actions and for the next members of the pools; lone members need none of their own."""
         kinds = 2 if pursuer.draws or evader.draws else 1
-        words = jax.random.bits(step_key, (2 * kinds, batch), jnp.uint32)
+        words = random_bits(step_key, (2 * kinds, batch))
         return words[:2], words[-2:]
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        words, fresh_words = draw(jax.random.fold_in(key, step))
+        words, fresh_words = draw(fold_in(key, step))
         after, transition = step_games(game, pursuer, evader, games, words, disturbance)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)

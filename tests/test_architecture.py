@@ -24,7 +24,8 @@ MAY_IMPORT = {
     "matrix_game": "",
     "game": "errors limits document",
     "agents": "errors limits document game",
-    "rollout": "errors limits document game agents",
+    "words": "game",
+    "rollout": "errors limits document game words agents",
     "playout": "errors limits document game agents rollout",
     "replay": "errors limits document game agents rollout",
     "solve": "errors limits document game agents",
@@ -36,7 +37,7 @@ MAY_IMPORT = {
     "web": "errors limits document game agents",
     "experiments": "version errors limits document compilations interrupts matrix_game game agents rollout playout "
     "replay solve learn evaluate bodies show",
-    "bench": "errors limits document matrix_game game agents rollout playout replay solve learn evaluate",
+    "bench": "errors limits document matrix_game game words agents rollout playout replay solve learn evaluate",
     "estimate": "",
     "display": "errors estimate interrupts",
     "terminal": "display estimate interrupts errors limits document matrix_game game agents rollout playout replay "

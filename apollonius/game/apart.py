@@ -15,8 +15,14 @@ def computed_apart(function: Callable[P, R]) -> Callable[P, R]:
 
     XLA on the CPU otherwise computes an intermediate result again for each of its uses: without this boundary a step
     of the game takes 46 cosines instead of 2 and runs ten times slower. (`optimization_barrier` does not help there.)
+    Inside, all is fused as usual: the boundary is not handed on to the compiled functions that are called there, such
+    as `jnp.where` and `jnp.clip`, each of which would else go through memory on its own.
     """
-    compiled = jax.jit(function)
+
+    @jax.jit
+    def compiled(*args: P.args, **kwargs: P.kwargs) -> R:
+        with set_xla_metadata(inlineable="true"):
+            return function(*args, **kwargs)
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         with set_xla_metadata(inlineable="false"):

@@ -1,0 +1,61 @@
+"""Random words: the bits that `jax.random` makes of the same keys, made in one pass.
+
+On the CPU, JAX's hash is a loop of five turns: it goes through memory five times and, for a single key, spends its time
+on the loop. Here the turns stand one after the other, and all of them happen where a word is made.
+"""
+
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray, UInt32
+
+from apollonius.game.apart import computed_apart
+
+_PARITY = 0x1BD11BDA
+_ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+_TURNS = 5
+
+
+def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
+    """Random words: `jax.random.bits(key, shape, "uint32")`, bit by bit.
+
+    Args:
+        key: consumed.
+        shape: of the result; fewer than 2^32 words.
+    """
+    if not _is_known(key):
+        return jax.random.bits(key, shape, jnp.uint32)
+    return computed_apart(functools.partial(_words, shape))(jax.random.key_data(key))
+
+
+def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
+    """The key that a key and a number of 32 bits make: `jax.random.fold_in(key, number)`, bit by bit."""
+    if not _is_known(key):
+        return jax.random.fold_in(key, number)
+    data = jnp.stack(_hash(jax.random.key_data(key), number.astype(jnp.uint32)))
+    return jax.random.wrap_key_data(data, impl=jax.random.key_impl(key))
+
+
+def _is_known(key: PRNGKeyArray) -> bool:
+    """Whether JAX hashes such keys, and counts words, as is done here: its default."""
+    return jax.random.key_impl(key) == "threefry2x32" and jax.config.values["jax_threefry_partitionable"]
+
+
+def _words(shape: tuple[int, ...], key: UInt32[Array, "2"]) -> UInt32[Array, "..."]:
+    high, low = _hash(key, jnp.arange(math.prod(shape), dtype=jnp.uint32).reshape(shape))
+    return high ^ low
+
+
+def _hash(key: UInt32[Array, "2"], counter: UInt32[Array, "..."]) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
+    """Two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
+    keys = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
+    high, low = jnp.full_like(counter, keys[0]), counter + keys[1]
+    for turn in range(_TURNS):
+        for rotation in _ROTATIONS[turn % 2]:
+            high = high + low
+            low = high ^ ((low << rotation) | (low >> (32 - rotation)))
+        high = high + keys[(turn + 1) % 3]
+        low = low + keys[(turn + 2) % 3] + jnp.uint32(turn + 1)
+    return high, low
