@@ -61,7 +61,11 @@ class Backup(eqx.Module):
         Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
         room than `MARGIN` without them and with them.
         """
-        return self._room(robot, self._near(robot))
+        return jnp.max(self.rooms(robot))
+
+    def rooms(self, robot: RobotState) -> Float[Array, " manoeuvres"]:
+        """The same by each of the manoeuvres."""
+        return self._rooms(robot, self._near(robot))
 
     def room_after(self, robot: RobotState, action: Action) -> Scalar:
         """The same, for the way that begins with one step of an action."""
@@ -70,9 +74,9 @@ class Backup(eqx.Module):
         (clearance,) = self._along([robot], [after], near)
         if near is not None:
             clearance = jnp.minimum(clearance, near.clearance_from(robot.x, robot.y))
-        return jnp.minimum(clearance - self.body.radius, self._room(after, near))
+        return jnp.minimum(clearance - self.body.radius, jnp.max(self._rooms(after, near)))
 
-    def _room(self, robot: RobotState, near: Edges | None) -> Scalar:
+    def _rooms(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
         def one_step(carry: list[tuple[RobotState, Scalar]], _: None) -> tuple[list[tuple[RobotState, Scalar]], None]:
             before = [robot for robot, _ in carry]
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
@@ -84,7 +88,7 @@ class Backup(eqx.Module):
         if near is not None:
             here = jnp.minimum(here, near.clearance_from(robot.x, robot.y))
         ends, _ = jax.lax.scan(one_step, [(robot, here)] * len(self.manoeuvres), None, self.steps)
-        return jnp.max(jnp.stack([least for _, least in ends])) - self.body.radius
+        return jnp.stack([least for _, least in ends]) - self.body.radius
 
     def _near(self, robot: RobotState) -> Edges | None:
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None

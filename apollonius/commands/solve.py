@@ -180,26 +180,29 @@ def _about_safety(solution: "Solution", game: "Game", role: "Role") -> dict[str,
     from dataclasses import replace
 
     import jax
-    import jax.numpy as jnp
+    import numpy as np
 
-    from apollonius.agents.shield import brakes
-    from apollonius.game.game import reset_batch
+    from apollonius.agents.shield import BRAKING
+    from apollonius.playout import draw_starts
     from apollonius.solve.grid import make_grid
     from apollonius.solve.safety import steered_brakes
 
-    grid = make_grid(game.arena, (game.pursuer, game.evader)[role], tuple(solution.problem.counts))
-    moving = replace(game, starts=replace(game.starts, speed="moving"))
-    starts = jax.jit(reset_batch, static_argnames="games")(moving, jax.random.key(0), games=STARTS)
-    robots = (starts.pursuer, starts.evader)[role]
-    kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
-    facts = {"moving starts lost, by the table": float(jnp.mean(kept < 0))}
     body = (game.pursuer, game.evader)[role]
-    if body.brakes_to_rest:
-        ways = {"as the table steers": steered_brakes(game, role, grid, solution.table), "": brakes(game, role)}
-        for how, backup in ways.items():
-            lost = float(jnp.mean(jax.jit(jax.vmap(backup.room))(robots) < 0))
-            facts[f"moving starts lost, if it brakes {how}".rstrip()] = lost
-    return facts
+    grid = make_grid(game.arena, body, tuple(solution.problem.counts))
+    moving = replace(game, starts=replace(game.starts, speed="moving"))
+    starts = draw_starts(moving, jax.random.key(0), STARTS)
+    robots = (starts.pursuer, starts.evader)[role]
+    if not body.brakes_to_rest:
+        kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
+        return {"moving starts lost, by the table": float(np.mean(np.asarray(kept) < 0))}
+    backup = steered_brakes(game, role, grid, solution.table)  # the shield's own manoeuvres come first
+    judged = jax.jit(jax.vmap(lambda robot: (grid.interpolate(solution.table, robot), backup.rooms(robot))))(robots)
+    kept, rooms = map(np.asarray, judged)
+    return {
+        "moving starts lost, by the table": float(np.mean(kept < 0)),
+        "moving starts lost, if it brakes as the table steers": float(np.mean(rooms.max(axis=1) < 0)),
+        "moving starts lost, if it brakes": float(np.mean(rooms[:, : len(BRAKING)].max(axis=1) < 0)),
+    }
 
 
 def _about_reach(solution: "Solution", game: "Game", role: "Role") -> dict[str, Any]:
@@ -208,7 +211,7 @@ def _about_reach(solution: "Solution", game: "Game", role: "Role") -> dict[str, 
     import jax.numpy as jnp
     import numpy as np
 
-    from apollonius.game.game import reset_batch
+    from apollonius.playout import draw_starts
     from apollonius.solve.grid import make_grid
     from apollonius.solve.motion import motion_of
     from apollonius.solve.reach import Reach
@@ -217,7 +220,7 @@ def _about_reach(solution: "Solution", game: "Game", role: "Role") -> dict[str, 
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
     grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))
     reach = Reach(game, motion_of(game, role, solution.problem.hold), grid, x, y, solution.table)
-    robots = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=STARTS).pursuer
+    robots = draw_starts(game, jax.random.key(0), STARTS).pursuer
     seconds = np.asarray(jax.jit(jax.vmap(reach.seconds))(robots))
     caught = np.isfinite(seconds)
     return {
@@ -232,12 +235,12 @@ def _about_game(solution: "Solution", game: "Game", role: "Role") -> dict[str, A
     import jax
     import numpy as np
 
-    from apollonius.game.game import reset_batch
+    from apollonius.playout import draw_starts
     from apollonius.solve.catalogue import contest_of
     from apollonius.solve.players import SaddlePolicy
 
     player = SaddlePolicy(contest_of(solution.problem, game), solution.table)
-    starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=STARTS)
+    starts = draw_starts(game, jax.random.key(0), STARTS)
     sure = np.asarray(player.best_worth(starts))
     return {
         "payoff": solution.problem.payoff,
