@@ -1,18 +1,21 @@
 """What the command tells a person in words: how a training gets on, and tables of results."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from apollonius.display import Display
-from apollonius.evaluate.card import Card
 from apollonius.evaluate.cycles import cycles
-from apollonius.evaluate.match import MatchResult
-from apollonius.evaluate.regret import Regret
-from apollonius.evaluate.tournament import Tournament
-from apollonius.learn.progress import Progress
-from apollonius.solve.iteration import Sweep
+
+if TYPE_CHECKING:
+    from apollonius.evaluate.card import Card
+    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.regret import Regret
+    from apollonius.evaluate.tournament import Tournament
+    from apollonius.learn.progress import Progress
+    from apollonius.solve.iteration import Sweep
 
 
-def training_notes(progress: Progress) -> dict[str, str]:
+def training_notes(progress: "Progress") -> dict[str, str]:
     """What there is to say of a training while it goes on, by name."""
     notes = {
         "env steps": f"{progress.env_steps:,} ({progress.env_steps_per_second:,.0f}/s)",
@@ -26,11 +29,11 @@ def training_notes(progress: Progress) -> dict[str, str]:
     return notes
 
 
-def sweeps_on(display: Display) -> Callable[[Sweep], None]:
+def sweeps_on(display: Display) -> "Callable[[Sweep], None]":
     """What shows sweeps of value iteration on a display."""
     first: list[float] = []
 
-    def show(sweep: Sweep) -> None:
+    def show(sweep: "Sweep") -> None:
         first.append(sweep.residual)
         display.report(sweep.share(first[0]), 1)
         display.note({"sweep": f"{sweep.number}", "residual": f"{sweep.residual:.2e}"})
@@ -38,7 +41,7 @@ def sweeps_on(display: Display) -> Callable[[Sweep], None]:
     return show
 
 
-def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
+def match_table(pursuer: str, evader: str, result: "MatchResult") -> str:
     """A match as lines of text, in the order of the paper's Tables II and III."""
     width = max(len(name) for name in result.outcomes)
     lines = [f"{pursuer} (pursuer) against {evader} (evader), {result.games:,} games"]
@@ -67,7 +70,7 @@ def match_table(pursuer: str, evader: str, result: MatchResult) -> str:
     return "\n".join(lines)
 
 
-def tournament_table(tournament: Tournament) -> str:
+def tournament_table(tournament: "Tournament") -> str:
     """The pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
     rates = tournament.win_rates
     header = ["pursuer \\ evader", *tournament.evaders, "mean"]
@@ -104,7 +107,7 @@ def tournament_table(tournament: Tournament) -> str:
     return "\n".join(lines)
 
 
-def regret_table(pursuer: str, regret: Regret) -> str:
+def regret_table(pursuer: str, regret: "Regret") -> str:
     """A pursuer beside the table's, as lines of text."""
     width = len("table's player captures")
     lines = [f"{pursuer} against standing targets: {regret.games:,} games, {regret.targets} targets"]
@@ -129,7 +132,7 @@ def regret_table(pursuer: str, regret: Regret) -> str:
     return "\n".join(lines)
 
 
-def card_table(agent: str, card: Card) -> str:
+def card_table(agent: str, card: "Card") -> str:
     """A regret card as lines of text."""
     scores = [(f"{agent} against the table", card.agent)]
     if card.response:
