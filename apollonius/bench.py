@@ -5,7 +5,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.classical import Still
+from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.game.game import Game, reset_batch
@@ -20,10 +21,11 @@ from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState
 from apollonius.learn import dqn
-from apollonius.learn.config import StageConfig
+from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay import Batch
+from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
 from apollonius.limits import BENCHED_GAMES
@@ -49,6 +51,7 @@ CLASSIC = DQNConfig(
 _STEPS = 250
 _START_ROWS = 16
 _BARE_UPDATES = 200
+_BARE_MOVES = 200
 _BARE_BATCHES = 10
 
 
@@ -80,18 +83,34 @@ def bench_env(games: int, repeats: int = 20, report: Report = lambda done, total
     return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
 
 
-def bench_train(config: DQNConfig, repeats: int = 9, report: Report = lambda done, total: None) -> dict[str, Any]:
-    """Stage 1 training as configured, from the first update on, and the bare updates of the same run beside it.
+def bench_train(
+    config: DQNConfig,
+    repeats: int = 9,
+    report: Report = lambda done, total: None,
+    stage: Literal["fixed-target", "self-play"] = "fixed-target",
+) -> dict[str, Any]:
+    """Training as configured, from the first update on, and its arithmetic beside it.
 
-    `report` is told how many of the repeats are done.
+    `updates_per_second` counts those of all sides that learn, `share_of_bare_updates` compares them with updates alone.
+    `share_of_arithmetic` compares the time with that of updates and of acting: of every learning side's network asked
+    once in each step of every game.
+
+    Args:
+        config: how a side learns.
+        repeats: of each thing that is timed.
+        report: told how many of them are done.
+        stage: the pursuer learns against an evader that stands still, or both learn against each other.
 
     Raises:
         InvalidInput: for an impossible configuration.
     """
-    plan = Plan(config, StageConfig(env_steps=10**9))
-    game = make_game("paper")
-    evader = solo(Still())
-    state = start_fixed_target(plan, game, jax.random.key(0), evader)
+    game, key = make_game("paper"), jax.random.key(0)
+    if stage == "self-play":
+        plan, evader, sides = Plan(config, SelfPlayConfig(env_steps=10**9)), None, 2
+        state = start_self_play(plan, game, key, None)
+    else:
+        plan, evader, sides = Plan(config, StageConfig(env_steps=10**9)), solo(Still()), 1
+        state = start_fixed_target(plan, game, key, evader)
 
     def run(repeat: int) -> Any:
         nonlocal state
@@ -100,19 +119,25 @@ def bench_train(config: DQNConfig, repeats: int = 9, report: Report = lambda don
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
-    seconds, bare_seconds = _time_in_turns((run, _bare_updates(config)), repeats, report)
-    updates = plan.iterations_per_chunk * config.updates_per_iteration
-    shares = [updates / one / (_BARE_UPDATES / bare) for one, bare in zip(seconds, bare_seconds, strict=True)]
+    seconds, *alone = _time_in_turns((run, _bare_updates(config), _bare_acting(config)), repeats, report)
+    updates = sides * plan.iterations_per_chunk * config.updates_per_iteration
+    moves = sides * plan.env_steps_per_chunk // config.games
+    turns = [
+        (one, updates * updating / _BARE_UPDATES, moves * acting / _BARE_MOVES)
+        for one, updating, acting in zip(seconds, *alone, strict=True)
+    ]
     return {
         "what": "train",
+        "stage": stage,
         "games": config.games,
         "batch": config.batch,
         "env_steps_per_update": config.env_steps_per_update,
         **_machine(),
         **_rate("env_steps", plan.env_steps_per_chunk, seconds),
         **_rate("updates", updates, seconds),
-        "bare_updates_per_second": _BARE_UPDATES / statistics.median(bare_seconds),
-        "share_of_bare_updates": statistics.median(shares),
+        "bare_updates_per_second": _BARE_UPDATES / statistics.median(alone[0]),
+        "share_of_bare_updates": statistics.median(updating / one for one, updating, _ in turns),
+        "share_of_arithmetic": statistics.median((updating + acting) / one for one, updating, acting in turns),
     }
 
 
@@ -126,7 +151,7 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
     size = OBSERVATION_SIZES[config.observation]
     observation, after = jax.random.normal(jax.random.key(1), (2, _BARE_BATCHES, config.batch, size))
     flat = observation[:, :, 0]
-    batches = Batch(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
+    batches = jax.vmap(Batch)(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
 
     @jax.jit
     def run(learner: dqn.Learner) -> dqn.Learner:
@@ -137,6 +162,23 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
         return jax.lax.scan(update, learner, jnp.arange(_BARE_UPDATES))[0]
 
     return lambda repeat: run(learner)
+
+
+def _bare_acting(config: DQNConfig) -> Callable[[int], Any]:
+    """`_BARE_MOVES` times the best actions in all games, by a network that is given observations."""
+    network = dqn.init(config, jax.random.key(0)).network
+    size = OBSERVATION_SIZES[config.observation]
+    observations = jax.random.normal(jax.random.key(1), (_BARE_BATCHES, config.games, size))
+
+    @jax.jit
+    def run(network: QNetwork) -> Int[Array, " games"]:
+        def act(chosen: Int[Array, " games"], step: Int[Array, ""]) -> tuple[Int[Array, " games"], None]:
+            values = network.together(observations[step % _BARE_BATCHES])
+            return chosen + jnp.argmax(values, axis=1), None
+
+        return jax.lax.scan(act, jnp.zeros(config.games, jnp.int32), jnp.arange(_BARE_MOVES))[0]
+
+    return lambda repeat: run(network)
 
 
 class _Stepped(eqx.Module):

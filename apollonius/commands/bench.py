@@ -14,7 +14,7 @@ BENCHES = ("classic", "fast", "paper")
 def add_bench(subparsers: Any) -> None:
     """The parser of `bench`."""
     parser = subparsers.add_parser("bench", help="measure speed on this machine")
-    parser.add_argument("what", choices=("env", "train"), help="random play, or stage 1 training")
+    parser.add_argument("what", choices=("env", "train"), help="random play, or training")
     parser.add_argument(
         "--games", type=count(BENCHED_GAMES), help="games at a time (default: 4096 for env, the profile's for train)"
     )
@@ -23,6 +23,12 @@ def add_bench(subparsers: Any) -> None:
         choices=BENCHES,
         default="classic",
         help="for train: classic (batch 128, an update every 4 env steps; default), fast or paper",
+    )
+    parser.add_argument(
+        "--stage",
+        choices=("fixed-target", "self-play"),
+        default="fixed-target",
+        help="for train: the pursuer learns against a standing evader (default), or both sides learn",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_bench)
@@ -43,7 +49,7 @@ def run_bench(options: argparse.Namespace) -> int:
         profiles = {"classic": CLASSIC, **PROFILES}
         config = profiles[options.profile]
         config = config if options.games is None else replace(config, games=options.games)
-        result = bench_train(config, report=display.report)
+        result = bench_train(config, report=display.report, stage=options.stage)
     display.end()
     if options.json:
         print(json.dumps(result))
