@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
     from apollonius.agents.greedy import Greedy as Greedy
     from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
-    from apollonius.agents.policy import solo as solo
-    from apollonius.agents.policy import stack as stack
+    from apollonius.agents.pool import solo as solo
+    from apollonius.agents.pool import stack as stack
     from apollonius.agents.shield import shielded as shielded
     from apollonius.agents.store import load_agent as load_agent
     from apollonius.agents.store import save_agent as save_agent
@@ -60,7 +60,8 @@ _HOMES = {
     "adapters.pettingzoo": ("parallel_env",),
     "agents.catalogue": ("find_agent",),
     "agents.greedy": ("EpsilonGreedy", "Greedy"),
-    "agents.policy": ("AbstractPolicy", "solo", "stack"),
+    "agents.policy": ("AbstractPolicy",),
+    "agents.pool": ("solo", "stack"),
     "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
     "evaluate.card": ("measure_card",),

@@ -14,7 +14,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.classical import Still
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES

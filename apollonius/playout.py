@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.policy import Pool
+from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
 from apollonius.rollout import Games, Transition, anew, begin, random_words, step_games

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 
-from apollonius.agents.policy import Pool
+from apollonius.agents.pool import Pool
 from apollonius.agents.store import write_atomically
 from apollonius.document import parse_json, read_bytes
 from apollonius.errors import require

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
-from apollonius.agents.policy import Held, Pool, Seated
+from apollonius.agents.pool import Held, Pool, Seated
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.words import fold_in, random_bits

@@ -25,7 +25,7 @@ from apollonius.adapters.gymnasium import OneSide
 from apollonius.agents.catalogue import find_agent
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import QNetwork, make_network
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.evaluate.match import play_match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role

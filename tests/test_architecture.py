@@ -11,7 +11,7 @@ LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
 BELOW_COMMANDS = (
-    "errors limits document matrix_game game agents rollout playout replay solve learn evaluate bodies show "
+    "errors limits document matrix_game game words agents rollout playout replay solve learn evaluate bodies show "
     "experiments adapters web bench terminal version compilations interrupts display estimate"
 )
 MAY_IMPORT = {
@@ -24,29 +24,29 @@ MAY_IMPORT = {
     "matrix_game": "",
     "game": "errors limits document",
     "agents": "errors limits document game",
-    "words": "game",
+    "words": "errors limits document game",
     "rollout": "errors limits document game words agents",
-    "playout": "errors limits document game agents rollout",
-    "replay": "errors limits document game agents rollout",
+    "playout": "errors limits document game words agents rollout",
+    "replay": "errors limits document game words agents rollout",
     "solve": "errors limits document game agents",
-    "learn": "errors limits document matrix_game game agents rollout playout",
-    "evaluate": "errors limits document matrix_game game agents rollout playout replay solve",
-    "bodies": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
-    "show": "errors limits document matrix_game game agents rollout playout replay solve evaluate",
-    "adapters": "errors limits document matrix_game game agents rollout playout replay solve evaluate show",
+    "learn": "errors limits document matrix_game game words agents rollout playout",
+    "evaluate": "errors limits document matrix_game game words agents rollout playout replay solve",
+    "bodies": "errors limits document matrix_game game words agents rollout playout replay solve evaluate",
+    "show": "errors limits document matrix_game game words agents rollout playout replay solve evaluate",
+    "adapters": "errors limits document matrix_game game words agents rollout playout replay solve evaluate show",
     "web": "errors limits document game agents",
-    "experiments": "version errors limits document compilations interrupts matrix_game game agents rollout playout "
-    "replay solve learn evaluate bodies show",
+    "experiments": "version errors limits document compilations interrupts matrix_game game words agents rollout "
+    "playout replay solve learn evaluate bodies show",
     "bench": "errors limits document matrix_game game words agents rollout playout replay solve learn evaluate",
     "estimate": "",
     "display": "errors estimate interrupts",
-    "terminal": "display estimate interrupts errors limits document matrix_game game agents rollout playout replay "
-    "solve learn evaluate",
+    "terminal": "display estimate interrupts errors limits document matrix_game game words agents rollout playout "
+    "replay solve learn evaluate",
     "commands": BELOW_COMMANDS,
     "cli": f"{BELOW_COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "version errors limits document matrix_game game agents rollout playout replay solve learn evaluate "
-    "show adapters",
+    "apollonius": "version errors limits document matrix_game game words agents rollout playout replay solve learn "
+    "evaluate show adapters",
     "zoo": "",
 }
 """The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""

@@ -10,7 +10,7 @@ import pytest
 
 from apollonius.agents.catalogue import Named, find_agent
 from apollonius.agents.network import make_actor
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput

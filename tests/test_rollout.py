@@ -15,7 +15,8 @@ from jaxtyping import Array
 from scipy import stats
 
 from apollonius.agents.disturbance import Disturbance
-from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle

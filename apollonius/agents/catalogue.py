@@ -15,7 +15,8 @@ from apollonius.agents.fleeing import Circle, Flee, FleeAware
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.guarding import Territory
 from apollonius.agents.network import Network, QNetwork
-from apollonius.agents.policy import AbstractPolicy, Pool, solo, stack
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.potential import PotentialField
 from apollonius.agents.shield import shielded
 from apollonius.agents.squashed import SquashedMean

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.policy import AbstractPolicy, Pool, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo
 from apollonius.bodies.drive import Drive, References
 from apollonius.bodies.physics import Physics
 from apollonius.evaluate.match import begin

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.policy import AbstractPolicy, Pool, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch

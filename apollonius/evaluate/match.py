@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.catalogue import Named
-from apollonius.agents.policy import AbstractPolicy, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import AbstractPolicy, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game, distance, reset_batch

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import jax
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import AbstractPolicy, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import solo
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.stage import play_and_learn

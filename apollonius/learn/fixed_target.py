@@ -4,7 +4,7 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import Pool
+from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
 from apollonius.learn.state import Plan, TrainState, first_learner, start
 

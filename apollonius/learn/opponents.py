@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import Seated
+from apollonius.agents.pool import Seated
 from apollonius.agents.trained import at_best, exploring
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role, Scalar

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.trained import at_best
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import pursuer_wins

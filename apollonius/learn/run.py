@@ -16,7 +16,7 @@ import numpy as np
 
 from apollonius.agents.catalogue import find_pool, load_network
 from apollonius.agents.network import Network
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import at_best
 from apollonius.errors import InvalidInput

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.agents.policy import Held, Pool, Seated
+from apollonius.agents.pool import Held, Pool, Seated
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, Role, Scalar
 from apollonius.learn import opponents, replay

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import Pool, Seated, solo
+from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES

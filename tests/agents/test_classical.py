@@ -249,6 +249,7 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
 
 
+@pytest.mark.slow
 def test_players_that_know_obstacles_mind_polygons():
     """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
     corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))

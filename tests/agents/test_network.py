@@ -8,7 +8,7 @@ import pytest
 
 from apollonius.agents.greedy import EpsilonGreedy
 from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
 
 NETWORK = make_network("encoded", 16, 3, jax.random.key(0))

@@ -10,7 +10,7 @@ from scipy.stats import chisquare
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.policy import solo, stack
+from apollonius.agents.pool import solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState

@@ -9,7 +9,8 @@ from scipy.stats import kstest, norm
 
 from apollonius.agents.catalogue import find_pool, find_valued
 from apollonius.agents.network import make_actor
-from apollonius.agents.policy import AbstractContinuous, Held, Seated, acts_continuously, solo, stack
+from apollonius.agents.policy import AbstractContinuous, acts_continuously
+from apollonius.agents.pool import Held, Seated, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
 from apollonius.agents.store import describe, save_agent

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import AbstractContinuous, solo
+from apollonius.agents.policy import AbstractContinuous
+from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.bodies.comparison import compare, tracking
 from apollonius.bodies.drive import PARTS, Drive, without

@@ -126,6 +126,7 @@ def test_doomed_starts_are_counted_unless_they_are_left_out():
     assert abs(doomed_start_rate(in_arrays, solve_viability(in_arrays)) - expected) < 1e-3
 
 
+@pytest.mark.slow
 def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
     for pursuer in (Uniform(), Still()):
         play_match(MOVING, pursuer, Still(), GAMES, seed=0, viable=True)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from apollonius.agents.network import make_actor
-from apollonius.agents.policy import AbstractPolicy, solo
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import begin, count, play_games, play_match, replay_game

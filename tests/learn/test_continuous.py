@@ -9,7 +9,7 @@ import pytest
 
 from apollonius.agents.catalogue import find_agent
 from apollonius.agents.network import GaussianActor, make_actor
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.uniform import Uniform

@@ -12,7 +12,7 @@ from scipy.stats import chisquare
 from apollonius.agents.disturbance import NONE, Disturbance
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.policy import Seated, solo, stack
+from apollonius.agents.pool import Seated, solo, stack
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.record import from_dict

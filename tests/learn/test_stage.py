@@ -14,7 +14,7 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.disturbance import Disturbance
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from apollonius.agents.classical import Still
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle

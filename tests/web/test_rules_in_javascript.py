@@ -13,7 +13,7 @@ import pytest
 
 from apollonius.agents.catalogue import ZOO, find_agent
 from apollonius.agents.network import apply, make_actor, make_network
-from apollonius.agents.policy import solo
+from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, gears
@@ -95,7 +95,7 @@ def smooth(tmp_path):
     return tmp_path / "smooth.safetensors"
 
 
-@pytest.fixture(params=[pytest.param("P_pool", marks=pytest.mark.slow), "plain", "smooth"])
+@pytest.fixture(params=[*(pytest.param(name, marks=pytest.mark.slow) for name in ("P_pool", "plain")), "smooth"])
 def agent_file(request):
     """A trained pursuer with the encoded observation, and the untrained agents."""
     return ZOO / "P_pool.safetensors" if request.param == "P_pool" else request.getfixturevalue(request.param)

@@ -1,0 +1,163 @@
+"""Who plays one side of a batch of games: one player, a pool of several, earlier versions in seats."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float, Int, UInt32
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.game.types import Actions
+
+
+class Pool(eqx.Module):
+    """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
+
+    Attributes:
+        members: a policy whose array leaves have a leading axis of length `size`.
+        size: number of members.
+    """
+
+    members: AbstractPolicy
+    size: int = eqx.field(static=True, default=1)
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all members expect."""
+        return self.members.observation
+
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game."""
+        return self.size > 1
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets, from the upper bits of random words."""
+        if self.size == 1:
+            return jnp.zeros(words.shape, jnp.int32)
+        return (((words >> 16) * self.size) >> 16).astype(jnp.int32)
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Actions:
+        """Each game's action, by the member of this pool that it meets."""
+        if self.size == 1:
+            return jax.tree.map(lambda leaf: leaf[0], self.members).together(observation, word)
+        everyone = jax.vmap(lambda policy: policy.together(observation, word), axis_size=self.size)(self.members)
+        theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
+        return jnp.take_along_axis(everyone, theirs, axis=0)[0]
+
+
+class Seated(eqx.Module):
+    """One player for most games of a batch, and others who each have a few games of their own, next to one another.
+
+    A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
+    2, ... are those in the seats.
+
+    Attributes:
+        at_large: the player of all games without a seat.
+        seated: the others; array leaves have a leading axis of length `seats`.
+        seats: how many they are.
+        first: the first game that belongs to a seat.
+        games: how many games belong to each.
+    """
+
+    at_large: AbstractPolicy
+    seated: AbstractPolicy
+    seats: int = eqx.field(static=True)
+    first: int = eqx.field(static=True)
+    games: int = eqx.field(static=True)
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all of them expect."""
+        return self.at_large.observation
+
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game: seats are fixed."""
+        return False
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets."""
+        game = jnp.arange(words.shape[0]) - self.first
+        return jnp.where((game >= 0) & (game < self.seats * self.games), game // self.games + 1, 0).astype(jnp.int32)
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Actions:
+        """Each game's action, by the player whose it is."""
+        end = self.first + self.seats * self.games
+        seats = (self.seats, self.games)
+        others = jax.vmap(lambda policy, seen, words: jax.vmap(policy)(seen, words))(
+            self.seated,
+            observation[self.first : end].reshape(*seats, -1),
+            word[self.first : end].reshape(seats),
+        )
+        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (observation, word)]
+        own = jax.vmap(self.at_large)(*beside)
+        return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
+
+
+class Held(eqx.Module):
+    """Players who are given random words of their own instead of every step's, so that what they try can last.
+
+    Attributes:
+        players: whoever they are.
+        words: one for each game.
+    """
+
+    players: Pool | Seated
+    words: UInt32[Array, " games"]
+
+    @property
+    def observation(self) -> str:
+        """Profile of the observation that all of them expect."""
+        return self.players.observation
+
+    @property
+    def draws(self) -> bool:
+        """Whether it takes random words to say who plays a game."""
+        return self.players.draws
+
+    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets."""
+        return self.players.draw(words)
+
+    def act(
+        self,
+        member: Int[Array, " games"],
+        observation: Float[Array, "games size"],
+        word: UInt32[Array, " games"],
+    ) -> Actions:
+        """Each game's action, by its own word."""
+        return self.players.act(member, observation, self.words)
+
+
+def solo(policy: AbstractPolicy) -> Pool:
+    """The pool of just this player."""
+    return Pool(jax.tree.map(_alone, policy))
+
+
+def _alone(leaf: Any) -> Any:
+    """An array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
+    return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(_on_host(leaf)[None])
+
+
+def _on_host(leaf: Any) -> np.ndarray:
+    array = np.asarray(leaf)
+    return array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
+
+
+def stack(policies: list[AbstractPolicy]) -> Pool:
+    """The pool of these players, which must have one structure."""
+    return Pool(jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies), len(policies))
