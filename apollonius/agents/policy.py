@@ -47,12 +47,6 @@ class AbstractPolicy(eqx.Module):
         """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
         return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
 
-    def act_among(
-        self, allowed: Bool[Array, "9"], observation: Float[Array, " size"], word: UInt32[Array, ""]
-    ) -> Int[Array, ""]:
-        """The discrete action for an observation where only some are allowed; the player's own if that is."""
-        return self.choose(self.weigh(observation, word), allowed)
-
 
 class AbstractValued(AbstractPolicy):
     """A player that values all nine actions and takes the best; among equals, the one of lowest index."""

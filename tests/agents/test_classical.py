@@ -226,7 +226,7 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     seen = game.observe(game.reset(jax.random.key(1)), role, player.observation)
     own = int(player(seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
-    other = int(player.act_among(allowed, seen, jnp.uint32(0)))
+    other = int(player.choose(player.weigh(seen, jnp.uint32(0)), allowed))
     values = np.array(player.values(seen))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))

@@ -86,7 +86,7 @@ def test_deviations_stay_within_their_bounds():
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gears(gears, allowed, action):
     mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
-    assert Wants(gears).act_among(mask, SEEN, WORDS[0]) == action
+    assert Wants(gears).choose(Wants(gears).weigh(SEEN, WORDS[0]), mask) == action
 
 
 @pytest.mark.parametrize(
