@@ -34,6 +34,20 @@ def forget_compilations():
         jax.clear_caches()
 
 
+TRAINING = ("exploit", "experiments", "learn", "reproduce", "studies")
+"""Folders whose tests train."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def promotion_as_optax_needs_it(request):
+    """Adam in optax raises a float to an integer power."""
+    if request.path.parent.name not in TRAINING:
+        yield
+    else:
+        with jax.numpy_dtype_promotion("standard"):
+            yield
+
+
 @pytest.fixture(autouse=True)
 def no_lines_about_waiting(monkeypatch):
     """A command says that it is still at work by the clock; what it prints here depends on none."""

@@ -6,14 +6,20 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "apollonius"
+REPOSITORY = Path(__file__).parents[1]
 LONGEST_FILE = 250
 NAMELESS = {"utils", "common", "helpers"}
 
-BELOW_COMMANDS = (
-    "errors limits document matrix_game game words agents rollout playout replay solve learn evaluate bodies show "
-    "experiments adapters web bench terminal version compilations interrupts display estimate"
-)
+BASE = "errors limits document"
+PLAY = f"{BASE} game words agents rollout playout"
+JOBS = "version errors compilations interrupts"
+LEARN = f"{PLAY} {JOBS} jobs matrix_game"
+EVALUATE = f"{LEARN} replay solve"
+JUDGED = f"{EVALUATE} evaluate"
+PUBLIC = f"{JUDGED} learn show adapters"
+REPRODUCE = f"{PUBLIC} apollonius"
+STUDIES = f"{REPRODUCE} bodies exploit reproduce"
+COMMANDS = f"{STUDIES} experiments web bench terminal display estimate"
 MAY_IMPORT = {
     "version": "",
     "errors": "",
@@ -21,35 +27,37 @@ MAY_IMPORT = {
     "document": "errors limits",
     "compilations": "version",
     "interrupts": "",
+    "jobs": JOBS,
     "matrix_game": "",
-    "game": "errors limits document",
-    "agents": "errors limits document game",
-    "words": "errors limits document game",
-    "rollout": "errors limits document game words agents",
-    "playout": "errors limits document game words agents rollout",
-    "replay": "errors limits document game words agents rollout",
-    "solve": "errors limits document game agents",
-    "learn": "errors limits document matrix_game game words agents rollout playout",
-    "evaluate": "errors limits document matrix_game game words agents rollout playout replay solve",
-    "bodies": "errors limits document matrix_game game words agents rollout playout replay solve evaluate",
-    "show": "errors limits document matrix_game game words agents rollout playout replay solve evaluate",
-    "adapters": "errors limits document matrix_game game words agents rollout playout replay solve evaluate show",
-    "web": "errors limits document game agents",
-    "experiments": "version errors limits document compilations interrupts matrix_game game words agents rollout "
-    "playout replay solve learn evaluate bodies show",
-    "bench": "errors limits document matrix_game game words agents rollout playout replay solve learn evaluate",
+    "game": BASE,
+    "agents": f"{BASE} game",
+    "words": f"{BASE} game",
+    "rollout": f"{BASE} game words agents",
+    "playout": f"{BASE} game words agents rollout",
+    "replay": f"{BASE} game words agents rollout",
+    "solve": f"{BASE} game agents",
+    "learn": LEARN,
+    "evaluate": EVALUATE,
+    "exploit": f"{JUDGED} learn",
+    "bodies": JUDGED,
+    "show": JUDGED,
+    "adapters": f"{JUDGED} show",
+    "web": f"{BASE} game agents",
+    "reproduce": REPRODUCE,
+    "experiments": STUDIES,
+    "studies": STUDIES,
+    "bench": f"{JUDGED} learn",
     "estimate": "",
     "display": "errors estimate interrupts",
-    "terminal": "display estimate interrupts errors limits document matrix_game game words agents rollout playout "
-    "replay solve learn evaluate",
-    "commands": BELOW_COMMANDS,
-    "cli": f"{BELOW_COMMANDS} commands",
+    "terminal": f"{JUDGED} learn display estimate",
+    "commands": COMMANDS,
+    "cli": f"{COMMANDS} commands",
     "__main__": "cli",
-    "apollonius": "version errors limits document matrix_game game words agents rollout playout replay solve learn "
-    "evaluate show adapters",
+    "apollonius": PUBLIC,
     "zoo": "",
 }
-"""The arrows: what each part may know, besides itself. `apollonius` is the list of public names."""
+"""The arrows: what each part may know, besides itself. `apollonius` is the list of public names, `studies` a package of
+its own beside it."""
 
 
 def read(package):
@@ -59,8 +67,9 @@ def read(package):
 
 
 def part(module):
-    """The part of the house that a module belongs to: `apollonius.game.arena` is in `game`."""
-    return module.split(".")[1] if "." in module else module
+    """The part of the house that a module belongs to: `apollonius.game.arena` is in `game`, a study in `studies`."""
+    package, *inside = module.split(".")
+    return inside[0] if package == "apollonius" and inside else package
 
 
 def imports(source, module, modules):
@@ -104,7 +113,11 @@ def violations(sources):
         needs[module] = at_once & modules - {module}
         found += [f"{module}: no arrow says what '{here}' may import"] if here not in MAY_IMPORT else []
         for name in sorted(everywhere):
-            if name.split(".")[0] == "apollonius" and part(name) not in {here, *MAY_IMPORT.get(here, "").split()}:
+            ours = name.split(".")[0] in ("apollonius", "studies")
+            if ours and part(name) not in {
+                here,
+                *MAY_IMPORT.get(here, "").split(),
+            }:
                 found.append(f"{module}: imports {name}, against the arrow")
             if name.split(".")[0] == "matplotlib" and here != "show":
                 found.append(f"{module}: imports {name}, which is for show only")
@@ -126,8 +139,8 @@ def is_docstring(node):
 
 
 def test_the_house_is_in_order():
-    sources = read(PACKAGE)
-    assert {"apollonius", "apollonius.rollout", "apollonius.game", "apollonius.game.arena"} <= set(sources)
+    sources = read(REPOSITORY / "apollonius") | read(REPOSITORY / "studies")
+    assert {"apollonius", "apollonius.rollout", "apollonius.game.arena", "studies", "studies.schemes"} <= set(sources)
     assert violations(sources) == []
 
 
@@ -160,6 +173,8 @@ def test_training_and_judging_do_not_know_each_other():
         ("apollonius.show.curves", "import matplotlib.pyplot as plt"),
         ("apollonius.commands", "def train():\n    from apollonius.learn.run import Run"),
         ("apollonius.zoo", '"""Nothing but agents."""'),
+        ("apollonius.reproduce.study", "from apollonius import Game"),
+        ("studies.schemes", "import studies.driver\nfrom apollonius.exploit.attack import Attack"),
     ],
 )
 def test_good_imports_pass(module, source):
@@ -182,6 +197,13 @@ def test_good_imports_pass(module, source):
         ("apollonius.agents.catalogue", "from apollonius.zoo import champion", "against the arrow"),
         ("apollonius.evaluate.match", "import matplotlib.pyplot as plt", "for show only"),
         ("apollonius.cli", "def show():\n    from matplotlib import pyplot", "for show only"),
+        ("apollonius.learn.stage", "from apollonius.exploit.attack import Attack", "against the arrow"),
+        ("apollonius.exploit.attack", "from apollonius.reproduce.finding import Finding", "against the arrow"),
+        ("apollonius.show.curves", "from apollonius import Game", "against the arrow"),
+        ("apollonius.reproduce.study", "from studies.driver import run", "against the arrow"),
+        ("apollonius.commands.train", "def late():\n    import studies.schemes", "against the arrow"),
+        ("studies.schemes", "from apollonius.commands.train import run_train", "against the arrow"),
+        ("studies.schemes", "import matplotlib.pyplot as plt", "for show only"),
         ("apollonius.game.arena", "x = 1\n" * 251, "more than 250 lines"),
         ("apollonius.game.utils", "", "after nothing in particular"),
         ("apollonius.helpers.arena", "", "after nothing in particular"),

@@ -201,10 +201,10 @@ ELSEWHERE = {
     "pip": "a test changes no installation",
     "gcc": "tests/adapters/export compiles what is exported",
     "python3": "tests/examples runs the node with stand-ins for ROS",
-    "python": "tests/examples and tests/experiments",
-    "reproduce": "tests/experiments/test_reproduce.py",
+    "python": "tests/examples and tests/studies",
+    "reproduce": "tests/reproduce/test_reproduce.py",
     "bench": "tests/test_cli.py",
-    "exploit": "tests/learn/test_exploit.py",
+    "exploit": "tests/exploit/test_exploit.py",
     "simulate": "tests/bodies and tests/test_simulate_command.py",
 }
 """Commands that a walk leaves out, and where they are run."""

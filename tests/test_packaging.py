@@ -138,10 +138,17 @@ def test_both_archives_say_what_they_are(built, wheel):
     subprocess.run(check, check=True, capture_output=True, timeout=120)
     names = zipfile.ZipFile(wheel).namelist()
     assert {"apollonius/py.typed", f"apollonius-{__version__}.dist-info/licenses/LICENSE"} <= set(names)
-    assert not [name for name in names if not name.startswith("apollonius")]
+    assert not [name for name in names if not name.startswith("apollonius")], "studies stay out of the wheel"
     with tarfile.open(built / f"apollonius-{__version__}.tar.gz") as archive:
         inside = {name.split("/", 1)[1] for name in archive.getnames()}
-    assert {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "tests/test_packaging.py"} <= inside
+    assert {
+        "LICENSE",
+        "README.md",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "tests/test_packaging.py",
+        "studies/driver.py",
+    } <= inside
 
 
 def test_one_version_is_said_everywhere():

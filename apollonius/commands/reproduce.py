@@ -32,7 +32,7 @@ def add_reproduce(subparsers: Any) -> None:
 def run_reproduce(options: argparse.Namespace) -> int:
     """Reproduce the paper's evaluation."""
     with plots():
-        from apollonius.experiments.reproduce import reproduce
+        from apollonius.reproduce.reproduction import reproduce
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"

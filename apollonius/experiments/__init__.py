@@ -1,1 +1,1 @@
-"""The paper's evaluation: one file per figure or table, each a function from a study to a finding."""
+"""Studies that have no other home yet."""

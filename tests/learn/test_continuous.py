@@ -15,9 +15,9 @@ from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
+from apollonius.exploit.best_response import best_response
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.best_response import best_response
 from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.folder import create_run, load_config

@@ -1,0 +1,165 @@
+"""Independent jobs, each in a process of its own: on the cores of this machine, or on the workers of a Ray cluster.
+
+A job is a function that can be imported by its name, leaves its results in files and goes on where it was stopped. So
+it does not matter where it runs, nor how often it is begun.
+"""
+
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Any
+
+from apollonius.compilations import keep_compilations
+from apollonius.errors import InvalidInput, require
+from apollonius.interrupts import answer, listen
+
+LOST_WORKERS = 10
+"""How often Ray begins a job again whose worker was lost."""
+STOPPED = 130
+"""Exit status of a job that was stopped early."""
+ShouldStop = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be done: `work(*arguments, should_stop)`, which returns whether it came to its end."""
+
+    name: str
+    work: Callable[..., bool]
+    arguments: tuple[Any, ...]
+
+
+def available_cores() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
+    """Run all jobs.
+
+    Args:
+        cores: numbers of the cores of this machine to use, a process each.
+        report: called with a line whenever a job ends.
+        on: `local`, or `ray` for the Ray cluster that is running or else a new one of these cores.
+
+    Returns:
+        Whether all came to their ends; False after Ctrl-C, when every job that was running has stopped by itself.
+
+    Raises:
+        InvalidInput: when a job fails, after the others that run beside it; when Ray is not installed.
+    """
+    require(on in ENGINES, "on", on, f"one of {', '.join(ENGINES)}")
+    return ENGINES[on](jobs, cores, report) if jobs else True
+
+
+def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """As many at a time as there are cores."""
+    free: queue.SimpleQueue[int] = queue.SimpleQueue()
+    for core in cores:
+        free.put(core)
+    over = threading.Event()
+
+    def run(job: Job) -> bool:
+        """One job in a process of its own, on a core that is free; none begins after one was stopped or failed."""
+        if over.is_set():
+            return False
+        core = free.get()
+        # A process that spawns inherits no threads of JAX; a forked one may hang.
+        process = multiprocessing.get_context("spawn").Process(target=_work, args=(job, core, os.getpid()))
+        process.start()
+        process.join()
+        free.put(core)
+        if process.exitcode != 0:
+            over.set()
+        if process.exitcode not in (0, STOPPED):
+            raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
+        return process.exitcode == 0
+
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # every process hears of Ctrl-C and stops by itself
+    try:
+        with ThreadPoolExecutor(len(cores)) as pool:
+            running = {pool.submit(run, job): job for job in jobs}
+            for future in as_completed(running):
+                report(f"{'done' if future.result() else 'stopped'}: {running[future].name}")
+            return not over.is_set()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """As many at a time as the cluster has cores. The job of a worker that is lost begins again on another one, from
+    what it has left in its files: all machines must see the same folders.
+    """
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+        from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
+    except ModuleNotFoundError as error:
+        raise InvalidInput("this needs Ray: pip install 'apollonius[ray]'.") from error
+    ours = not ray.is_initialized()
+    if ours:
+        running = "RAY_ADDRESS" in os.environ
+        ray.init(**{} if running else {"num_cpus": len(cores), "include_dashboard": False}, log_to_driver=False)
+    try:
+        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(_work_on_ray)
+        waiting = {remote.remote(job): job for job in jobs}
+        while waiting:
+            (done, *_), _ = ray.wait(list(waiting))
+            job = waiting.pop(done)
+            try:
+                complaint = ray.get(done)
+            except RayError as error:
+                raise InvalidInput(f"{job.name} failed ({error}): mend the cause and go on.") from error
+            if complaint:
+                raise InvalidInput(f"{job.name} failed ({complaint}): mend the cause and go on.")
+            report(f"done: {job.name}")
+        return True
+    except KeyboardInterrupt:
+        return False
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _work_on_ray(job: Job) -> str:
+    """One job on a Ray worker; what there is to complain of, if anything. When Ray ends the worker, the job is stopped
+    at once and goes on from its files another time.
+    """
+    try:
+        finished = job.work(*job.arguments, lambda: False)
+    except (InvalidInput, OSError) as error:
+        return str(error)
+    return "" if finished else "it stopped early"
+
+
+ENGINES = {"local": _run_locally, "ray": _run_on_ray}
+"""Where jobs can run."""
+
+
+def _work(job: Job, core: int, parent: int) -> None:
+    """One job on one core; the whole life of a process. It stops early on Ctrl-C or when the parent process is gone."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
+    keep_compilations()
+    listen(STOPPED, says=False)
+    interrupted: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
+
+    def should_stop() -> bool:
+        if interrupted:
+            answer()
+        return bool(interrupted) or os.getppid() != parent
+
+    try:
+        finished = job.work(*job.arguments, should_stop)
+    except (InvalidInput, OSError) as error:
+        print(f"{job.name}: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(0 if finished else STOPPED)

@@ -1,0 +1,67 @@
+"""The paper's claims in the course of training: what appears early and fades, and what never appears."""
+
+from collections.abc import Sequence
+
+from apollonius import Outcome
+from apollonius.evaluate.paper import STAGE_1
+from apollonius.game.outcome import PURSUER_WINS, names_of
+from apollonius.reproduce import figure6, table2, table3
+from apollonius.reproduce.claims import Claim, rate_claim
+from apollonius.reproduce.finding import Finding, percent
+from apollonius.reproduce.study import Study
+from apollonius.show import palette, style
+from apollonius.show.curves import draw_seeds
+from apollonius.show.markdown import markdown_table
+
+
+def run(study: Study) -> Finding:
+    """Every claim at each moment at which agents were kept, seed by seed."""
+    moments = study.preset.self_play.snapshot_percents
+    claims = {moment: claims_at(study, moment) for moment in moments}
+    names = [claim.name for claim in claims[100]]
+    by_name = {name: [claims[moment][index] for moment in moments] for index, name in enumerate(names)}
+    with style.picture(study.folder / "course.png", columns=4, rows=2, width=3.0, height=2.5) as panels:
+        for axes, (name, course) in zip(panels, by_name.items(), strict=False):
+            curves = [(moments, [100 * claim.seeds[seed][0] for claim in course]) for seed in range(len(study.seeds))]
+            draw_seeds(axes, curves, palette.PURSUER, "here")
+            axes.axhline(100 * course[0].paper, color=palette.INK, linewidth=0.8, linestyle=":")
+            axes.set(title=name.replace(": ", ":\n"), xlabel="of training [%]", ylabel="games [%]", xticks=moments)
+        panels[0].set_ylabel("games [%] (dotted: the paper)")
+        for axes in panels[len(by_name) :]:
+            axes.set_axis_off()
+    table = markdown_table(["claim", *(f"{moment} %" for moment in moments)], [_row(c) for c in by_name.values()])
+    text = (
+        "Each agent as it was at a share of its own training: P_curriculum, E_curriculum, P_scratch and E_scratch of "
+        "self-play, stage 1 and P_random beating random by greedy games from fixed starts. The two differences take "
+        "P_random from its end.\n\n" + table
+    )
+    data = {name: [claim.to_dict() for claim in course] for name, course in by_name.items()}
+    return Finding("The claims in the course of training", text, ("course.png",), data={"moments": moments} | data)
+
+
+def claims_at(study: Study, moment: int) -> tuple[Claim, ...]:
+    """The paper's seven claims of agents at a percentage of their training, in the order of its figures and tables."""
+    captures = [_evaluated(study, "curriculum", seed, moment, [Outcome.CAPTURED]) for seed in study.seeds]
+    wins = [_evaluated(study, "random", seed, moment, PURSUER_WINS) for seed in study.seeds]
+    first, _, second = table2.make_claims(study, moment)
+    return (
+        rate_claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, captures),
+        *figure6.make_claims(study, moment),
+        first,
+        rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins),
+        second,
+        table3.make_claim(study, moment),
+    )
+
+
+def _evaluated(study: Study, name: str, seed: int, moment: int, outcomes: Sequence[Outcome]) -> tuple[int, int]:
+    """How many games ended so, and all games, of the last evaluation within a percentage of a run's first stage."""
+    evaluations = study.evaluations(name, seed, "fixed-target")
+    games = evaluations[max(1, len(evaluations) * moment // 100) - 1]["outcomes"]
+    return sum(games[outcome] for outcome in names_of(outcomes)), sum(games.values())
+
+
+def _row(course: Sequence[Claim]) -> list[str]:
+    """A claim at each moment: the mean over seeds, and the seeds."""
+    cells = [f"{percent(claim.mean)} ({', '.join(percent(value) for value, _ in claim.seeds)})" for claim in course]
+    return [course[0].name, *cells]

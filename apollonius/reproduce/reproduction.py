@@ -1,0 +1,67 @@
+"""The whole evaluation of the paper: train what is missing, play, draw, report."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from apollonius.errors import require
+from apollonius.jobs import available_cores
+from apollonius.learn.config import PRESETS
+from apollonius.limits import SEEDS, STUDY_GAMES
+from apollonius.reproduce import beyond, course, figure4, figure5, figure6, figure7, figure8, table2, table3
+from apollonius.reproduce.report import write_report
+from apollonius.reproduce.study import Study, train_missing, work_done
+
+Watch = Callable[[str, Callable[[], tuple[float, float]]], None]
+"""Told what begins, and whom to ask about it now and then."""
+SECTIONS = (figure4, figure5, figure6, figure7, table2, table3, figure8, course, beyond)
+"""In the order of the report."""
+
+
+def reproduce(
+    folder: Path,
+    budget: str,
+    seeds: int,
+    resume: bool,
+    games: int = 10_000,
+    report: Callable[[str], None] = print,
+    on: str = "local",
+    watch: Watch = lambda what, poll: None,
+) -> bool:
+    """Train the agents of all seeds, then make every section and write the report.
+
+    Args:
+        folder: of the study.
+        budget: name of a training preset.
+        seeds: how many, from 0.
+        resume: go on with a study that was stopped.
+        games: games in a match.
+        report: called with every line of progress.
+        on: where trainings run, as `run_jobs` has it.
+        watch: told what begins, and whom to ask how much of it is done, and of how much.
+
+    Returns:
+        Whether it is finished; False after Ctrl-C.
+
+    Raises:
+        InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
+            `resume` is not given.
+    """
+    require(budget in PRESETS, "--budget", budget, f"one of {', '.join(PRESETS)}")
+    SEEDS.require("--seeds", seeds)
+    STUDY_GAMES.require("--games", games)
+    STUDY_GAMES.require("--games x --seeds", games * seeds)
+    is_new = not folder.exists() or not any(folder.iterdir())
+    require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
+    folder.mkdir(parents=True, exist_ok=True)
+    study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
+    watch("training the agents", partial(work_done, study))
+    if not train_missing(study, available_cores(), report, on):
+        return False
+    findings = []
+    watch("playing the matches, drawing the figures", lambda: (len(findings), len(SECTIONS)))
+    for section in SECTIONS:
+        findings.append(section.run(study))
+        report(f"done: {findings[-1].title}")
+    write_report(study, findings)
+    return True

@@ -1,0 +1,132 @@
+"""A study: the paper's six agents, trained with several seeds, and the matches between them."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from apollonius import Game, Role, find_agent
+from apollonius.agents.catalogue import SHIELDED, Named
+from apollonius.evaluate.match import MatchResult, count, play_games
+from apollonius.learn.config import RunConfig
+from apollonius.learn.folder import agent_file
+from apollonius.learn.progress import last_metrics
+from apollonius.learn.trainings import train_runs
+from apollonius.playout import Results
+
+RUN_OF = {
+    "P_stage1": "curriculum",
+    "P_curriculum": "curriculum",
+    "E_curriculum": "curriculum",
+    "P_scratch": "scratch",
+    "E_scratch": "scratch",
+    "P_random": "random",
+}
+"""The training run that each agent comes from."""
+SELF_PLAYED = ("P_curriculum", "E_curriculum", "P_scratch", "E_scratch")
+"""The agents that are also kept as they were at earlier moments of self-play."""
+MATCH_SEED = 0
+"""Seed of the starts of every match: all pairings meet the same ones."""
+
+
+def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
+    """The three trainings of one seed, by name.
+
+    `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
+    (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
+    its games are so much shorter that this is more episodes than those of both stages.
+    """
+    preset = replace(preset, seed=seed)
+    half = (preset.fixed_target.env_steps + preset.self_play.env_steps) // 2
+    return {
+        "curriculum": preset,
+        "scratch": replace(preset, stages="self-play", self_play=replace(preset.self_play, pursuer_epsilon=1.0)),
+        "random": replace(
+            preset,
+            stages="fixed-target",
+            evaders=("random",),
+            fixed_target=replace(preset.fixed_target, env_steps=half),
+        ),
+    }
+
+
+@dataclass
+class Study:
+    """Where the agents of a study are, and their matches, each played once."""
+
+    folder: Path
+    budget: str
+    """What the length of its trainings is called."""
+    preset: RunConfig
+    """How its agents are trained."""
+    seeds: tuple[int, ...]
+    games: int = 10_000
+    """Games in a match."""
+    _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
+
+    @property
+    def game(self) -> Game:
+        """The game they were trained for."""
+        return self.preset.game
+
+    def run(self, name: str, seed: int) -> Path:
+        """Folder of a training run."""
+        return self.folder / f"seed-{seed}" / name
+
+    def agent(self, name: str, seed: int, percent: int = 100) -> Named:
+        """An agent of a seed, `random` or `still`; one of self-play as it was at a percentage of it.
+
+        `shielded:` before its name puts it behind a shield.
+        """
+        bare = name.removeprefix(SHIELDED)
+        role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
+        moment = percent if bare in SELF_PLAYED else 100
+        player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
+        return replace(find_agent(SHIELDED + player if bare != name else player, role, self.game), name=name)
+
+    def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
+        """The games of a match between two agents of a seed, those of self-play at a percentage of it."""
+        match = (pursuer, evader, seed, percent)
+        if match not in self._played:
+            chasing, fleeing = (self.agent(name, seed, percent).policy for name in (pursuer, evader))
+            self._played[match] = play_games(self.game, chasing, fleeing, self.games, MATCH_SEED)
+        return self._played[match]
+
+    def match(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> MatchResult:
+        """What a match between two agents of a seed came to, those of self-play at a percentage of it."""
+        return count(self.game, self.play(pursuer, evader, seed, percent))
+
+    def evaluations(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
+        """The greedy evaluations in the course of a stage: episodes, env steps, games by outcome."""
+        return [line["evaluation"] for line in self.metrics(name, seed, stage) if "evaluation" in line]
+
+    def metrics(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
+        """The lines of a run's `metrics.jsonl` that belong to a stage."""
+        lines = (self.run(name, seed) / "metrics.jsonl").read_text().splitlines()
+        return [line for line in map(json.loads, lines) if line["stage"] == stage]
+
+
+def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
+    """Train the runs of a study that are not finished. Arguments, result and errors are those of `train_runs`."""
+    runs = {
+        study.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
+        for seed in study.seeds
+        for name, config in run_configs(study.preset, seed).items()
+    }
+    return train_runs(runs, cores, report, on)
+
+
+def work_done(study: Study) -> tuple[float, float]:
+    """How much of a study's training is done, and of how much: env steps, once for each side that learns."""
+    done = whole = 0.0
+    for seed in study.seeds:
+        for name, config in run_configs(study.preset, seed).items():
+            stages = {"fixed-target": config.fixed_target.env_steps, "self-play": 2 * config.self_play.env_steps}
+            work = stages if config.stages == "both" else {config.stages: stages[config.stages]}
+            stage, env_steps = last_metrics(study.run(name, seed) / "metrics.jsonl")
+            before = list(work)[: list(work).index(stage)] if stage in work else []
+            here = env_steps * (2 if stage == "self-play" else 1)
+            done += min(sum(work.values()), sum(work[earlier] for earlier in before) + here)
+            whole += sum(work.values())
+    return done, whole

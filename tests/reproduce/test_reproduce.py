@@ -1,0 +1,176 @@
+"""The whole of `reproduce` on the smallest trainings: what it writes, that it goes on, and what it refuses."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import jax
+import pytest
+from markupsafe import escape
+
+from apollonius.errors import InvalidInput
+from apollonius.game.dynamics import Unicycle
+from apollonius.learn.config import PRESETS
+from apollonius.learn.folder import create_run
+from apollonius.learn.run import Run
+from apollonius.reproduce.reproduction import SECTIONS, reproduce
+from apollonius.reproduce.study import RUN_OF, run_configs
+from apollonius.show.report.page import render
+from apollonius.show.report.study import study_page
+from tests.learn.tiny import GAME
+from tests.learn.tiny import RUN as TINY
+
+RUN = replace(TINY, game=replace(GAME, pursuer=Unicycle(), evader=Unicycle()))
+"""Between robots that can stop, or no shield would help."""
+GAMES = 40
+PICTURES = ["course.png", *(f"figure{number}.png" for number in (4, 5, 6, 7, 8))]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def tiny_budget():
+    """The smallest training as a preset; its processes share the compilations of the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "tiny", RUN)
+        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(jax.config.jax_compilation_cache_dir))
+        patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        yield
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A study that a kill left after three chunks of one training, then gone on with."""
+    folder = tmp_path_factory.mktemp("study")
+    begun = folder / "seed-0" / "scratch"
+    config = run_configs(RUN, 0)["scratch"]
+    create_run(config, begun)
+    chunks = iter([False, False, True])
+    assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
+    told = []
+    assert reproduce(folder, "tiny", 1, resume=True, games=GAMES, report=told.append)
+    assert told[0].startswith("3 of 3 trainings to do")
+    return folder
+
+
+@pytest.mark.slow
+def test_every_agent_figure_and_claim_is_there(study):
+    kept = {path.stem for path in study.glob("seed-0/*/agents/*.safetensors")}
+    assert set(RUN_OF) <= kept
+    assert sorted(path.name for path in study.glob("*.png")) == PICTURES
+    assert all((study / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
+    results = json.loads((study / "results.json").read_text())
+    assert (results["budget"], results["seeds"], results["games"]) == ("tiny", [0], GAMES)
+    assert len(results["findings"]) == len(SECTIONS)
+    report = (study / "report.md").read_text()
+    for claim in results["claims"]:
+        assert claim["verdict"] in ("holds", "does not hold", "undecided")
+        assert claim["interval"][0] <= claim["mean"] <= claim["interval"][1]
+        assert f"| {claim['name']} |" in report
+    for name in PICTURES:
+        assert f"]({name})" in report
+
+
+@pytest.mark.slow
+def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(study, tmp_path):
+    config = run_configs(RUN, 0)["scratch"]
+    create_run(config, tmp_path / "run")
+    assert Run(config, tmp_path / "run").execute()
+    resumed = study / "seed-0" / "scratch" / "agents"
+    agents = sorted((tmp_path / "run" / "agents").glob("*.safetensors"))
+    assert {path.name for path in agents} == {path.name for path in resumed.iterdir()}
+    for path in agents:
+        assert (resumed / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.slow
+def test_results_count_the_matches_of_the_agents_in_the_folder(study):
+    table = json.loads((study / "results.json").read_text())["findings"]["Table II: against the random evader"]
+    for matches in table["data"].values():
+        for match in matches:
+            assert sum(match["outcomes"].values()) == match["games"] == GAMES
+
+
+@pytest.mark.slow
+def test_the_course_of_the_claims_ends_where_the_claims_do(study):
+    results = json.loads((study / "results.json").read_text())
+    course = results["findings"]["The claims in the course of training"]["data"]
+    assert course.pop("moments") == [25, 50, 75, 100]
+    assert all(len(claims) == 4 for claims in course.values())
+    at_the_end = {claim["name"]: claim for claim in results["claims"]}
+    evaluated = ("stage 1: success", "P_random beats random")  # these have other games than the matches
+    assert {name for name in course if course[name][-1] != at_the_end[name]} <= set(evaluated)
+    for name in evaluated:
+        assert course[name][-1]["bound"] == at_the_end[name]["bound"]
+
+
+@pytest.mark.slow
+def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
+    page = study_page(study)
+    html = render(page)
+    for claim in json.loads((study / "results.json").read_text())["claims"]:
+        row = html[html.index(f'<th scope="row">{escape(claim["name"])}</th>') :].split("</tr>")[0]
+        assert f"<strong>{100 * claim['mean']:.1f} %</strong>" in row
+        assert f">{claim['verdict']}<" in row
+    for name in PICTURES:
+        assert base64.b64encode((study / name).read_bytes()).decode() in html
+    assert "<td>12.4%</td>" in html  # Table II of the paper, captures by P_curriculum
+    assert not re.search(r"https?:", html)
+    pairings = list(dict.fromkeys(shown.pairing for shown in page.games))
+    assert pairings == [
+        "curriculum/P_stage1 against still",
+        "random/P_random against random",
+        "curriculum/P_curriculum against random",
+        "random/P_random against scratch/E_scratch",
+        "curriculum/P_curriculum against scratch/E_scratch",
+    ]
+    assert all(shown.replay.game == RUN.game for shown in page.games)
+
+
+@pytest.mark.slow
+def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
+    before = {name: (study / name).read_bytes() for name in ("results.json", "report.md")}
+    (study / "report.md").unlink()
+    told = []
+    assert reproduce(study, "tiny", 1, resume=True, games=GAMES, report=told.append)
+    assert told[0].startswith("0 of 3 trainings to do")
+    assert {name: (study / name).read_bytes() for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "naming"),
+    [
+        ({"budget": "huge"}, "--budget = huge .*quick"),
+        ({"seeds": 0}, "--seeds = 0 .*at least 1"),
+        ({"games": 0}, "--games = 0 .*at least 1"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_path, changes, naming):
+    arguments = {"budget": "tiny", "seeds": 1, "resume": False, "games": GAMES} | changes
+    with pytest.raises(InvalidInput, match=naming):
+        reproduce(tmp_path / "study", **arguments)
+    assert not (tmp_path / "study").exists()
+
+
+@pytest.mark.slow
+def test_a_study_is_overwritten_by_no_other(study):
+    before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
+    with pytest.raises(InvalidInput, match="--resume"):
+        reproduce(study, "tiny", 1, resume=False, games=GAMES)
+    with pytest.raises(InvalidInput, match="another training"):
+        reproduce(study, "quick", 1, resume=True, games=GAMES)
+    assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == before
+
+
+def test_the_three_trainings_of_a_seed_are_the_papers():
+    runs = run_configs(PRESETS["paper"], 3)
+    assert {run.seed for run in runs.values()} == {3}
+    assert (runs["curriculum"].stages, runs["scratch"].stages, runs["random"].stages) == (
+        "both",
+        "self-play",
+        "fixed-target",
+    )
+    assert runs["random"].evaders == ("random",)
+    both = runs["curriculum"].fixed_target.env_steps + runs["curriculum"].self_play.env_steps
+    assert runs["random"].fixed_target.env_steps == both // 2
+    assert runs["scratch"].self_play == replace(runs["curriculum"].self_play, pursuer_epsilon=1.0)
