@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from apollonius.agents.shield import shielded as shielded
     from apollonius.agents.store import load_agent as load_agent
     from apollonius.agents.store import save_agent as save_agent
+    from apollonius.arenas.file import find_game as find_game
     from apollonius.evaluate.card import measure_card as measure_card
     from apollonius.evaluate.match import play_match as play_match
     from apollonius.evaluate.match import record_game as record_game
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from apollonius.game.arena import Arena as Arena
     from apollonius.game.arena import Disc as Disc
     from apollonius.game.dynamics import Unicycle as Unicycle
-    from apollonius.game.file import find_game as find_game
     from apollonius.game.game import Game as Game
     from apollonius.game.game import reset_batch as reset_batch
     from apollonius.game.polygon import Polygon as Polygon
@@ -64,12 +64,12 @@ _HOMES = {
     "agents.pool": ("solo", "stack"),
     "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
+    "arenas.file": ("find_game",),
     "evaluate.card": ("measure_card",),
     "evaluate.match": ("play_match", "record_game"),
     "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
     "game.dynamics": ("Unicycle",),
-    "game.file": ("find_game",),
     "game.game": ("Game", "reset_batch"),
     "game.polygon": ("Polygon",),
     "game.presets": ("make_game",),

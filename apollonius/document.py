@@ -1,8 +1,10 @@
-"""Files that people give, read so that none can do harm: their size is looked at first, and no content is an error of
-the program's.
+"""Files that people give, read so that none can do harm, and files written so that none is ever half there.
+
+Before one is read its size is looked at, and no content is an error of the program's.
 """
 
 import json
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,24 @@ def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES) -> by
     if size > most:
         raise InvalidInput(f"'{path}' has {size:,} bytes, and {kind} has {most:,} at most: {remedy}.")
     return path.read_bytes()
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file so that at every moment either the old or the new content is there, whole.
+
+    Raises:
+        OSError: when the disk is full or read-only; the old content is untouched.
+    """
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:

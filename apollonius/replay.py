@@ -17,12 +17,11 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.pool import Pool
-from apollonius.agents.store import write_atomically
-from apollonius.document import parse_json, read_bytes
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import require
 from apollonius.game.dynamics import gears, is_continuous
 from apollonius.game.game import Game
-from apollonius.game.record import from_dict, to_dict
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
 from apollonius.game.validation import MAX_SIZE
 from apollonius.limits import MOST_COUNTED, SEED

@@ -18,15 +18,15 @@ from typing import Any
 from apollonius.agents.catalogue import find_agent, fingerprint
 from apollonius.agents.disturbance import NONE
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.store import write_atomically
+from apollonius.arenas.record import to_dict
 from apollonius.bodies.comparison import compare
 from apollonius.bodies.drive import Drive
 from apollonius.bodies.physics import Physics
 from apollonius.bodies.simulation import simulate_match
+from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, exit_status, require
 from apollonius.evaluate.match import play_games
 from apollonius.game.game import Game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.jobs import STOPPED, Job, ShouldStop, run_jobs
 from apollonius.learn.config import RunConfig

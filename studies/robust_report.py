@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.store import write_atomically
 from apollonius.bodies.scene import SIDES
+from apollonius.document import write_atomically
 from apollonius.game.types import Role
 from apollonius.reproduce.finding import outcome_table
 from apollonius.show.markdown import markdown_table, mean_over_seeds

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.agents.catalogue import find_agent
-from apollonius.agents.store import write_atomically
+from apollonius.document import write_atomically
 from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.exploit.attack import Attack, LossRate, judge_opponent
 from apollonius.exploit.responses import kept_response, train_response

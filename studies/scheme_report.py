@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.store import write_atomically
+from apollonius.document import write_atomically
 from apollonius.game.types import Role
 from apollonius.learn.folder import load_config
 from apollonius.show import style

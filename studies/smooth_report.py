@@ -9,7 +9,7 @@ import numpy as np
 
 from apollonius.agents.catalogue import find_agent
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.store import write_atomically
+from apollonius.document import write_atomically
 from apollonius.evaluate.match import replay_game
 from apollonius.evaluate.tournament import Tournament
 from apollonius.game.dynamics import gears

@@ -16,10 +16,10 @@ from safetensors.numpy import load_file, save_file
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.record import to_dict
 from apollonius.cli import COMMANDS, main
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import load_replay
 from tests.learn.tiny import RUN

@@ -15,10 +15,10 @@ import pytest
 import tomli_w
 
 from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, zoo_names
+from apollonius.arenas.file import find_game, game_names
+from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.commands import values
-from apollonius.game.file import find_game, game_names
-from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
@@ -120,7 +120,7 @@ def test_every_command_in_the_text_can_be_given(document, monkeypatch):
 def test_every_game_in_the_documents_is_one(block, tmp_path):
     path = tmp_path / "game.toml"
     path.write_text(block.code)
-    if "map =" not in block.code:  # whose files `tests/game/test_map_file.py` makes
+    if "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
         assert find_game(str(path)).capture_distance == 0.6
 
 

@@ -21,11 +21,11 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.file import load_game
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.game.file import load_game
-from apollonius.game.map_file import load_map
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint

@@ -10,7 +10,7 @@ from pettingzoo import ParallelEnv
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
-from apollonius.game.file import find_game
+from apollonius.arenas.file import find_game
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 

@@ -13,8 +13,8 @@ from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, draw_starts, renew, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space
 from apollonius.agents.catalogue import find_agent
+from apollonius.arenas.file import find_game
 from apollonius.errors import require
-from apollonius.game.file import find_game
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 

@@ -1,9 +1,6 @@
 """Agents as files: weights in safetensors, and a JSON header that says what they were made for."""
 
 import json
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,30 +9,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
-from apollonius.document import parse_json
+from apollonius.arenas.record import from_dict
+from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
+from apollonius.document import parse_json, write_atomically
 from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.observation import OBSERVATION_SIZES
-from apollonius.game.record import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 
 FORMAT = "apollonius-agent"
 FORMAT_VERSION = 1
-MOST_HEADER = 2**24
-"""Largest header of a file [bytes]."""
 _MAKE = {"values": make_network, "gaussian": make_actor}
 _ACTIONS = {"values": NUM_ACTIONS, "gaussian": 0}
-_NUMBERS = {
-    name: np.dtype(kind)
-    for name, kind in (
-        ("BOOL", bool), ("U8", np.uint8), ("I8", np.int8), ("U16", np.uint16), ("I16", np.int16), ("F16", np.float16),
-        ("U32", np.uint32), ("I32", np.int32), ("F32", np.float32),
-    )
-}  # fmt: skip
-"""Number types by the names that safetensors has for them."""
 
 
 @dataclass(frozen=True)
@@ -91,24 +78,6 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
         network="values" if isinstance(network, QNetwork) else "gaussian",
     )
     return Agent(network, header)
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that at every moment either the old or the new content is there, whole.
-
-    Raises:
-        OSError: when the disk is full or read-only; the old content is untouched.
-    """
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def save_agent(agent: Agent, path: Path) -> None:
@@ -169,54 +138,3 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
             f"'{path}' was made for the observation {made_for}; this program has {known}: train it again."
         )
     return header
-
-
-@contextmanager
-def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Iterator[Any]:
-    """A safetensors file of which nothing but the header is read yet.
-
-    Args:
-        remedy: what to do about a damaged file.
-        kind: what it should be.
-
-    Raises:
-        InvalidInput: when it is none, is cut off, or has a header of more than `MOST_HEADER` bytes.
-    """
-    damaged = f"'{path}' is not a whole {kind}"
-    try:
-        with open(path, "rb") as file:
-            size = int.from_bytes(file.read(8), "little")
-        if size > MOST_HEADER:
-            raise InvalidInput(f"{damaged} (a header of {size:,} bytes): {remedy}.")
-        with safe_open(path, framework="numpy") as file:
-            yield file
-    except (SafetensorError, OSError) as error:
-        raise InvalidInput(f"{damaged} ({error}): {remedy}.") from error
-
-
-def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Shape and number type of every array of an open safetensors file, by its header alone; as `kinds_of`."""
-    slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    return {name: (tuple(one.get_shape()), _NUMBERS.get(one.get_dtype())) for name, one in slices.items()}
-
-
-def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> None:
-    """Refuse a file whose numbers are not all finite.
-
-    Raises:
-        InvalidInput: with the name of the first array that has one that is not.
-    """
-    for name, array in arrays.items():
-        if array.dtype.kind == "f" and not np.isfinite(array).all():
-            raise InvalidInput(f"'{path}' has numbers that are not finite, in {name}: {remedy}.")
-
-
-def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Shape and number type of every named array: what two files of one structure have in common."""
-    return {name: (array.shape, array.dtype) for name, array in arrays.items()}
-
-
-def named_leaves(tree: Any) -> dict[str, Any]:
-    """The arrays of a pytree by their paths, as `layers/0/weight`, in the tree's own order."""
-    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
-    return {jax.tree_util.keystr(path, simple=True, separator="/"): leaf for path, leaf in leaves}

@@ -39,7 +39,7 @@ def add_arena(subparsers: Any) -> None:
 
 def run_list(options: argparse.Namespace) -> int:
     """Name the games, a line each."""
-    from apollonius.game.file import about_game, find_game, game_names
+    from apollonius.arenas.file import about_game, find_game, game_names
     from apollonius.show.gallery import save_gallery
 
     for name in game_names():
@@ -54,8 +54,8 @@ def run_list(options: argparse.Namespace) -> int:
 
 def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
-    from apollonius.game.file import find_game
-    from apollonius.game.survey import survey
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.survey import survey
 
     game = find_game(options.game)
     options.display.begin("surveying the arena", compiles=True)
@@ -92,10 +92,10 @@ def run_random(options: argparse.Namespace) -> int:
 
     import tomli_w
 
-    from apollonius.agents.store import write_atomically
-    from apollonius.game.file import find_game
-    from apollonius.game.random_arena import random_arena
-    from apollonius.game.record import to_dict
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.random_arena import random_arena
+    from apollonius.arenas.record import to_dict
+    from apollonius.document import write_atomically
 
     require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
     game = find_game(options.game)

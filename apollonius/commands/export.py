@@ -47,11 +47,11 @@ def run_export(options: argparse.Namespace) -> int:
 
     from apollonius.adapters.export.blueprint import make_blueprint
     from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, find_trained
-    from apollonius.agents.store import write_atomically
     from apollonius.agents.trained import at_best
-    from apollonius.game.file import find_game
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.record import from_dict
+    from apollonius.document import write_atomically
     from apollonius.game.game import Game
-    from apollonius.game.record import from_dict
 
     name: str = options.agent
     if name.startswith(SHIELDED):

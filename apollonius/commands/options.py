@@ -89,7 +89,7 @@ def requested_game(options: argparse.Namespace) -> "Game":
     """The named game with the wanted starts; `viable` ones are drawn from `moving` by who plays."""
     from dataclasses import replace
 
-    from apollonius.game.file import find_game
+    from apollonius.arenas.file import find_game
 
     game = find_game(options.game)
     return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))

@@ -72,9 +72,9 @@ def run_simulate(options: argparse.Namespace) -> int:
 
 def _drive(path: Path | None) -> "Drive":
     """The drive of a file, or the one that is built in."""
+    from apollonius.arenas.record import from_dict
     from apollonius.bodies.drive import Drive
     from apollonius.document import parse_toml, read_bytes
-    from apollonius.game.record import from_dict
 
     if path is None:
         return Drive()

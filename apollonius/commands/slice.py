@@ -37,7 +37,7 @@ def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
     from apollonius.agents.catalogue import find_valued
-    from apollonius.game.file import find_game
+    from apollonius.arenas.file import find_game
     from apollonius.game.types import RobotState, Role
     from apollonius.solve.catalogue import SUFFIX, table_player
 

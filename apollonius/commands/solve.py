@@ -57,7 +57,7 @@ def add_solve(subparsers: Any) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     """Solve, or load what is solved already; say how good it is and what it means."""
-    from apollonius.game.file import find_game
+    from apollonius.arenas.file import find_game
     from apollonius.game.types import Role
     from apollonius.solve.store import load_solution, save_solution
 
@@ -131,7 +131,7 @@ def _next(options: argparse.Namespace, path: Path, role: "Role") -> str:
 
 def _robot_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "Problem":
     """The problem of one robot."""
-    from apollonius.game.record import to_dict
+    from apollonius.arenas.record import to_dict
     from apollonius.solve.store import Problem
 
     require(options.payoff is None, "--payoff", options.payoff, "left out but for game, where there is an opponent")
@@ -141,7 +141,7 @@ def _robot_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "
 
 def _game_problem(options: argparse.Namespace, game: "Game", role: "Role") -> "Problem":
     """The problem of both robots."""
-    from apollonius.game.record import to_dict
+    from apollonius.arenas.record import to_dict
     from apollonius.solve.reference import joint_grid
     from apollonius.solve.store import Problem
 

@@ -104,7 +104,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     """The preset or file, with what the command line changes."""
     from dataclasses import replace
 
-    from apollonius.game.file import find_game
+    from apollonius.arenas.file import find_game
     from apollonius.learn.config import PRESETS
     from apollonius.learn.folder import load_config
     from apollonius.learn.learner_config import PROFILES, SACConfig
@@ -187,7 +187,7 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     """Play the agents of a finished run; print the tables and keep them in `evaluation.json`."""
     from apollonius.agents.catalogue import find_agent
-    from apollonius.agents.store import write_atomically
+    from apollonius.document import write_atomically
     from apollonius.evaluate.match import play_match
     from apollonius.evaluate.pairings import last_agents, pairings
     from apollonius.evaluate.trend import self_play_trend

@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from apollonius.agents.catalogue import Named, fingerprint
-from apollonius.agents.store import write_atomically
-from apollonius.document import parse_json, read_bytes
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import MatchResult, play_match
 from apollonius.game.game import Game
-from apollonius.game.record import from_dict, to_dict
 from apollonius.playout import Report
 
 

@@ -20,9 +20,9 @@ import jax
 import numpy as np
 
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput, exit_status, require
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.devices import (

@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from safetensors.numpy import save
 
-from apollonius.agents.store import kinds_in, kinds_of, named_leaves, opened, require_finite, write_atomically
-from apollonius.document import parse_json
+from apollonius.arenas.record import from_dict
+from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
+from apollonius.document import parse_json, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.record import from_dict
 from apollonius.game.types import Outcome
 
 FORMAT = "apollonius-checkpoint-1"

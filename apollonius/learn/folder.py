@@ -4,10 +4,9 @@ from pathlib import Path
 
 import tomli_w
 
-from apollonius.agents.store import write_atomically
-from apollonius.document import parse_toml, read_bytes
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.document import parse_toml, read_bytes, write_atomically
 from apollonius.errors import require
-from apollonius.game.record import from_dict, to_dict
 from apollonius.learn.config import RunConfig
 
 

@@ -19,10 +19,10 @@ from apollonius.agents.network import Network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import at_best
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.algorithm import require_fitting
 from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 
-from apollonius.agents.store import write_atomically
+from apollonius.document import write_atomically
 from apollonius.reproduce.claims import Claim
 from apollonius.reproduce.finding import Finding, percent
 from apollonius.reproduce.study import Study

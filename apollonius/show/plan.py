@@ -10,8 +10,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from apollonius.arenas.survey import Survey
 from apollonius.game.game import Game
-from apollonius.game.survey import Survey
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
 

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 
 from apollonius.agents.catalogue import SHIELDED, Named, find_agent
 from apollonius.agents.shield import shielded
+from apollonius.arenas.record import from_dict, to_dict
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
-from apollonius.game.record import from_dict, to_dict
 from apollonius.game.types import Role
 from apollonius.solve.contest import Contest, make_contest
 from apollonius.solve.grid import Grid, make_grid

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Shaped
 
-from apollonius.agents.store import MOST_HEADER, require_finite, write_atomically
-from apollonius.document import parse_json
+from apollonius.arenas.record import from_dict
+from apollonius.arrays import MOST_HEADER, require_finite
+from apollonius.document import parse_json, write_atomically
 from apollonius.errors import InvalidInput, require, shown
-from apollonius.game.record import from_dict
 from apollonius.game.validation import MAX_SIZE
 from apollonius.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
 from apollonius.solve.contest import PAYOFFS

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, find_trained, zoo_names
 from apollonius.agents.store import load_agent
+from apollonius.arenas.file import find_game, game_names
+from apollonius.arenas.record import to_dict
 from apollonius.errors import require
-from apollonius.game.file import find_game, game_names
 from apollonius.game.game import Game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.limits import SEED
 

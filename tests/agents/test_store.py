@@ -12,10 +12,11 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.store import AgentHeader, describe, load_agent, save_agent, write_atomically
+from apollonius.agents.store import AgentHeader, describe, load_agent, save_agent
+from apollonius.arenas.record import to_dict
+from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 
 GAME = to_dict(make_game("paper"))

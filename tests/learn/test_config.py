@@ -9,8 +9,8 @@ import pytest
 
 from apollonius.agents.catalogue import find_trained
 from apollonius.agents.disturbance import Disturbance
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.game.record import to_dict
 from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig

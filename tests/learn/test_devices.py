@@ -15,8 +15,8 @@ import pytest
 import tomli_w
 
 from apollonius.agents.store import load_agent
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.game.record import to_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import dqn, opponents, replay
 from apollonius.learn.config import SelfPlayConfig

@@ -13,9 +13,9 @@ from apollonius.agents.disturbance import NONE, Disturbance
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import Seated, solo, stack
+from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
-from apollonius.game.record import from_dict
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents
 from apollonius.learn.config import SelfPlayConfig

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.arenas.record import to_dict
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.show.solution import _of_a_game, _of_reach, _of_safety, save_solution_maps
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import as_matrix

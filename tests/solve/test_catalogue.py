@@ -9,9 +9,9 @@ import pytest
 
 from apollonius.agents.shield import Shielded
 from apollonius.agents.store import AgentHeader
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.solve.catalogue import contest_of, find_player
 from apollonius.solve.guarantee import make_duel, solve_duel

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.game.record import to_dict
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 from tests.solve.small import SMALL
 

@@ -9,7 +9,7 @@ import pytest
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.game.record import to_dict
+from apollonius.arenas.record import to_dict
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
 from apollonius.learn.scheme import OpponentConfig

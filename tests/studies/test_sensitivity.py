@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from apollonius.game.record import to_dict
+from apollonius.arenas.record import to_dict
 from apollonius.learn.config import PRESETS
 from apollonius.reproduce.claims import rate_claim
 from studies.sensitivity import table, variants

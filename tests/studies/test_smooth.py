@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import pytest
 
 from apollonius.agents.catalogue import find_trained
+from apollonius.arenas.record import to_dict
 from apollonius.evaluate.round_robin import RoundRobin, play_row
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from studies import smooth

@@ -15,12 +15,12 @@ from apollonius.agents.catalogue import ZOO, find_agent
 from apollonius.agents.network import apply, make_actor, make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
-from apollonius.game.record import to_dict
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import as_rows, as_state, load_replay, play_actions

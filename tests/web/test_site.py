@@ -10,10 +10,10 @@ import pytest
 from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, ZOO, zoo_names
 from apollonius.agents.network import make_actor
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.file import find_game, game_names
+from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.game.file import find_game, game_names
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 from apollonius.show import palette
 from apollonius.web.site import PAGE, YOU, choose, write_site

@@ -14,10 +14,10 @@ from jaxtyping import Float32, Float64
 from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.network import GaussianActor
 from apollonius.agents.store import Agent, AgentHeader
+from apollonius.arenas.record import to_dict
 from apollonius.errors import require
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.record import to_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 
 STATE = ("x", "y", "v", "heading")

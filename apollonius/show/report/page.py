@@ -12,7 +12,7 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 from PIL import Image
 
-from apollonius.agents.store import write_atomically
+from apollonius.document import write_atomically
 from apollonius.errors import require
 from apollonius.evaluate.match import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of

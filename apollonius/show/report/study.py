@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 from apollonius.agents.catalogue import find_agent
+from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.pairings import last_agents
 from apollonius.evaluate.paper import TABLE_2, TABLE_3
 from apollonius.game.game import Game
-from apollonius.game.record import from_dict
 from apollonius.game.types import Role
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
 from apollonius.show.report.page import Page, Section, picture

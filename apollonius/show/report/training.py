@@ -8,13 +8,13 @@ from typing import Any
 from markupsafe import Markup
 
 from apollonius.agents.catalogue import find_agent
+from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import MatchResult
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.paper import paper_shares
 from apollonius.evaluate.trend import self_play_trend
 from apollonius.game.game import Game
-from apollonius.game.record import from_dict
 from apollonius.game.types import Role
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
 from apollonius.show.report.learning import learning_pictures

@@ -9,7 +9,7 @@ const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y
 
 export class Match {
   /**
-   * @param game rules, as `apollonius.game.record.to_dict` writes them
+   * @param game rules, as `apollonius.arenas.record.to_dict` writes them
    * @param players {pursuer, evader}: {name, act(game, state, role) -> action}
    * @param seed of the starts
    */

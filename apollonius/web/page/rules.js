@@ -1,7 +1,7 @@
 // The rules of the game, function by function those of `apollonius/game/`, in plain JavaScript.
 //
 // A robot is {x [m], y [m], v [m/s], heading [rad, in (-pi, pi]]}; a state is {pursuer, evader, steps}; a game is what
-// `apollonius.game.record.to_dict` writes. Numbers of a state are rounded to single precision after each step, as
+// `apollonius.arenas.record.to_dict` writes. Numbers of a state are rounded to single precision after each step, as
 // those of the Python rules are, so that whole games agree and not steps alone.
 
 export const PURSUER = "pursuer";

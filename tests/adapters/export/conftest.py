@@ -12,12 +12,12 @@ from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.agents.network import GaussianActor, QNetwork, make_actor, make_network
 from apollonius.agents.store import describe
 from apollonius.agents.trained import at_best
+from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.observation import observe
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.game.types import RobotState, Role
 
 UNEQUAL = Game(

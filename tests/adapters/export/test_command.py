@@ -12,9 +12,9 @@ import pytest
 from apollonius.adapters.export import numpy as export_numpy
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.game.presets import make_game
-from apollonius.game.record import to_dict
 from apollonius.game.types import Role
 
 

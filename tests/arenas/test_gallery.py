@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
+from apollonius.arenas.survey import survey
 from apollonius.cli import main
-from apollonius.game.file import GALLERY, about_game, find_game, game_names
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import PRESETS
-from apollonius.game.survey import survey
 
 FILES = [name for name in game_names() if name not in PRESETS]
 _reset = jax.jit(reset_batch, static_argnames="games")

@@ -9,12 +9,12 @@ from PIL import Image, ImageColor
 
 from apollonius.adapters.export.blueprint import make_blueprint
 from apollonius.agents.catalogue import find_trained
+from apollonius.arenas.file import find_game
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import from_dict, to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.game.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.map_file import load_map
-from apollonius.game.record import from_dict, to_dict
 from apollonius.game.types import Role
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import Canvas

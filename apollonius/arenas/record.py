@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 import dacite
 
+from apollonius.arenas.map_file import load_map
 from apollonius.errors import InvalidInput
-from apollonius.game.map_file import load_map
 from apollonius.game.occupancy import OccupancyMap
 
 T = TypeVar("T")

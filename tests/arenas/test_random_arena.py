@@ -5,14 +5,14 @@ from math import hypot
 
 import pytest
 
+from apollonius.arenas.file import load_game
+from apollonius.arenas.random_arena import random_arena
+from apollonius.arenas.survey import survey
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.file import load_game
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.random_arena import random_arena
-from apollonius.game.survey import survey
 
 
 @pytest.mark.parametrize("seed", range(20))

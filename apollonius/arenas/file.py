@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+from apollonius.arenas.record import find_map, from_dict
 from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, make_game
-from apollonius.game.record import find_map, from_dict
 from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS
 
-GALLERY = Path(__file__).parent.parent / "gallery"
+GALLERY = Path(__file__).parent / "gallery"
 """Where the games that ship with the package as files lie."""
 
 

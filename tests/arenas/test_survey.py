@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from apollonius.arenas.survey import survey
 from apollonius.cli import main
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
@@ -14,7 +15,6 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
-from apollonius.game.survey import survey
 from apollonius.show.plan import KINDS, kinds_of_places, save_plan
 
 WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))

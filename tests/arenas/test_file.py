@@ -8,15 +8,15 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from apollonius.arenas.file import find_game, load_game
+from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.file import find_game, load_game
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
-from apollonius.game.record import to_dict
 
 HALL = """
 capture_distance = 0.6
