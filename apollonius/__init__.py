@@ -10,17 +10,19 @@ from apollonius.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from apollonius.adapters.pettingzoo import parallel_env as parallel_env
-    from apollonius.agents.catalogue import find_agent as find_agent
     from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
     from apollonius.agents.greedy import Greedy as Greedy
+    from apollonius.agents.kind import Named as Named
     from apollonius.agents.policy import AbstractPolicy as AbstractPolicy
     from apollonius.agents.pool import solo as solo
     from apollonius.agents.pool import stack as stack
     from apollonius.agents.shield import shielded as shielded
     from apollonius.agents.store import load_agent as load_agent
     from apollonius.agents.store import save_agent as save_agent
-    from apollonius.arenas.file import find_game as find_game
+    from apollonius.catalogue import find_player as find_player
     from apollonius.evaluate.card import measure_card as measure_card
+    from apollonius.evaluate.match import Match as Match
+    from apollonius.evaluate.match import StartFilter as StartFilter
     from apollonius.evaluate.match import play_match as play_match
     from apollonius.evaluate.match import record_game as record_game
     from apollonius.evaluate.regret import measure_regret as measure_regret
@@ -42,7 +44,6 @@ if TYPE_CHECKING:
     from apollonius.replay import load_replay as load_replay
     from apollonius.replay import save_replay as save_replay
     from apollonius.rollout import collect as collect
-    from apollonius.solve.catalogue import find_player as find_player
     from apollonius.solve.contest import make_contest as make_contest
     from apollonius.solve.guarantee import make_duel as make_duel
     from apollonius.solve.guarantee import solve_duel as solve_duel
@@ -58,15 +59,15 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "adapters.pettingzoo": ("parallel_env",),
-    "agents.catalogue": ("find_agent",),
     "agents.greedy": ("EpsilonGreedy", "Greedy"),
+    "agents.kind": ("Named",),
     "agents.policy": ("AbstractPolicy",),
     "agents.pool": ("solo", "stack"),
     "agents.shield": ("shielded",),
     "agents.store": ("load_agent", "save_agent"),
-    "arenas.file": ("find_game",),
+    "catalogue": ("find_player",),
     "evaluate.card": ("measure_card",),
-    "evaluate.match": ("play_match", "record_game"),
+    "evaluate.match": ("Match", "StartFilter", "play_match", "record_game"),
     "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
     "game.dynamics": ("Unicycle",),
@@ -79,7 +80,6 @@ _HOMES = {
     "playout": ("play_at_once", "play_out"),
     "replay": ("load_replay", "save_replay"),
     "rollout": ("collect",),
-    "solve.catalogue": ("find_player",),
     "solve.contest": ("make_contest",),
     "solve.guarantee": ("make_duel", "solve_duel"),
     "solve.players": ("SaddlePolicy",),

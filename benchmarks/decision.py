@@ -21,9 +21,8 @@ from apollonius.adapters.export import c, onnx
 from apollonius.adapters.export import numpy as numpy_file
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import Answer, Decide, compare, largest_difference, microseconds
-from apollonius.agents.catalogue import find_trained
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.trained import at_best
+from apollonius.agents.trained import at_best, find_trained
 from apollonius.evaluate.decisions import Decisions, decisions
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game

@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import apollonius
 from apollonius.commands.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
-from apollonius.solve.catalogue import joint_grids
 from apollonius.solve.contest import make_contest
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.side import make_side
+from apollonius.solve.solved import joint_grids
 
 _RUNS = 5
 

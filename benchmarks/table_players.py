@@ -18,8 +18,8 @@ import apollonius
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
-from apollonius.solve.catalogue import table_player
 from apollonius.solve.players import ResponsePolicy
+from apollonius.solve.solved import table_player
 
 _RUNS = 5
 
@@ -48,7 +48,7 @@ def main() -> None:
     game = apollonius.make_game("paper")
     table = table_player(options.table, game)
     role = table.contest.role
-    agent = apollonius.find_agent(options.agent, Role(1 - role), game).policy
+    agent = apollonius.find_player(options.agent, Role(1 - role), game).policy
     moving = replace(game, starts=replace(game.starts, speed="moving"))
     players = {"by the table": table, "knowing the agent": ResponsePolicy(table.contest, table.table, agent)}
     for name, player in players.items():

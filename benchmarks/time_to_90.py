@@ -22,11 +22,12 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from apollonius.adapters.gymnasium import OneSide
-from apollonius.agents.catalogue import find_agent
 from apollonius.agents.greedy import Greedy
+from apollonius.agents.kind import Named
 from apollonius.agents.network import QNetwork, make_network
 from apollonius.agents.pool import solo
-from apollonius.evaluate.match import play_match
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import StageConfig
@@ -44,14 +45,16 @@ LOOKS = 40
 
 def judge(network: QNetwork) -> float:
     """Share of captures of a standing evader, greedily, from starts that no training sees."""
-    result = play_match(make_game("paper"), Greedy(network), find_agent("still", Role.EVADER).policy, GAMES, seed=90)
+    result = play_match(
+        Match(make_game("paper"), Named("ours", Greedy(network)), find_player("still", Role.EVADER), GAMES, seed=90)
+    )
     return result.outcomes["captured"] / GAMES
 
 
 def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
     """Seconds of training, env steps and captures: stage 1, profile `fast`."""
     plan, game = Plan(PROFILES["fast"], STAGE), STAGE.rewarded(make_game("paper"))
-    still = solo(find_agent("still", Role.EVADER).policy)
+    still = solo(find_player("still", Role.EVADER).policy)
 
     def start(seed: int) -> object:
         return start_fixed_target(plan, game, jax.random.key(seed), still)

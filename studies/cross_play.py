@@ -10,8 +10,8 @@ less further to the right. `all` is the sum of a row or a column.
 import argparse
 from pathlib import Path
 
-from apollonius.agents.catalogue import find_agent
-from apollonius.evaluate.match import play_match
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -40,11 +40,11 @@ def main() -> None:
     print(markdown_head(["pursuer \\ evader", *columns]))
     in_column = [0] * len(kept)
     for own in kept:
-        pursuer = find_agent(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
+        pursuer = find_player(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
         wins = []
         for other in kept:
-            evader = find_agent(str(agent_file(options.run, f"E_{kind}", other)), Role.EVADER)
-            result = play_match(game, pursuer.policy, evader.policy, options.games, options.seed)
+            evader = find_player(str(agent_file(options.run, f"E_{kind}", other)), Role.EVADER)
+            result = play_match(Match(game, pursuer, evader, options.games, options.seed))
             wins.append(round(result.pursuer_win_rate * options.games))
         print(row(f"{own} %", wins, options.games), flush=True)
         in_column = [total + won for total, won in zip(in_column, wins, strict=True)]

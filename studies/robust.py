@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.catalogue import find_agent, fingerprint
 from apollonius.agents.disturbance import NONE
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.kind import fingerprint
 from apollonius.arenas.record import to_dict
 from apollonius.bodies.comparison import compare
 from apollonius.bodies.drive import Drive
 from apollonius.bodies.physics import Physics
 from apollonius.bodies.simulation import simulate_match
+from apollonius.catalogue import find_player
 from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, exit_status, require
-from apollonius.evaluate.match import play_games
+from apollonius.evaluate.match import Match, play_games
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.jobs import STOPPED, Job, ShouldStop, run_jobs
@@ -62,8 +62,8 @@ class Meeting:
         """Play the match and keep it. Returns False if there was no time to begin."""
         if should_stop():
             return False
-        match = (self.game, *self.players, self.games, self.seed)
-        comparison = compare(self.game, play_games(*match), simulate_match(*match, Drive()))
+        match = self.match
+        comparison = compare(match, play_games(match), simulate_match(match, Drive()))
         record = {"of": self.asked, "comparison": comparison.to_dict()}
         self.file.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(self.file, json.dumps(record, indent=1).encode())
@@ -82,15 +82,17 @@ class Meeting:
     @property
     def asked(self) -> dict[str, Any]:
         """All that the results depend on; agents are told apart by their numbers."""
-        prints = [fingerprint(player) for player in self.players]
+        match = self.match
+        prints = [fingerprint(player.policy) for player in (match.pursuer, match.evader)]
         numbers = {"games": self.games, "seed": self.seed}
         return {"agents": prints, "game": to_dict(self.game), "drive": to_dict(Drive()), **numbers}
 
     @property
-    def players(self) -> tuple[AbstractPolicy, AbstractPolicy]:
-        """Pursuer and evader."""
-        pursuer = find_agent(self.pursuer, Role.PURSUER, self.game)
-        return pursuer.policy, find_agent(self.evader, Role.EVADER, self.game).policy
+    def match(self) -> Match:
+        """The same with its players."""
+        pursuer = find_player(self.pursuer, Role.PURSUER, self.game)
+        evader = find_player(self.evader, Role.EVADER, self.game)
+        return Match(self.game, pursuer, evader, self.games, self.seed)
 
 
 def entrants(config: RunConfig, runs: Mapping[str, Path], role: Role, stranger: str) -> dict[str, str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.catalogue import find_player
 from apollonius.document import write_atomically
 from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.exploit.attack import Attack, LossRate, judge_opponent
@@ -74,7 +74,7 @@ def losses(attack: Attack, folder: Path, games: int) -> dict[str, Any]:
     train_response(attack, folder, seed=0)
     against = {"response": _brief(judge_opponent(attack, kept_response(folder, 0), games))}
     for name in ZOO[attack.other]:
-        against[name] = _brief(judge_opponent(attack, find_agent(name, attack.other).policy, games))
+        against[name] = _brief(judge_opponent(attack, find_player(name, attack.other).policy, games))
     return {"most": max(loss["rate"] for loss in against.values()), "against": against}
 
 

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.catalogue import find_agent
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.catalogue import find_player
 from apollonius.document import write_atomically
-from apollonius.evaluate.match import replay_game
+from apollonius.evaluate.match import Match, replay_game
 from apollonius.evaluate.tournament import Tournament
 from apollonius.game.dynamics import gears
-from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import BothActions, Trajectory
@@ -24,15 +22,15 @@ from apollonius.show.markdown import markdown_table, mean_over_seeds
 
 CONTINUOUS, DISCRETE = KINDS = "continuous", "discrete"
 """The kinds of action. With one of them begins the name of an agent that was trained here; after it comes its seed."""
-Match = dict[str, Any]
-Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], Match]]]
+Facts = dict[str, Any]
+Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], Facts]]]
 """By pursuer and evader, where all that were trained with one kind of action are one: names of both, and the match."""
 _TRIALS = 50
 """Starts among which the figure looks for one from which both pursuers capture."""
 
 
 def write_results(
-    out: Path, rows: Mapping[str, Mapping[str, Match]], pursuers: Mapping[str, str], evaders: Mapping[str, str]
+    out: Path, rows: Mapping[str, Mapping[str, Facts]], pursuers: Mapping[str, str], evaders: Mapping[str, str]
 ) -> str:
     """Write `smooth.json`, `smooth.md` and `smooth.png`; returns both tables.
 
@@ -47,12 +45,12 @@ def write_results(
     write_atomically(out / "smooth.md", (written + "\n").encode())
     pair = [next(agent for name, agent in pursuers.items() if kind_of(name) == kind) for kind in (DISCRETE, CONTINUOUS)]
     evader = next(agent for name, agent in evaders.items() if kind_of(name) == CONTINUOUS)
-    policies = [find_agent(agent, Role.PURSUER, game).policy for agent in pair]
-    draw(game, policies, find_agent(evader, Role.EVADER, game).policy, out / "smooth.png")
+    fleeing = find_player(evader, Role.EVADER, game)
+    draw([Match(game, find_player(agent, Role.PURSUER, game), fleeing, _TRIALS) for agent in pair], out / "smooth.png")
     return written
 
 
-def rows_of(tournament: Tournament) -> dict[str, dict[str, Match]]:
+def rows_of(tournament: Tournament) -> dict[str, dict[str, Facts]]:
     """The matches of a tournament by pursuer and evader."""
     return {
         pursuer: {evader: match.to_dict() for evader, match in zip(tournament.evaders, row, strict=True)}
@@ -66,7 +64,7 @@ def kind_of(name: str) -> str:
     return kind if kind in KINDS else name
 
 
-def pairings(rows: Mapping[str, Mapping[str, Match]]) -> Pairings:
+def pairings(rows: Mapping[str, Mapping[str, Facts]]) -> Pairings:
     """Matches of strangers by the kinds of both sides: two of one name were trained against each other."""
     found: Pairings = {}
     for pursuer, row in rows.items():
@@ -124,7 +122,7 @@ def table(pairs: Pairings, dt: float) -> str:
 
 
 def seed_means(
-    meetings: Sequence[tuple[tuple[str, str], Match]], role: Role, value: Callable[[Match], float]
+    meetings: Sequence[tuple[tuple[str, str], Facts]], role: Role, value: Callable[[Facts], float]
 ) -> list[float]:
     """Of every agent of one side, the mean of a number over its matches, in the order of their names."""
     values: dict[str, list[float]] = {}
@@ -133,17 +131,18 @@ def seed_means(
     return [float(np.mean(values[name])) for name in sorted(values)]
 
 
-def _change_of(role: Role) -> Callable[[Match], float]:
+def _change_of(role: Role) -> Callable[[Facts], float]:
     return lambda match: float(np.mean(match[f"{role.name.lower()}_change"]))
 
 
-def draw(game: Game, pursuers: Sequence[AbstractPolicy], evader: AbstractPolicy, path: Path) -> None:
+def draw(matches: Sequence[Match], path: Path) -> None:
     """The games of a discrete and a continuous pursuer from the same start, and their turn rates: from the first start
     from which both capture, if there is one.
     """
+    game = matches[0].game
     courses: list[Trajectory] = []
     for index in range(_TRIALS):
-        courses = [replay_game(game, pursuer, evader, _TRIALS, 0, index) for pursuer in pursuers]
+        courses = [replay_game(match, index) for match in matches]
         if all(course.outcome == Outcome.CAPTURED for course in courses):
             break
     titles = (DISCRETE, CONTINUOUS)

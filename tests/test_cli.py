@@ -244,8 +244,8 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["slice", "nobody", "--opponent", "5", "5"], ["nobody", "P_curriculum", ".safetensors"]),
         (["slice", "random", "--opponent", "5", "5"], ["random", "P_curriculum"]),
         (["slice", "P_stage1"], ["--opponent"]),
-        (["slice", "P_stage1", "--opponent", "3", "3"], ["--opponent", "discs"]),
-        (["slice", "P_stage1", "--opponent", "5", "5", "--speed", "2", "--out", "new/s.png"], ["--speed = 2", "1.2 m"]),
+        (["slice", "P_stage1", "--opponent", "3", "3"], ["opponent = (3.0, 3.0)", "discs"]),
+        (["slice", "P_stage1", "--opponent", "5", "5", "--speed", "2", "--out", "new/s.png"], ["speed = 2", "1.2 m"]),
         (["slice", "P_stage1", "--opponent", "5", "5", "--out", "slice.svg"], ["slice.svg", ".png"]),
         (["show", "shielded:nobody", "still"], ["nobody", "random"]),
         (["evaluate", "nobody", "still"], ["nobody", "random", "still", ".safetensors"]),
@@ -309,14 +309,14 @@ def test_a_bad_config_is_refused(capsys, config, naming):
 def test_a_folder_that_holds_a_run_is_refused_without_force(tiny, capsys):
     Path("run").mkdir()
     Path("run/config.toml").write_text("seed = 5")
-    assert_refused(capsys, "train", "--config", tiny, "--out", "run", naming=["--out", "run", "--force"])
+    assert_refused(capsys, "train", "--config", tiny, "--out", "run", naming=["folder = run", "force it"])
 
 
 @pytest.mark.parametrize("force", [[], ["--force"]])
 def test_a_folder_that_holds_something_else_is_refused(tiny, capsys, force):
     Path("thesis").mkdir()
     Path("thesis/chapter1.tex").write_text("It was a dark and stormy night.")
-    assert_refused(capsys, "train", "--config", tiny, "--out", "thesis", *force, naming=["--out", "thesis"])
+    assert_refused(capsys, "train", "--config", tiny, "--out", "thesis", *force, naming=["folder = thesis"])
 
 
 @pytest.mark.parametrize("out", ["notes.txt", "notes.txt/run"])

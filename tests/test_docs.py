@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 import tomli_w
 
-from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, SHIELDED, zoo_names
+from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
 from apollonius.commands import values
 from apollonius.game.types import Outcome
@@ -91,7 +93,7 @@ def check_command(words, monkeypatch):
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
             bare = name.removeprefix(SHIELDED)
-            known = {*BUILT_IN, *CLASSICAL, *zoo_names(), "..."}
+            known = {*PLAYERS, *zoo_names(), "..."}
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
     assert game is None or game in game_names() or game.endswith(".toml")

@@ -38,7 +38,7 @@ def run_json(capsys, *arguments):
 def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
     solution = load_solution(Path(tables["evader"]))
     assert (solution.problem.kind, solution.problem.role, solution.problem.payoff) == ("game", "evader", "win")
-    monkeypatch.setattr("apollonius.solve.guarantee.solve_duel", None)
+    monkeypatch.setattr("apollonius.solve.solving.solve_duel", None)
     facts = run_json(capsys, "solve", "game", "--role", "evader", *GRID, "--out", tables["evader"])
     assert (facts["grid"], facts["hold [s]"], facts["sweeps"]) == ("4x4x2x4", 1.0, solution.sweeps)
     assert -1 <= facts["at the worst"] <= facts["the evader is sure of, on average over starts"] <= 1

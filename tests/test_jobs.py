@@ -8,9 +8,8 @@ from dataclasses import replace
 import jax
 import pytest
 
-from apollonius.commands.options import PLACES
 from apollonius.errors import InvalidInput
-from apollonius.jobs import ENGINES, Job, run_jobs
+from apollonius.jobs import Job, run_jobs
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.trainings import train
@@ -67,7 +66,6 @@ def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
 
 
 def test_an_unknown_place_is_refused(tmp_path):
-    assert tuple(ENGINES) == PLACES, "what the command offers"
     with pytest.raises(InvalidInput, match=r"on = moon .*local, ray"):
         run_jobs(jobs_of(write_down, tmp_path), [0], print, on="moon")
     assert not list(tmp_path.iterdir())

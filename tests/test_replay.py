@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import Named, find_agent
+from apollonius.agents.kind import Named
 from apollonius.agents.network import make_actor
 from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import play_games, record_game
+from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.game import judge, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -23,6 +24,8 @@ from apollonius.replay import as_state, load_replay, save_replay, trace
 
 GAME = make_game("robot")
 GAMES = 24
+PLAYERS = find_player("P_stage1", Role.PURSUER), find_player("random", Role.EVADER)
+MATCH = Match(make_game("paper"), *PLAYERS, GAMES, seed=3)
 
 
 def test_a_trace_is_the_course_of_the_game_that_was_played_out():
@@ -42,8 +45,7 @@ def test_a_trace_is_the_course_of_the_game_that_was_played_out():
 
 @pytest.fixture(scope="module")
 def replay():
-    players = (find_agent("P_stage1", Role.PURSUER), find_agent("random", Role.EVADER))
-    return record_game(make_game("paper"), *players, games=GAMES, seed=3, index=2)
+    return record_game(MATCH, index=2)
 
 
 @pytest.fixture
@@ -53,8 +55,7 @@ def path(replay, tmp_path):
 
 
 def test_a_record_is_the_game_of_the_match(replay):
-    players = (find_agent("P_stage1", Role.PURSUER).policy, find_agent("random", Role.EVADER).policy)
-    results = play_games(make_game("paper"), *players, GAMES, seed=3)
+    results = play_games(MATCH)
     assert (replay.outcome, len(replay.actions)) == (results.outcome[2], results.steps[2])
     assert (replay.pursuer, replay.evader) == ("P_stage1", "random")
 
@@ -71,8 +72,8 @@ def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, pat
 def test_a_game_of_both_kinds_of_players_survives_its_file_and_plays_again_to_the_same_bits(tmp_path):
     actor = make_actor("paper", 8, 1, jax.random.key(0))
     wild = Named("wild", SquashedGaussian(actor, jnp.asarray(1.0)))
-    for pair in ((wild, find_agent("random", Role.EVADER)), (wild, wild)):
-        kept = record_game(make_game("paper"), *pair, games=4, seed=3, index=2)
+    for pair in ((wild, find_player("random", Role.EVADER)), (wild, wild)):
+        kept = record_game(Match(make_game("paper"), *pair, games=4, seed=3), index=2)
         assert kept.actions.shape == (len(kept.states) - 1, 2, 2)
         save_replay(kept, tmp_path / "both.json")
         loaded = load_replay(tmp_path / "both.json")

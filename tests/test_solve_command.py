@@ -48,7 +48,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
     first = run_json(capsys, *arguments)
     assert first["starts with a capture"] > 0.9
     assert 3 < first["median time to capture [s]"] < 30
-    monkeypatch.setattr("apollonius.solve.reach.solve_reach", None)
+    monkeypatch.setattr("apollonius.solve.solving.solve_reach", None)
     assert run_json(capsys, *arguments) == first
     assert_refused(
         capsys, "solve", "reach", "--target", "6", "3", *COARSE, "--out", "tables/six.npz",

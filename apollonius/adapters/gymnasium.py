@@ -8,8 +8,8 @@ import numpy as np
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
-from apollonius.agents.catalogue import find_agent
 from apollonius.arenas.file import find_game
+from apollonius.catalogue import find_player
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 
@@ -22,7 +22,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
 
     Args:
         role: the side that acts from outside.
-        opponent: player of the other side, as `find_agent` knows it.
+        opponent: player of the other side, as `find_player` knows it.
         game: the game, the name of one, or its `.toml` file.
         observation: profile of what is seen (`apollonius.game.observation`).
         render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
@@ -51,7 +51,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self.action_space = action_space(actions)
         other = Role(1 - role)
         self._role = role
-        self._live = LiveGame(game, observation, {other: find_agent(opponent, other, game).policy}, actions)
+        self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
         self._view = View(self._live, render_mode)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:

@@ -12,8 +12,8 @@ from jaxtyping import Bool
 from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, draw_starts, renew, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space
-from apollonius.agents.catalogue import find_agent
 from apollonius.arenas.file import find_game
+from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -69,7 +69,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = self._actions = action_space(actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        player = find_agent(opponent, Role(1 - role), game).policy
+        player = find_player(opponent, Role(1 - role), game).policy
         self._mode = mode
         # The game is a constant of what is compiled.
         sitting = Sitting(game, role, observation, player, num_envs, mode)

@@ -1,6 +1,8 @@
 """Agents as files: weights in safetensors, and a JSON header that says what they were made for."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -98,10 +100,7 @@ def load_agent(path: Path) -> Agent:
         InvalidInput: for a file that is missing, truncated, not an agent's, of a newer version, or made for an
             observation this version does not have; says which, and what to do.
     """
-    if not path.is_file():
-        raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
-    with opened(path, "copy or train it again") as file:
-        header = _read_header(path, file.metadata() or {})
+    with _opened_agent(path) as (file, header):
         template = eqx.filter_eval_shape(
             _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)
         )
@@ -113,6 +112,20 @@ def load_agent(path: Path) -> Agent:
     require_finite(path, arrays, "train it again")
     leaves = [jnp.asarray(array) for array in arrays.values()]
     return Agent(jax.tree.unflatten(jax.tree.structure(template), leaves), header)
+
+
+def load_header(path: Path) -> AgentHeader:
+    """What an agent's file says about it; its weights are not read. Errors as those of `load_agent`."""
+    with _opened_agent(path) as (_, header):
+        return header
+
+
+@contextmanager
+def _opened_agent(path: Path) -> Iterator[tuple[Any, AgentHeader]]:
+    if not path.is_file():
+        raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
+    with opened(path, "copy or train it again") as file:
+        yield file, _read_header(path, file.metadata() or {})
 
 
 def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:

@@ -1,9 +1,25 @@
-"""Who plays by a trained network: at its best, or exploring."""
+"""Who plays by a trained network, at its best or exploring; and where such agents are found: the zoo, runs, files."""
+
+from collections.abc import Sequence
+from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean
-from apollonius.game.types import Scalar
+from apollonius.agents.store import Agent, load_agent, load_header
+from apollonius.errors import InvalidInput
+from apollonius.game.game import Game
+from apollonius.game.types import Role, Scalar
+
+ZOO = Path(__file__).parent.parent / "zoo"
+"""Where the trained agents that ship with the package lie."""
+_FROM_ZOO = "zoo/"
+"""Before the name of a trained agent that ships with the package, where it could be taken for another."""
+_AGENTS = "agents"
+"""The folder of a training run that its agents lie in."""
+_RUNS = Path("runs")
+"""The folder that training runs lie in unless they were put elsewhere."""
 
 
 def at_best(network: Network) -> Greedy | SquashedMean:
@@ -19,3 +35,98 @@ def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGauss
             multiplied by.
     """
     return EpsilonGreedy(network, amount) if isinstance(network, QNetwork) else SquashedGaussian(network, amount)
+
+
+def zoo_names() -> list[str]:
+    """Names of the agents that ship with the package."""
+    return sorted(path.stem for path in ZOO.glob("*.safetensors"))
+
+
+class Trained(AbstractKind):
+    """The agents of the zoo, of training runs and of files, at their best."""
+
+    looks = "a .safetensors file, or RUN/NAME for an agent of a training run"
+
+    def names(self) -> Sequence[str]:
+        """Those of the zoo."""
+        return zoo_names()
+
+    def fits(self, name: str, role: Role, game: Game) -> bool:
+        """Whether one of the zoo was trained for the side; it plays any game."""
+        return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
+
+    def knows(self, name: str) -> bool:
+        """Whether it is in the zoo or could be a file."""
+        return _file_of(name) is not None
+
+    def find(self, name: str, role: Role, game: Game | None) -> Named:
+        """The agent, greedy or the middle of its distribution."""
+        agent, path = _find_for(name, role)
+        return Named(name if name.startswith(_FROM_ZOO) else called(path), at_best(agent.network), agent.header)
+
+
+TRAINED = Trained()
+
+
+def find_trained(name: str) -> tuple[Agent, Path]:
+    """The trained agent of this name, in the zoo or a file, and where its file is.
+
+    Raises:
+        InvalidInput: when there is none, or its file is bad.
+    """
+    path = _file_of(name)
+    if path is None:
+        raise unknown(name, TRAINED)
+    return load_agent(path), path
+
+
+def find_valued(name: str) -> tuple[Greedy, Agent, Path]:
+    """The player of a trained agent that values the nine actions, the agent and its file.
+
+    Raises:
+        InvalidInput: as `find_trained`, and for one whose actions are continuous.
+    """
+    agent, path = find_trained(name)
+    player = at_best(agent.network)
+    if not isinstance(player, Greedy):
+        raise InvalidInput(f"'{name}' has continuous actions and values none: name an agent trained by DQN.")
+    return player, agent, path
+
+
+def load_network(name: str, role: Role) -> Network:
+    """The network of a trained agent, by its name in the zoo or its file.
+
+    Raises:
+        InvalidInput: as `find_trained`, and for an agent of the other side.
+    """
+    return _find_for(name, role)[0].network
+
+
+def called(path: Path) -> str:
+    """What the agent of a file is called: RUN/NAME in the folder of a training run, else as the file.
+
+    Two runs give their agents the same names, and those of the zoo.
+    """
+    return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == _AGENTS else path.stem
+
+
+def _find_for(name: str, role: Role) -> tuple[Agent, Path]:
+    agent, path = find_trained(name)
+    if agent.header.role != role.name.lower():
+        raise InvalidInput(
+            f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
+            "the evader second."
+        )
+    return agent, path
+
+
+def _file_of(name: str) -> Path | None:
+    """Where the agent of a name lies; None if nowhere."""
+    in_zoo = name.removeprefix(_FROM_ZOO)
+    if in_zoo in zoo_names():
+        return ZOO / f"{in_zoo}.safetensors"
+    if Path(name).suffix == ".safetensors" or Path(name).exists():
+        return Path(name)
+    run, _, agent = name.rpartition("/")
+    in_run = [folder / _AGENTS / f"{agent}.safetensors" for folder in (Path(run), _RUNS / run) if run and agent]
+    return next((file for file in in_run if file.is_file()), None)

@@ -8,9 +8,8 @@ from jaxtyping import Bool
 
 from apollonius.bodies.scene import SIDES
 from apollonius.bodies.simulation import Simulated
-from apollonius.evaluate.match import MatchResult, count
+from apollonius.evaluate.match import Match, MatchResult, count
 from apollonius.evaluate.statistics import paired_difference_interval
-from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome
 from apollonius.playout import Results
@@ -66,11 +65,11 @@ class Comparison:
         return asdict(self)
 
 
-def compare(game: Game, rules: Results, simulated: Simulated, viable: bool = False) -> Comparison:
-    """What two plays of the same starts come to; `viable` as in `play_match`."""
+def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
+    """What two plays of a match come to: by the rules and with bodies."""
     bodies = simulated.results
     differences = {event: difference(_ended(rules, event), _ended(bodies, event)) for event in EVENTS}
-    return Comparison(count(game, rules, viable), count(game, bodies, viable), differences, tracking(simulated))
+    return Comparison(count(match, rules), count(match, bodies), differences, tracking(simulated))
 
 
 def difference(rules: Bool[np.ndarray, " games"], bodies: Bool[np.ndarray, " games"]) -> Difference:

@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass, field, replace
 from math import inf
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from apollonius.arenas.record import from_dict
+from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import require, require_positive
 
 
@@ -77,6 +80,17 @@ def without(drive: Drive, *parts: str) -> Drive:
     for part in parts:
         drive = replace(drive, **PARTS[part])
     return drive
+
+
+def load_drive(path: Path | None) -> Drive:
+    """The drive of a .toml file that says what is other about a robot; without a file, the one that is built in.
+
+    Raises:
+        InvalidInput: for a file that is missing or no TOML, an unknown key, or an impossible number.
+    """
+    if path is None:
+        return Drive()
+    return from_dict(Drive, parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path), f"'{path}'")
 
 
 @dataclass

@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo
 from apollonius.bodies.drive import Drive, References
 from apollonius.bodies.physics import Physics
-from apollonius.evaluate.match import begin
+from apollonius.evaluate.match import Match, begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
@@ -106,37 +105,26 @@ def simulate(
     return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after, ideal)
 
 
-def simulate_match(
-    game: Game,
-    pursuer: AbstractPolicy,
-    evader: AbstractPolicy,
-    games: int,
-    seed: int,
-    drive: Drive,
-    viable: bool = False,
-    report: Report = lambda done, total: None,
-) -> Simulated:
-    """The games of `play_match`, from the same starts, with bodies; `report` as in `simulate`.
+def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
+    """The games of a match, from the same starts, with bodies; `report` as in `simulate`.
 
     Raises:
         InvalidInput: as `simulate`, and for more games than memory has room for.
     """
-    SIMULATED_GAMES.require("games", games)
-    starts, key = begin(game, games, seed, viable)
-    return simulate(game, solo(pursuer), solo(evader), starts, key, drive, report)
+    SIMULATED_GAMES.require("games", match.games)
+    starts, key = begin(match)
+    return simulate(match.game, solo(match.pursuer.policy), solo(match.evader.policy), starts, key, drive, report)
 
 
-def record_course(simulated: Simulated, game: Game, names: tuple[str, str], seed: int, index: int) -> Replay:
+def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
     """One of the games as a replay, to be looked at. Played again, by the rules, it goes another way.
 
     Args:
-        names: what pursuer and evader are called.
-        seed: of the match.
         index: which of the games, from 0.
     """
-    outcomes = np.asarray(simulated.results.outcome)
-    states, actions = simulated.course(index)
-    return Replay(game, *names, seed, len(outcomes), index, states, actions, Outcome(int(outcomes[index])))
+    outcome = Outcome(int(simulated.results.outcome[index]))
+    names, games = (match.pursuer.name, match.evader.name), len(simulated.results.outcome)
+    return Replay(match.game, *names, match.seed, games, index, *simulated.course(index), outcome)
 
 
 def _members(pursuer: Pool, evader: Pool, key: PRNGKeyArray, count: int) -> Int[Array, "2 games"]:

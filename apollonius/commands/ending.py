@@ -3,7 +3,13 @@
 import argparse
 import shlex
 import sys
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from apollonius.replay import Replay
 
 _SHOWN = 3
 """Files that are named one by one; of more, the folder and the first."""
@@ -24,6 +30,20 @@ def finish(*written: Path, then: str = "", json: bool = False) -> None:
     if then and not json:
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)
+
+
+def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Replay]") -> list[Path]:
+    """Write the first `options.record` games, in files that are called after their kind, number and outcome."""
+    from apollonius.replay import save_replay
+
+    if options.record:
+        options.replays.mkdir(parents=True, exist_ok=True)
+        options.display.begin(f"writing {options.record} replays")
+    written = []
+    for replay in islice(replays, options.record):
+        written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
+        save_replay(replay, written[-1])
+    return written
 
 
 def finish_with_replays(written: list[Path], options: argparse.Namespace) -> None:

@@ -4,8 +4,8 @@ import argparse
 import json
 from typing import Any
 
-from apollonius.commands.ending import finish_with_replays
-from apollonius.commands.options import add_match_options, requested_match
+from apollonius.commands.ending import finish_with_replays, write_replays
+from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
 
 
 def add_evaluate(subparsers: Any) -> None:
@@ -18,30 +18,18 @@ def add_evaluate(subparsers: Any) -> None:
 def run_evaluate(options: argparse.Namespace) -> int:
     """Play a match and print its result."""
     from apollonius.evaluate.match import count, play_games, record_game, worst_first
-    from apollonius.replay import save_replay
     from apollonius.terminal import match_table
 
-    game, pursuer, evader = requested_match(options)
-    display = options.display
-    viable = options.starts == "viable"
-    display.begin(f"playing {options.games:,} games", compiles=True)
-    results = play_games(
-        game, pursuer.policy, evader.policy, options.games, options.seed, viable=viable, report=display.report
-    )
-    result = count(game, results, viable)
-    if options.record:
-        options.replays.mkdir(parents=True, exist_ok=True)
-        display.begin(f"writing {options.record} replays")
-    written = []
-    for index in worst_first(results)[: options.record]:
-        replay = record_game(game, pursuer, evader, options.games, options.seed, index, viable)
-        written.append(options.replays / f"game-{index}-{replay.outcome.name.lower()}.json")
-        save_replay(replay, written[-1])
-    display.end()
+    check_records(options, options.games, f"--games = {options.games}")
+    match = requested_match(options)
+    options.display.begin(f"playing {match.games:,} games", compiles=True)
+    results = play_games(match, report=options.display.report)
+    result = count(match, results)
+    written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
+    options.display.end()
     if options.json:
-        match = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
-        print(json.dumps(match | {"seed": options.seed} | result.to_dict()))
+        print(json.dumps(match_facts(options, match) | result.to_dict()))
     else:
-        print(match_table(pursuer.name, evader.name, result))
+        print(match_table(match.pursuer.name, match.evader.name, result))
     finish_with_replays(written, options)
     return 0

@@ -4,14 +4,14 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.values import count, named, new_folder, nodes, require_writable
 from apollonius.errors import InvalidInput, require
 from apollonius.limits import GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
-    from apollonius.agents.catalogue import Named
+    from apollonius.evaluate.match import Match, StartFilter
     from apollonius.game.game import Game
     from apollonius.game.types import Role
     from apollonius.solve.grid import Grid
@@ -22,8 +22,6 @@ AGENT = (
     ".npz file of solve game; shielded:NAME never crashes, by the rules, where it starts at rest"
 )
 """Help for an argument that names a player."""
-PLACES = ("local", "ray")
-"""Where independent trainings can run."""
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 LENGTHS = ("quick", "standard", "paper")
 """Names of the presets of a training."""
@@ -67,32 +65,58 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
     )  # fmt: skip
 
 
-def requested_match(options: argparse.Namespace) -> "tuple[Game, Named, Named]":
-    """The game of a match and its two players.
+def requested_match(options: argparse.Namespace) -> "Match":
+    """The match of two players that are named, of `options.games`.
 
     Raises:
-        InvalidInput: for a game or player there is not, and for more records than games.
+        InvalidInput: for a game or player there is not.
     """
+    from apollonius.catalogue import find_player
+    from apollonius.evaluate.match import Match
     from apollonius.game.types import Role
-    from apollonius.solve.catalogue import find_player
 
-    require(options.record <= options.games, "--record", options.record, f"from 0 to --games = {options.games}")
-    if options.record:
-        require_writable("--replays", options.replays)
     game = requested_game(options)
     pursuer = find_player(options.pursuer, Role.PURSUER, game)
     evader = find_player(options.evader, Role.EVADER, game)
-    return game, pursuer, evader
+    return Match(game, pursuer, evader, options.games, options.seed, requested_starts(options))
+
+
+def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
+    """What was asked for, for programs."""
+    names = {"pursuer": match.pursuer.name, "evader": match.evader.name}
+    return names | {"game": options.game, "starts": options.starts, "seed": match.seed}
 
 
 def requested_game(options: argparse.Namespace) -> "Game":
-    """The named game with the wanted starts; `viable` ones are drawn from `moving` by who plays."""
+    """The named game with the wanted initial speeds; `viable` starts are drawn from `moving` ones."""
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
 
     game = find_game(options.game)
     return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
+
+
+def requested_starts(options: argparse.Namespace) -> "StartFilter":
+    """Which of that game's starts are wanted."""
+    from apollonius.evaluate.match import StartFilter
+
+    return StartFilter.VIABLE if options.starts == "viable" else StartFilter.ALL
+
+
+def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
+    """Refuse more replays than there are games to record, and a folder that takes none.
+
+    Args:
+        most: how many there can be.
+        bound: the same in words.
+
+    Raises:
+        InvalidInput: if it is so.
+    """
+    require(options.record <= most, "--record", options.record, f"from 0 to {bound}")
+    if options.record:
+        require_writable("--replays", options.replays)
 
 
 def add_grid_options(parser: argparse.ArgumentParser) -> None:

@@ -4,16 +4,17 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import finish_with_replays
+from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import (
     AGENT,
     add_game_options,
     add_grid_options,
     add_record_options,
+    check_records,
     requested_game,
     requested_grid,
 )
-from apollonius.commands.values import count, existing_file, named, require_writable
+from apollonius.commands.values import count, existing_file, named
 from apollonius.errors import require
 from apollonius.limits import GAMES, RECORDS, TARGETS
 
@@ -62,13 +63,13 @@ def run_regret(options: argparse.Namespace) -> int:
 
 def _run_regret(options: argparse.Namespace, game: "Game") -> int:
     """A pursuer against standing targets."""
-    from apollonius.agents.catalogue import find_agent
+    from apollonius.catalogue import find_player
     from apollonius.evaluate.regret import measure_regret
     from apollonius.game.types import Role
     from apollonius.solve.reach import make_chase
     from apollonius.terminal import regret_table
 
-    pursuer = find_agent(options.agent, Role.PURSUER, game)
+    pursuer = find_player(options.agent, Role.PURSUER, game)
     grid, hold = requested_grid(options, game, Role.PURSUER)
     targets = 20 if options.targets is None else options.targets
 
@@ -89,27 +90,28 @@ def _run_regret(options: argparse.Namespace, game: "Game") -> int:
 
 def _run_card(options: argparse.Namespace, game: "Game") -> int:
     """An agent in the solved game."""
-    from apollonius.agents.catalogue import Named
+    from apollonius.agents.kind import Named
+    from apollonius.catalogue import find_player
     from apollonius.evaluate.card import WORST, measure_card
-    from apollonius.evaluate.match import record_game
+    from apollonius.evaluate.match import Match, record_game
     from apollonius.game.types import Role
-    from apollonius.replay import save_replay
-    from apollonius.solve.catalogue import find_player, table_player
     from apollonius.solve.players import ResponsePolicy
+    from apollonius.solve.solved import table_player
     from apollonius.terminal import card_table
 
     for name in ("targets", "grid", "hold"):
         given = getattr(options, name)
         require(given is None, f"--{name}", given, "left out with --tables, which know it")
-    require(options.record <= WORST, "--record", options.record, f"from 0 to {WORST}")
-    if options.record:
-        require_writable("--replays", options.replays)
+    check_records(options, WORST, f"{WORST}")
     role = Role[(options.role or "pursuer").upper()]
-    players = [table_player(path, game) for path in options.tables]
-    sides = {player.contest.role: player for player in players}
+    tables = [(path.stem, table_player(path, game)) for path in options.tables]
+    sides = {table.contest.role: table for _, table in tables}
     require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
     agent = find_player(options.agent, role, game)
     own, other = sides[role], sides[Role(1 - role)]
+    opponent = Named(next(name for name, table in tables if table is other), other)
+    pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
+    match = Match(game, pursuer, evader, options.games, options.seed)
     response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
     display = options.display
     display.begin("playing against the table", compiles=True)
@@ -119,19 +121,8 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
             display.begin(f"playing against the {opponent}")
         display.report(done, total)
 
-    card = measure_card(
-        game, agent.policy, (own, other), options.games, options.seed, response, options.response_games, report
-    )
-    table_of_other = next(path for path, player in zip(options.tables, players, strict=True) if player is other)
-    opponent = Named(table_of_other.stem, other)
-    pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
-    if options.record:
-        options.replays.mkdir(parents=True, exist_ok=True)
-    written = []
-    for lost in card.worst[: options.record]:
-        replay = record_game(game, pursuer, evader, options.games, options.seed, lost["game"])
-        written.append(options.replays / f"game-{lost['game']}-{lost['outcome']}.json")
-        save_replay(replay, written[-1])
+    card = measure_card(match, own, response, options.response_games, report)
+    written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
     display.end()
     if options.json:
         about = {"agent": agent.name, "game": options.game, "starts": options.starts, "seed": options.seed}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_match
 from apollonius.commands.values import named, new_file, real
 from apollonius.errors import require
 
@@ -26,7 +26,7 @@ def add_show(subparsers: Any) -> None:
     parser.add_argument(
         "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1, real time)"
     )
-    parser.set_defaults(run=run_show)
+    parser.set_defaults(run=run_show, games=1)
 
 
 def run_show(options: argparse.Namespace) -> int:
@@ -49,13 +49,8 @@ def run_show(options: argparse.Namespace) -> int:
             display.tell(f"played again, this game differs from step {first} on")
     else:
         from apollonius.evaluate.match import record_game
-        from apollonius.game.types import Role
-        from apollonius.solve.catalogue import find_player
 
-        game = requested_game(options)
-        pursuer = find_player(options.pursuer, Role.PURSUER, game)
-        evader = find_player(options.evader, Role.EVADER, game)
-        replay = record_game(game, pursuer, evader, 1, options.seed, 0, options.starts == "viable")
+        replay = record_game(requested_match(options), 0)
     display.begin(f"drawing {len(replay.states)} states")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.out.suffix == ".json":

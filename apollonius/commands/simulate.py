@@ -2,17 +2,15 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import finish_with_replays
-from apollonius.commands.options import add_match_options, requested_match
+from apollonius.commands.ending import finish_with_replays, write_replays
+from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
 from apollonius.commands.values import existing_file
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
     from apollonius.bodies.comparison import Comparison
-    from apollonius.bodies.drive import Drive
 
 
 def add_simulate(subparsers: Any) -> None:
@@ -29,56 +27,37 @@ def add_simulate(subparsers: Any) -> None:
 def run_simulate(options: argparse.Namespace) -> int:
     """Play a match by the rules and with bodies, and print both."""
     from apollonius.bodies.comparison import compare
-    from apollonius.bodies.drive import PARTS, without
+    from apollonius.bodies.drive import PARTS, load_drive, without
     from apollonius.bodies.simulation import record_course, simulate_match
     from apollonius.evaluate.match import play_games, worst_first
-    from apollonius.replay import save_replay
 
-    game, pursuer, evader = requested_match(options)
-    drive, viable = _drive(options.drive), options.starts == "viable"
-    match = game, pursuer.policy, evader.policy, options.games, options.seed
+    check_records(options, options.games, f"--games = {options.games}")
+    match, drive, display = requested_match(options), load_drive(options.drive), options.display
     kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
-    display, ablated = options.display, kinds if options.ablate else {}
+    ablated = kinds if options.ablate else {}
     display.plan({"playing with bodies": 1.0, "playing by the rules": 0.1} | dict.fromkeys(ablated, 1.0))
     display.begin("playing with bodies", compiles=True)
-    simulated = simulate_match(*match, drive, viable, display.report)
+    simulated = simulate_match(match, drive, display.report)
     display.begin("playing by the rules", compiles=True)
-    rules = play_games(*match, viable=viable, report=display.report)
-    comparisons = {"as it is": compare(game, rules, simulated, viable)}
+    rules = play_games(match, report=display.report)
+    comparisons = {"as it is": compare(match, rules, simulated)}
     for kind, parts in ablated.items():
         display.begin(kind, compiles=True)
-        other = simulate_match(*match, without(drive, *parts), viable, display.report)
-        comparisons[kind] = compare(game, rules, other, viable)
-    if options.record:
-        options.replays.mkdir(parents=True, exist_ok=True)
-    written = []
-    for index in worst_first(simulated.results)[: options.record]:
-        replay = record_course(simulated, game, (pursuer.name, evader.name), options.seed, index)
-        written.append(options.replays / f"bodies-{index}-{replay.outcome.name.lower()}.json")
-        save_replay(replay, written[-1])
+        other = simulate_match(match, without(drive, *parts), display.report)
+        comparisons[kind] = compare(match, rules, other)
+    worst = worst_first(simulated.results)
+    written = write_replays(options, "bodies", (record_course(simulated, match, index) for index in worst))
     display.end()
     if options.json:
-        asked = {"pursuer": pursuer.name, "evader": evader.name, "game": options.game, "starts": options.starts}
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
-        print(json.dumps(asked | {"seed": options.seed, "drives": found}))
+        print(json.dumps(match_facts(options, match) | {"drives": found}))
     else:
-        print(f"{pursuer.name} (pursuer) against {evader.name} (evader), {options.games:,} games")
+        print(f"{match.pursuer.name} (pursuer) against {match.evader.name} (evader), {match.games:,} games")
         print(_table(comparisons["as it is"]))
         for kind, comparison in list(comparisons.items())[1:]:
             print(f"{kind}:", *_differences(comparison), sep="\n")
     finish_with_replays(written, options)
     return 0
-
-
-def _drive(path: Path | None) -> "Drive":
-    """The drive of a file, or the one that is built in."""
-    from apollonius.arenas.record import from_dict
-    from apollonius.bodies.drive import Drive
-    from apollonius.document import parse_toml, read_bytes
-
-    if path is None:
-        return Drive()
-    return from_dict(Drive, parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path), f"'{path}'")
 
 
 def _table(comparison: "Comparison") -> str:

@@ -36,10 +36,10 @@ def run_slice(options: argparse.Namespace) -> int:
     """Draw the slice."""
     import jax.numpy as jnp
 
-    from apollonius.agents.catalogue import find_valued
+    from apollonius.agents.trained import find_valued
     from apollonius.arenas.file import find_game
     from apollonius.game.types import RobotState, Role
-    from apollonius.solve.catalogue import SUFFIX, table_player
+    from apollonius.solve.solved import SUFFIX, table_player
 
     with plots():
         from apollonius.show.slices import save_slice

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game, requested_starts
 from apollonius.commands.values import count, named, new_file, new_folder
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
@@ -43,12 +43,11 @@ def add_tournament(subparsers: Any) -> None:
 
 def run_tournament(options: argparse.Namespace) -> int:
     """Play all matches and print the table."""
-    from apollonius.agents.catalogue import player_names
+    from apollonius.catalogue import find_player, player_names
     from apollonius.evaluate.cycles import cycles
     from apollonius.evaluate.match import MatchResult
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
-    from apollonius.solve.catalogue import find_player
     from apollonius.terminal import tournament_table
 
     if options.plot:
@@ -65,10 +64,17 @@ def run_tournament(options: argparse.Namespace) -> int:
 
     if options.keep:
         go_on(f"the matches in {options.keep} are kept: give the same command again")
-    viable = options.starts == "viable"
     options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
     tournament = play_tournament(
-        game, pursuers, evaders, options.games, options.seed, tell, viable, options.keep, options.display.report
+        game,
+        pursuers,
+        evaders,
+        options.games,
+        options.seed,
+        tell,
+        requested_starts(options),
+        options.keep,
+        options.display.report,
     )
     if options.plot:
         options.plot.parent.mkdir(parents=True, exist_ok=True)

@@ -1,31 +1,27 @@
 """`apollonius train` and `resume`: train agents in a run's folder, then say how good they are."""
 
 import argparse
-import json
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import LENGTHS
 from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
 from apollonius.interrupts import answer, go_on
+from apollonius.learn.scheme import Scheme
 from apollonius.limits import SEED
 
 if TYPE_CHECKING:
     from apollonius.display import Display
+    from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
     from apollonius.learn.progress import Progress
 
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
-SCHEMES = (
-    "latest", "alternating", "uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "psro",
-    "psro-hedge", "league",
-)  # fmt: skip
-
 
 _JUDGING = "judging"
 _JUDGED_GAMES = 2000
@@ -62,7 +58,7 @@ def add_train(subparsers: Any) -> None:
         "evader of --stage self-play goes on from (default: none)",
     )
     parser.add_argument(
-        "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
+        "--opponents", choices=get_args(Scheme), help="whom both sides of self-play meet (default: latest, each other)"
     )
     parser.add_argument("--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
@@ -78,7 +74,7 @@ def add_resume(subparsers: Any) -> None:
 
 def run_train(options: argparse.Namespace) -> int:
     """Train from scratch in a new folder."""
-    from apollonius.agents.catalogue import find_pool
+    from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
     from apollonius.learn.run import load_first
@@ -185,32 +181,16 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
-    """Play the agents of a finished run; print the tables and keep them in `evaluation.json`."""
-    from apollonius.agents.catalogue import find_agent
-    from apollonius.document import write_atomically
-    from apollonius.evaluate.match import play_match
-    from apollonius.evaluate.pairings import last_agents, pairings
-    from apollonius.evaluate.trend import self_play_trend
-    from apollonius.game.types import Role
+    """Play the agents of a finished run, and print how good they are."""
+    from apollonius.evaluate.pairings import judge_run
+    from apollonius.evaluate.trend import trend_of_run
     from apollonius.terminal import match_table
 
-    agents = last_agents(folder)
-    record = {}
-    matches = pairings(agents)
-    for number, (name, opponent) in enumerate(matches):
-        pursuer = find_agent(str(agents[name]), Role.PURSUER)
-        evader = find_agent(str(agents.get(opponent, opponent)), Role.EVADER)
+    def tell(match: "Match", result: "MatchResult") -> None:
+        print(match_table(match.pursuer.name, match.evader.name, result), end="\n\n", flush=True)
 
-        def report(done: int, games: int, before: int = number * _JUDGED_GAMES) -> None:
-            display.report(before + done, games * len(matches))
-
-        result = play_match(config.game, pursuer.policy, evader.policy, _JUDGED_GAMES, seed=1, report=report)
-        record[f"{name} against {opponent}"] = result.to_dict()
-        print(match_table(pursuer.name, evader.name, result), end="\n\n", flush=True)
+    judge_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()
-    write_atomically(folder / "evaluation.json", json.dumps(record, indent=2).encode())
-    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
-    looks = [line["evaluation"] for line in lines if line["stage"] == "self-play" and "evaluation" in line]
-    if trend := self_play_trend(looks):
+    if trend := trend_of_run(folder):
         print(trend, end="\n\n")
     finish(folder, then=command("report", folder))

@@ -1,7 +1,7 @@
 """The regret card of an agent: how far its play is from what the solved two-robot game says can be had."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -9,14 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.kind import Named
 from apollonius.errors import require
-from apollonius.evaluate.match import begin, play_games
+from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
-from apollonius.playout import Report, Results
+from apollonius.playout import Results
 from apollonius.solve.players import AbstractLookahead, SaddlePolicy
 
 _REGIONS = 5
@@ -68,20 +68,17 @@ class Card:
 
 
 def measure_card(
-    game: Game,
-    agent: AbstractPolicy,
-    tables: tuple[SaddlePolicy, SaddlePolicy],
-    games: int,
-    seed: int,
+    match: Match,
+    own: SaddlePolicy,
     response: AbstractLookahead | None = None,
     response_games: int = 1000,
     report: Callable[[str, int, int], None] = lambda opponent, done, total: None,
 ) -> Card:
-    """Play the agent against the other side's table, and compare with what its own side's table is sure of.
+    """Compare what an agent gets from the other side's table with what its own side's table is sure of.
 
     Args:
-        tables: the players of the agent's side and of the other one.
-        games, seed: as of a match; the starts are those of `play_match`.
+        match: the agent against the player by the other side's table.
+        own: the player by the table of the agent's side.
         response: an opponent that knows the agent; it plays the first `response_games` starts of another match.
         report: told against whom it plays, table or response, how many of these games have ended, and how many there
             are.
@@ -89,23 +86,27 @@ def measure_card(
     Raises:
         InvalidInput: as `play_match`, and unless the tables are of two sides and one payoff.
     """
-    own, other = tables
-    role = own.contest.role
-    require(other.contest.role != role, "tables", "of one side", "one of the pursuer and one of the evader")
+    role, game = own.contest.role, match.game
+    other = match.player(Role(1 - role)).policy
+    two = isinstance(other, SaddlePolicy) and other.contest.role != role
+    require(two, "tables", "of one side", "one of the pursuer and one of the evader")
+    assert isinstance(other, SaddlePolicy)
     same = (own.contest.win, own.contest.lose) == (-other.contest.lose, -other.contest.win)
-    require(same, "tables", "of two payoffs", "two that were solved with the same --payoff")
-    starts, _ = begin(game, games, seed, viable=False)
-    results = _play(game, role, agent, other, games, seed, partial(report, "table"))
+    require(same, "tables", "of two payoffs", "two that were solved with the same payoff")
+    starts, _ = begin(match)
+    results = play_games(match, report=partial(report, "table"))
     payoffs, sure = _payoffs(own, results), np.asarray(own.best_worth(starts))
     gaps = sure - payoffs
     answered = None
     if response is not None:
-        lost_to = _play(game, role, agent, response, response_games, seed, partial(report, "response"))
+        opponent = {Role(1 - role).name.lower(): Named("response", response)}
+        answer = replace(match, games=response_games, **opponent)
+        lost_to = play_games(answer, report=partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
     own_starts = (starts.pursuer, starts.evader)[role]
     return Card(
         role=role.name.lower(),
-        games=games,
+        games=match.games,
         sure=float(np.mean(sure)),
         at_most=-float(jnp.mean(other.best_worth(starts))),
         agent=_score(role, results, payoffs),
@@ -115,13 +116,6 @@ def measure_card(
         regions=_by_region(game, np.asarray(own_starts.x), np.asarray(own_starts.y), gaps),
         worst=_worst(game, starts, results, gaps),
     )
-
-
-def _play(
-    game: Game, role: Role, player: AbstractPolicy, opponent: AbstractPolicy, games: int, seed: int, report: Report
-) -> Results:
-    pair = (player, opponent) if role == Role.PURSUER else (opponent, player)
-    return play_games(game, *pair, games, seed, report=report)
 
 
 def _payoffs(own: SaddlePolicy, results: Results) -> np.ndarray:

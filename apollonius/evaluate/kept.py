@@ -3,13 +3,13 @@
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from apollonius.agents.catalogue import Named, fingerprint
+from apollonius.agents.kind import fingerprint
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import InvalidInput, require
-from apollonius.evaluate.match import MatchResult, play_match
-from apollonius.game.game import Game
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
 from apollonius.playout import Report
 
 
@@ -19,7 +19,7 @@ class KeptMatch:
 
     pursuer: str
     evader: str
-    game: dict
+    game: dict[str, Any]
     games: int
     seed: int
     viable: bool
@@ -31,30 +31,23 @@ def match_file(folder: Path, pursuer: str, evader: str) -> Path:
     return folder / f"{pursuer}--{evader}.json".replace("/", "-").replace(":", "-")
 
 
-def kept_match(
-    folder: Path,
-    game: Game,
-    pursuer: Named,
-    evader: Named,
-    games: int,
-    seed: int,
-    viable: bool = False,
-    report: Report = lambda done, total: None,
-) -> MatchResult:
-    """The match of two players, as `play_match`: read from the folder if it lies there, or else played and kept there.
+def kept_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:
+    """What a match comes to, as `play_match`: read from the folder if it lies there, or else played and kept there.
 
     Raises:
         InvalidInput: when the file is bad, or of a match of other players, rules, starts or length; as `play_match`.
     """
-    path = match_file(folder, pursuer.name, evader.name)
-    asked = KeptMatch(fingerprint(pursuer.policy), fingerprint(evader.policy), to_dict(game), games, seed, viable)
+    path = match_file(folder, match.pursuer.name, match.evader.name)
+    pursuer, evader = (fingerprint(player.policy) for player in (match.pursuer, match.evader))
+    viable = match.starts is StartFilter.VIABLE
+    asked = KeptMatch(pursuer, evader, to_dict(match.game), match.games, match.seed, viable)
     if path.exists():
         kept = _read(path)
         same = replace(kept, result=None) == asked
-        require(same, "--keep", folder, f"another folder: '{path.name}' is of another match")
+        require(same, "folder of matches", folder, f"another one: '{path.name}' is of another match")
         assert kept.result is not None
         return kept.result
-    result = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable, report=report)
+    result = play_match(match, report=report)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps(to_dict(replace(asked, result=result)), indent=1).encode())
     return result

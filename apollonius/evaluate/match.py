@@ -1,25 +1,83 @@
-"""A match: two players, many games on paired starts, and what the counts say."""
+"""A match: what is asked for, many games on paired starts, and what the counts say."""
 
 from dataclasses import asdict, dataclass
+from enum import Enum
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Array, PRNGKeyArray, UInt32
 
-from apollonius.agents.catalogue import Named
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.kind import Named
 from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
-from apollonius.game.types import GameState, Outcome
+from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import GAMES, SEED
 from apollonius.playout import Report, Results, draw_starts, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
+
+
+class StartFilter(Enum):
+    """Which of the starts that a game draws are played."""
+
+    ALL = "all"
+    VIABLE = "viable"
+    """Those from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
+
+    def draw(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
+        """Initial states of several games, leaves `[games]`. The key is consumed.
+
+        Raises:
+            InvalidInput: when hardly any start of the game is viable.
+        """
+        if self is StartFilter.ALL or _starts_at_rest(game):
+            return draw_starts(game, key, games)
+        return viable_starts(game, solve_viability(game), key, games)
+
+    def doomed_rate(self, game: Game) -> float:
+        """The share of these starts that are lost before they begin."""
+        if self is StartFilter.VIABLE or _starts_at_rest(game):
+            return 0.0
+        return doomed_start_rate(game, solve_viability(game))
+
+
+@dataclass(frozen=True)
+class Match:
+    """A match that is asked for.
+
+    Its starts depend on the game, the number of games, the seed and the filter alone, so matches of other players with
+    the same ones are paired: they meet the very same starts.
+
+    Attributes:
+        game: by whose rules.
+        pursuer, evader: who plays.
+        games: how many.
+        seed: of the starts and of everything random in the games.
+        starts: which of the game's starts are played.
+
+    Raises:
+        InvalidInput: unless `games` is at least 1 and `seed` is not negative.
+    """
+
+    game: Game
+    pursuer: Named
+    evader: Named
+    games: int
+    seed: int = 0
+    starts: StartFilter = StartFilter.ALL
+
+    def __post_init__(self) -> None:
+        GAMES.require("games", self.games)
+        SEED.require("seed", self.seed)
+
+    def player(self, role: Role) -> Named:
+        """Who plays a side."""
+        return self.pursuer if role == Role.PURSUER else self.evader
 
 
 @jax.jit
@@ -60,62 +118,36 @@ class MatchResult:
         return asdict(self)
 
 
-def play_match(
-    game: Game,
-    pursuer: AbstractPolicy,
-    evader: AbstractPolicy,
-    games: int,
-    seed: int,
-    slots: int | None = None,
-    viable: bool = False,
-    report: Report = lambda done, total: None,
-) -> MatchResult:
-    """Play a number of games and count.
-
-    The starts depend on the game, the seed, the number of games and `viable` alone, so matches of other players with
-    the same ones are paired: they meet the very same starts.
+def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:
+    """Play the games of a match and count.
 
     Args:
-        viable: leave out the starts from which a robot cannot help crashing.
+        slots: games under way at a time, as in `play_out`; they change nothing but the time it takes.
         report: called several times in a second with the numbers of games ended, and of games.
 
     Raises:
-        InvalidInput: unless `games` is at least 1 and `seed` is not negative.
+        InvalidInput: when hardly any start of the game is viable, and those are asked for.
     """
-    return count(game, play_games(game, pursuer, evader, games, seed, slots, viable, report), viable)
+    return count(match, play_games(match, slots, report))
 
 
-def play_games(
-    game: Game,
-    pursuer: AbstractPolicy,
-    evader: AbstractPolicy,
-    games: int,
-    seed: int,
-    slots: int | None = None,
-    viable: bool = False,
-    report: Report = lambda done, total: None,
-) -> Results:
+def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    starts, key = begin(game, games, seed, viable)
-    return play_out(game, solo(pursuer), solo(evader), starts, key, slots=slots, watcher=Changes(), report=report)
+    players = solo(match.pursuer.policy), solo(match.evader.policy)
+    return play_out(match.game, *players, *begin(match), slots=slots, watcher=Changes(), report=report)
 
 
-def replay_game(
-    game: Game,
-    pursuer: AbstractPolicy,
-    evader: AbstractPolicy,
-    games: int,
-    seed: int,
-    index: int,
-    viable: bool = False,
-) -> Trajectory:
-    """One game of a match, step by step; the other arguments and errors are those of `play_match`.
+def replay_game(match: Match, index: int) -> Trajectory:
+    """One game of a match, step by step.
 
     Args:
         index: which of the games, from 0.
+
+    Raises:
+        InvalidInput: when there is no such game, and as `play_match`.
     """
-    require(0 <= index < games, "index", index, f"at least 0 and less than games = {games}")
-    return trace(game, solo(pursuer), solo(evader), *begin(game, games, seed, viable), index)
+    require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
+    return trace(match.game, solo(match.pursuer.policy), solo(match.evader.policy), *begin(match), index)
 
 
 def worst_first(results: Results) -> list[int]:
@@ -124,34 +156,28 @@ def worst_first(results: Results) -> list[int]:
     return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
 
 
-def record_game(
-    game: Game, pursuer: Named, evader: Named, games: int, seed: int, index: int, viable: bool = False
-) -> Replay:
+def record_game(match: Match, index: int) -> Replay:
     """One game of a match as a replay; arguments and errors as those of `replay_game`."""
-    course = replay_game(game, pursuer.policy, evader.policy, games, seed, index, viable)
+    course = replay_game(match, index)
     return Replay(
-        game, pursuer.name, evader.name, seed, games, index,
+        match.game, match.pursuer.name, match.evader.name, match.seed, match.games, index,
         as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),
     )  # fmt: skip
 
 
-def begin(game: Game, games: int, seed: int, viable: bool) -> tuple[GameState, PRNGKeyArray]:
+def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
     """The starts of a match, and the key of everything random in its games."""
-    GAMES.require("games", games)
-    SEED.require("seed", seed)
-    start_key, play_key = _keys(np.uint32(seed))
-    if viable and not _starts_at_rest(game):
-        return viable_starts(game, solve_viability(game), start_key, games), play_key
-    return draw_starts(game, start_key, games), play_key
+    start_key, play_key = _keys(np.uint32(match.seed))
+    return match.starts.draw(match.game, start_key, match.games), play_key
 
 
-def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
-    """What games that were played to their ends come to; `viable` as in `play_match`."""
+def count(match: Match, results: Results) -> MatchResult:
+    """What the games of a match, played to their ends, come to."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
     games = len(outcome)
     counts = np.bincount(outcome, minlength=len(Outcome))
     pursuer_won = int(counts[list(PURSUER_WINS)].sum())
-    evader_won = int(counts[list(evader_winning(game.reward.time_limit_wins))].sum())
+    evader_won = int(counts[list(evader_winning(match.game.reward.time_limit_wins))].sum())
     both_failed = int(counts[Outcome.BOTH_FAILED])
     captured = outcome == Outcome.CAPTURED
     pursuer_change, evader_change = mean_change(results).tolist() if results.watched is not None else (None, None)
@@ -165,7 +191,7 @@ def count(game: Game, results: Results, viable: bool = False) -> MatchResult:
         evader_undefeated_rate=(games - pursuer_won - both_failed) / games,
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
-        doomed_start_rate=0.0 if viable or _starts_at_rest(game) else doomed_start_rate(game, solve_viability(game)),
+        doomed_start_rate=match.starts.doomed_rate(match.game),
         capture_steps_deviation=float(np.std(steps[captured])) if captured.any() else None,
         pursuer_change=pursuer_change and tuple(pursuer_change),
         evader_change=evader_change and tuple(evader_change),

@@ -1,7 +1,18 @@
-"""Who meets whom when the agents of a training run are judged."""
+"""The matches by which the agents at the end of a training run are judged."""
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
+
+from apollonius.agents.store import load_header
+from apollonius.catalogue import find_player
+from apollonius.document import write_atomically
+from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.playout import Report
 
 
 def last_agents(run: Path) -> dict[str, Path]:
@@ -9,16 +20,52 @@ def last_agents(run: Path) -> dict[str, Path]:
     return {path.stem: path for path in sorted(run.glob("agents/*.safetensors")) if "-" not in path.stem}
 
 
-def pairings(names: Iterable[str]) -> list[tuple[str, str]]:
-    """Pursuer and evader of every match between agents of these names and the players that need no training.
+def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
+    """Pursuer and evader of every match between these agents and the players that need no training.
 
     The pursuer of stage 1 meets an evader that stays, as in its training; any other the random evader and all evaders.
     """
-    names = list(names)
-    evaders = ["random", *[name for name in names if name.startswith("E_")]]
+    roles = {name: load_header(file).role for name, file in agents.items()}
+    evaders = ["random", *[name for name, role in roles.items() if role == "evader"]]
     return [
         (name, opponent)
-        for name in names
-        if name.startswith("P_")
+        for name, role in roles.items()
+        if role == "pursuer"
         for opponent in (["still"] if name == "P_stage1" else evaders)
     ]
+
+
+def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str, str], Match]:
+    """The matches of a run's last agents, by the names that they have in it."""
+    agents, found = last_agents(run), {}
+    for pair in pairings(agents):
+        pursuer, evader = (find_player(str(agents.get(pair[role], pair[role])), role) for role in Role)
+        found[pair] = Match(game, pursuer, evader, games, seed)
+    return found
+
+
+def judge_run(
+    run: Path,
+    game: Game,
+    games: int,
+    on_match: Callable[[Match, MatchResult], None],
+    report: Report = lambda done, total: None,
+) -> None:
+    """Play the matches of a run's last agents, and keep what they come to in its `evaluation.json`.
+
+    Args:
+        games: in each match.
+        on_match: called after each.
+        report: told of the games of all matches together, as of one match by `play_match`.
+    """
+    matches = last_matches(run, game, games, seed=1)
+    record: dict[str, Any] = {}
+
+    def of_all(before: int, done: int, total: int) -> None:
+        report(before + done, total * len(matches))
+
+    for number, ((pursuer, evader), match) in enumerate(matches.items()):
+        result = play_match(match, report=partial(of_all, number * games))
+        record[f"{pursuer} against {evader}"] = result.to_dict()
+        on_match(match, result)
+    write_atomically(run / "evaluation.json", json.dumps(record, indent=2).encode())

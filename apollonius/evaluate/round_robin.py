@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from apollonius.agents.catalogue import Named, find_agent
+from apollonius.agents.kind import Named
+from apollonius.catalogue import find_player
 from apollonius.evaluate.kept import kept_match, match_file
+from apollonius.evaluate.match import Match
 from apollonius.evaluate.tournament import Tournament, play_tournament
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -51,9 +53,9 @@ def play_row(everyone: RoundRobin, pursuer: str, should_stop: ShouldStop) -> boo
         if should_stop():
             return False
         evader = _named(*entrant, Role.EVADER)
-        kept_match(everyone.folder, make_game("paper"), chasing, evader, everyone.games, everyone.seed)
+        kept_match(everyone.folder, Match(make_game("paper"), chasing, evader, everyone.games, everyone.seed))
     return True
 
 
 def _named(name: str, agent: str, role: Role) -> Named:
-    return Named(name, find_agent(agent, role, make_game("paper")).policy)
+    return Named(name, find_player(agent, role, make_game("paper")).policy)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from apollonius.agents.catalogue import Named
+from apollonius.agents.kind import Named
 from apollonius.errors import require
 from apollonius.evaluate.kept import kept_match
-from apollonius.evaluate.match import MatchResult, play_match
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
 from apollonius.evaluate.ratings import Ratings, rate
 from apollonius.game.game import Game
 from apollonius.matrix_game import Equilibrium, broadest_equilibrium
@@ -112,7 +112,7 @@ def play_tournament(
     games: int,
     seed: int,
     on_match: Callable[[str, str, MatchResult], None] = lambda pursuer, evader, result: None,
-    viable: bool = False,
+    starts: StartFilter = StartFilter.ALL,
     keep: Path | None = None,
     report: Report = lambda done, total: None,
 ) -> Tournament:
@@ -121,7 +121,7 @@ def play_tournament(
     Args:
         games: in each match.
         on_match: called after each.
-        viable: as in `play_match`.
+        starts: as of a `Match`.
         keep: folder for the matches; those that lie there already are not played again.
         report: told of the games of all matches together, as of one match by `play_match`.
 
@@ -141,11 +141,8 @@ def play_tournament(
             def of_all(done: int, _: int, before: int = before) -> None:
                 report(before + done, total)
 
-            if keep is None:
-                match = play_match(game, pursuer.policy, evader.policy, games, seed, viable=viable, report=of_all)
-            else:
-                match = kept_match(keep, game, pursuer, evader, games, seed, viable, of_all)
-            row.append(match)
+            match = Match(game, pursuer, evader, games, seed, starts)
+            row.append(kept_match(keep, match, of_all) if keep else play_match(match, report=of_all))
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))

@@ -1,12 +1,21 @@
 """What became of self-play from the first look at it to the last, in words."""
 
+import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from apollonius.game.outcome import PURSUER_WINS, names_of
 
 _MUCH = 0.1
 """A fall of the pursuer's wins that wants a word."""
+
+
+def trend_of_run(run: Path) -> str:
+    """What became of the self-play of a training run, as `self_play_trend` tells it."""
+    lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+    own = [line for line in lines if line["stage"] == "self-play"]
+    return self_play_trend([line["evaluation"] for line in own if "evaluation" in line])
 
 
 def self_play_trend(looks: Sequence[Mapping[str, Any]]) -> str:

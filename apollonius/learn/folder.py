@@ -21,11 +21,11 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
         OSError: when it cannot be written.
     """
     if folder.exists():
-        require(folder.is_dir(), "--out", folder, "a folder; choose another")
+        require(folder.is_dir(), "folder", folder, "a folder; choose another")
         if any(folder.iterdir()):
             is_run = (folder / "config.toml").is_file()
-            require(is_run, "--out", folder, "new, empty or a run's folder, but holds something else; choose another")
-            require(force, "--out", folder, "a new folder, as this one holds a run; choose another or add --force")
+            require(is_run, "folder", folder, "a run's folder, new or empty, but holds something else; choose another")
+            require(force, "folder", folder, "a new folder, as this one holds a run; choose another or force it")
             _remove_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / "config.toml", tomli_w.dumps(to_dict(config)).encode())

@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.catalogue import find_pool, load_network
 from apollonius.agents.network import Network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import at_best
+from apollonius.agents.trained import at_best, load_network
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.outcome import counts_by_name
@@ -210,7 +210,7 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     if name is None:
         return None
     network = load_network(name, role)
-    require_fitting(network, config.learner, f"--{role.name.lower()}", name)
+    require_fitting(network, config.learner, role.name.lower(), name)
     return network
 
 

@@ -2,7 +2,7 @@
 
 from apollonius.evaluate.match import replay_game
 from apollonius.reproduce.finding import Finding
-from apollonius.reproduce.study import MATCH_SEED, Study
+from apollonius.reproduce.study import Study
 from apollonius.show import style
 from apollonius.show.arena import draw_game
 from apollonius.show.words import describe_end
@@ -16,8 +16,7 @@ def run(study: Study) -> Finding:
     seed, ends = study.seeds[0], []
     with style.picture(study.folder / "figure5.png", columns=len(MOMENTS), width=3.4, height=3.8) as panels:
         for axes, percent in zip(panels, MOMENTS, strict=True):
-            pursuer, evader = (study.agent(name, seed, percent) for name in ("P_curriculum", "E_curriculum"))
-            game = replay_game(study.game, pursuer.policy, evader.policy, study.games, MATCH_SEED, index=0)
+            game = replay_game(study.pairing("P_curriculum", "E_curriculum", seed, percent), index=0)
             draw_game(axes, study.game, game, f"after {percent} % of self-play")
             ends.append(describe_end(study.game, game))
     moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))

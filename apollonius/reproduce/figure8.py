@@ -6,7 +6,7 @@ from apollonius import Outcome
 from apollonius.evaluate.match import replay_game
 from apollonius.game.outcome import pursuer_wins
 from apollonius.reproduce.finding import Finding
-from apollonius.reproduce.study import MATCH_SEED, Study
+from apollonius.reproduce.study import Study
 from apollonius.show import style
 from apollonius.show.arena import draw_game
 from apollonius.show.words import describe_end
@@ -20,11 +20,9 @@ def run(study: Study) -> Finding:
     if not wanted.any():
         wanted = theirs != Outcome.CAPTURED
     index, ends = int(jnp.argmax(wanted)), []
-    evader = study.agent("E_scratch", seed)
     with style.picture(study.folder / "figure8.png", columns=2, width=3.6, height=4.0) as panels:
         for axes, name in zip(panels, ("P_random", "P_curriculum"), strict=True):
-            pursuer = study.agent(name, seed)
-            game = replay_game(study.game, pursuer.policy, evader.policy, study.games, MATCH_SEED, index)
+            game = replay_game(study.pairing(name, "E_scratch", seed), index)
             draw_game(axes, study.game, game, f"{name} against E_scratch")
             ends.append(f"{name}: {describe_end(study.game, game)}")
     text = f"Game {index} of the match. {'; '.join(ends)}."

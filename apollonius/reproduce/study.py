@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from apollonius import Game, Role, find_agent
-from apollonius.agents.catalogue import SHIELDED, Named
+from apollonius import Game, Match, Named, Role, find_player
+from apollonius.catalogue import SHIELDED
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
@@ -83,19 +83,23 @@ class Study:
         role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
         moment = percent if bare in SELF_PLAYED else 100
         player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
-        return replace(find_agent(SHIELDED + player if bare != name else player, role, self.game), name=name)
+        return replace(find_player(SHIELDED + player if bare != name else player, role, self.game), name=name)
+
+    def pairing(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Match:
+        """The match between two agents of a seed, those of self-play at a percentage of it."""
+        chasing, fleeing = (self.agent(name, seed, percent) for name in (pursuer, evader))
+        return Match(self.game, chasing, fleeing, self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
-        """The games of a match between two agents of a seed, those of self-play at a percentage of it."""
-        match = (pursuer, evader, seed, percent)
-        if match not in self._played:
-            chasing, fleeing = (self.agent(name, seed, percent).policy for name in (pursuer, evader))
-            self._played[match] = play_games(self.game, chasing, fleeing, self.games, MATCH_SEED)
-        return self._played[match]
+        """The games of a pairing."""
+        named = (pursuer, evader, seed, percent)
+        if named not in self._played:
+            self._played[named] = play_games(self.pairing(*named))
+        return self._played[named]
 
     def match(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> MatchResult:
-        """What a match between two agents of a seed came to, those of self-play at a percentage of it."""
-        return count(self.game, self.play(pursuer, evader, seed, percent))
+        """What a pairing came to."""
+        return count(self.pairing(pursuer, evader, seed, percent), self.play(pursuer, evader, seed, percent))
 
     def evaluations(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
         """The greedy evaluations in the course of a stage: episodes, env steps, games by outcome."""

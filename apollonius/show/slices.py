@@ -107,12 +107,12 @@ def save_slice(
         InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
     """
     bodies = (game.pursuer, game.evader) if role == Role.PURSUER else (game.evader, game.pursuer)
-    for option, speed, body in (("--speed", own[0], bodies[0]), ("--opponent-speed", float(opponent.v), bodies[1])):
+    for what, speed, body in (("speed", own[0], bodies[0]), ("opponent's speed", float(opponent.v), bodies[1])):
         slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)  # as precise as the speeds themselves
-        require(slowest <= speed <= fastest, option, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s")
+        require(slowest <= speed <= fastest, what, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s")
     place = (float(opponent.x), float(opponent.y))
     require(
-        game.arena.clearance(opponent.x, opponent.y) > bodies[1].radius, "--opponent", place,
+        game.arena.clearance(opponent.x, opponent.y) > bodies[1].radius, "opponent", place,
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)

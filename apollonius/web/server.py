@@ -56,7 +56,7 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
         InvalidInput: when the port cannot be had.
     """
     if port is not None:
-        PORT.require("--port", port)
+        PORT.require("port", port)
     wanted = range(FIRST_PORT, FIRST_PORT + _PORTS) if port is None else (port,)
     handler = partial(FolderHandler, directory=str(folder))
     for candidate in wanted:
@@ -65,7 +65,7 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
         except OSError as error:
             if candidate == wanted[-1]:
                 raise InvalidInput(
-                    f"--port = {candidate} cannot be used ({error.strerror}): choose another, or leave it out."
+                    f"port = {candidate} cannot be used ({error.strerror}): choose another, or leave it out."
                 ) from error
     raise AssertionError("there is a last port")
 

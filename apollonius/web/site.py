@@ -5,10 +5,11 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from apollonius.agents.catalogue import SHIELDED, ZOO, find_agent, find_trained, zoo_names
 from apollonius.agents.store import load_agent
+from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -53,14 +54,14 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
-    require(not rules.arena.map, "--game", game, "one without an occupancy map, which the page does not have")
+    require(not rules.arena.map, "game", game, "one without an occupancy map, which the page does not have")
     games = {} if game in game_names() else {Path(game).stem: rules}
     side = Role.EVADER if person == Role.PURSUER else Role.PURSUER
     name = against or BEST[side]
     bare = name.removeprefix(SHIELDED)
-    found = find_agent(name, side, rules)
+    found = find_player(name, side, rules)
     playable = found.header is not None or bare in BUILT_IN
-    require(playable, "--against", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
+    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
     agents = {}
     if found.header is not None:
         path = find_trained(bare)[1].resolve()

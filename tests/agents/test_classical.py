@@ -8,10 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import CLASSICAL, find_agent, player_names
+from apollonius.agents import built_in
 from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.fleeing import Circle, Flee, FleeAware
 from apollonius.agents.potential import PotentialField
+from apollonius.catalogue import find_player, player_names
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena, Disc
@@ -20,12 +22,14 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from tests.matches import a_match
 
 PAPER = make_game("paper")
 OPEN = Game(
     pursuer=Unicycle(v_max=1.5, u2_max=1.0), evader=Unicycle(v_max=1.0), arena=Arena(0.0, 20.0, 0.0, 20.0), dt=0.1
 )
-PLAYERS = [(name, role) for name, (_, sides) in CLASSICAL.items() for role in sides]
+CLASSICAL = {name for name, (kind, _) in built_in.PLAYERS.items() if issubclass(kind, AbstractClassical)}
+PLAYERS = [(name, role) for name in CLASSICAL for role in built_in.PLAYERS[name][1]]
 
 
 def robot(x, y, v=0.0, heading=0.0):
@@ -152,7 +156,7 @@ def test_the_potentials_force_is_khatibs(chases):
 
 def play(game, evader, start, steps):
     """The states of a game against a pursuer that coasts, `[steps, 8]`."""
-    act = find_agent(evader, Role.EVADER, game).policy
+    act = find_player(evader, Role.EVADER, game).policy
 
     @jax.jit
     def run(state):
@@ -180,10 +184,10 @@ def test_circle_drives_around_the_nearest_disc_away_from_the_pursuer(pursuer_y):
 
 def test_flee_aware_keeps_off_walls_and_discs_where_flee_does_not():
     game = replace(make_game("one-large"), max_steps=150)
-    chaser = find_agent("pure-pursuit", Role.PURSUER, game).policy
+    chaser = find_player("pure-pursuit", Role.PURSUER, game).policy
     lost = {}
     for kind in (Flee, FleeAware):
-        outcomes = play_match(game, chaser, kind.for_side(game, Role.EVADER), games=60, seed=0).outcomes
+        outcomes = play_match(a_match(game, chaser, kind.for_side(game, Role.EVADER), games=60, seed=0)).outcomes
         lost[kind] = outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] + outcomes["both_failed"]
     assert lost[FleeAware] == 0
     assert lost[Flee] > 30
@@ -198,7 +202,7 @@ def test_chasers_catch_whoever_stands_still():
     """In the open none runs around its target for ever."""
     game = replace(OPEN, starts=replace(OPEN.starts, clearance=4.0))
     names = ("pure-pursuit", "proportional-navigation", "intercept", "potential-field")
-    players = [find_agent(name, Role.PURSUER, game).policy for name in names]
+    players = [find_player(name, Role.PURSUER, game).policy for name in names]
 
     @jax.jit
     def run(states):
@@ -222,7 +226,7 @@ def test_chasers_catch_whoever_stands_still():
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     game = make_game("territory") if name == "territory" else PAPER
-    player = find_agent(name, role, game).policy
+    player = find_player(name, role, game).policy
     seen = game.observe(game.reset(jax.random.key(1)), role, player.observation)
     own = int(player(seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
@@ -231,18 +235,18 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
     assert name in player_names(role, game)
-    assert find_agent(f"shielded:{name}", role, game).policy.policy == player
+    assert find_player(f"shielded:{name}", role, game).policy.policy == player
 
 
 def test_a_classical_player_needs_a_game_and_its_own_side():
     with pytest.raises(InvalidInput, match="'flee' needs a game"):
-        find_agent("flee", Role.EVADER)
+        find_player("flee", Role.EVADER)
     with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
-        find_agent("flee", Role.PURSUER, PAPER)
+        find_player("flee", Role.PURSUER, PAPER)
     with pytest.raises(InvalidInput, match=r"obstacles = none .* 'circle'"):
         Circle.for_side(OPEN, Role.EVADER)
     with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):
-        find_agent("territory", Role.PURSUER, PAPER)
+        find_player("territory", Role.PURSUER, PAPER)
     assert "territory" not in player_names(Role.EVADER, PAPER)
     assert "circle" not in player_names(Role.EVADER, OPEN)
     assert "flee" not in player_names(Role.PURSUER, PAPER)
@@ -254,14 +258,14 @@ def test_players_that_know_obstacles_mind_polygons():
     """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
     corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))
     game = Game(arena=Arena(polygons=(corner, Polygon(((5.0, 6.0), (8.0, 5.0), (6.5, 8.0))))), max_steps=80)
-    pursuer = find_agent("shielded:potential-field", Role.PURSUER, game)
-    evader = find_agent("flee-aware", Role.EVADER, game)
-    outcomes = play_match(game, pursuer.policy, evader.policy, 48, seed=0).outcomes
+    pursuer = find_player("shielded:potential-field", Role.PURSUER, game)
+    evader = find_player("flee-aware", Role.EVADER, game)
+    outcomes = play_match(a_match(game, pursuer.policy, evader.policy, 48, seed=0)).outcomes
     assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5
-    bare = find_agent("potential-field", Role.PURSUER, game).policy
+    bare = find_player("potential-field", Role.PURSUER, game).policy
     beside, away = (bare.potential(*map(jnp.float32, (3.5, y)), robot(3.5, 8.0)) for y in (2.6, 3.4))
     assert float(beside - away) > 0.8 + 1  # the polygon pushes; the opponent alone makes 0.8 m of it
-    circle = find_agent("circle", Role.EVADER, game).policy
+    circle = find_player("circle", Role.EVADER, game).policy
     heading, _ = circle.course(robot(3.5, 1.4, heading=pi), robot(9.0, 9.0))
     assert float(heading) == pytest.approx(pi, abs=0.05) or float(heading) == pytest.approx(-pi, abs=0.05)

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import find_agent
 from apollonius.agents.guarding import nearest_reach
+from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from tests.matches import a_match
 
 RATIOS = [0.5, 0.9, 1.0, 1.25]
 aim = jax.jit(nearest_reach)
@@ -78,10 +79,10 @@ def test_a_pursuer_that_heads_for_it_lets_the_evader_come_no_nearer_wherever_it_
 
 def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
     game = make_game("territory")
-    evader = find_agent("territory", Role.EVADER, game).policy
+    evader = find_player("territory", Role.EVADER, game).policy
     lost = {}
     for name in ("territory", "pure-pursuit"):
-        result = play_match(game, find_agent(name, Role.PURSUER, game).policy, evader, 400, seed=0)
+        result = play_match(a_match(game, find_player(name, Role.PURSUER, game).policy, evader, 400, seed=0))
         lost[name] = result.outcomes["territory_reached"] / 400
         own = result.outcomes["pursuer_hit_obstacle"] + result.outcomes["pursuer_out_of_range"]
         assert result.evader_win_rate == pytest.approx(lost[name] + own / 400)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from apollonius.agents.catalogue import find_agent
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
@@ -24,6 +24,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
+from tests.matches import a_match
 
 PAPER = make_game("paper")
 NETWORK = make_network("encoded", 8, 2, jax.random.key(3))
@@ -64,9 +65,9 @@ class Reckless(AbstractPolicy):
 )
 def test_behind_a_shield_neither_robot_ever_fails(name, policy):
     game = replace(make_game(name), max_steps=150)
-    outcomes = play_match(game, *(shielded(policy, game, role) for role in Role), games=100, seed=1).outcomes
+    outcomes = play_match(a_match(game, *(shielded(policy, game, role) for role in Role), games=100, seed=1)).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 100
-    bare = play_match(game, policy, policy, games=100, seed=1).outcomes
+    bare = play_match(a_match(game, policy, policy, games=100, seed=1)).outcomes
     assert bare["captured"] + bare["no_result"] < 50
 
 
@@ -154,7 +155,7 @@ def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_c
 def test_behind_a_shield_a_robot_never_fails_among_many_polygons():
     """The other one stands still, so that nothing ends a game before its time but a failure or a capture."""
     game = yard()
-    outcomes = play_match(game, shielded(Reckless(), game, Role.PURSUER), Still(), games=32, seed=1).outcomes
+    outcomes = play_match(a_match(game, shielded(Reckless(), game, Role.PURSUER), Still(), games=32, seed=1)).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 32
     assert outcomes["no_result"] > 16
 
@@ -197,11 +198,11 @@ def test_a_robot_that_does_not_come_to_rest_is_refused(v_min):
 
 
 def test_a_name_asks_for_the_shield():
-    found = find_agent("shielded:P_stage1", Role.PURSUER, PAPER)
+    found = find_player("shielded:P_stage1", Role.PURSUER, PAPER)
     assert found.name == "shielded:P_stage1"
-    assert found.header == find_agent("P_stage1", Role.PURSUER).header
+    assert found.header == find_player("P_stage1", Role.PURSUER).header
     assert found.policy.backup.body == PAPER.pursuer
     with pytest.raises(InvalidInput, match="needs a game"):
-        find_agent("shielded:P_stage1", Role.PURSUER)
+        find_player("shielded:P_stage1", Role.PURSUER)
     with pytest.raises(InvalidInput, match="nobody"):
-        find_agent("shielded:nobody", Role.PURSUER, PAPER)
+        find_player("shielded:nobody", Role.PURSUER, PAPER)

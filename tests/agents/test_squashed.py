@@ -7,20 +7,21 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from apollonius.agents.catalogue import find_pool, find_valued
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractContinuous, acts_continuously
 from apollonius.agents.pool import Held, Seated, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import at_best, exploring
+from apollonius.agents.trained import at_best, exploring, find_valued
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from tests.matches import a_match
 
 WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
 ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
@@ -124,7 +125,7 @@ def test_behind_a_shield_unsafe_gears_become_the_nearest_discrete_ones_that_are_
 def test_behind_a_shield_it_never_fails():
     game = make_game("one-large")
     wild = SquashedGaussian(make_actor("paper", 8, 2, jax.random.key(2)), jnp.asarray(1.0))
-    outcomes = play_match(game, *(shielded(wild, game, role) for role in Role), games=40, seed=1).outcomes
+    outcomes = play_match(a_match(game, *(shielded(wild, game, role) for role in Role), games=40, seed=1)).outcomes
     assert outcomes["captured"] + outcomes["no_result"] == 40
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageColor
 
 from apollonius.adapters.export.blueprint import make_blueprint
-from apollonius.agents.catalogue import find_trained
+from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import from_dict, to_dict

@@ -19,22 +19,24 @@ from apollonius.evaluate.match import begin, play_games
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import as_state, load_replay, save_replay
+from tests.matches import a_match
 
 pytest.importorskip("mujoco")
 GAME = replace(make_game("paper"), max_steps=40)
 PLAYERS = solo(Uniform()), solo(Uniform())
 GAMES = 6
+MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 
 
 @pytest.fixture(scope="module")
 def simulated():
-    starts, key = begin(GAME, GAMES, 0, False)
+    starts, key = begin(MATCH)
     return simulate(GAME, *PLAYERS, starts, key, Drive())
 
 
 @pytest.fixture(scope="module")
 def ideal():
-    starts, key = begin(GAME, GAMES, 0, False)
+    starts, key = begin(MATCH)
     return simulate(GAME, *PLAYERS, starts, key, without(Drive(), *PARTS))
 
 
@@ -57,7 +59,7 @@ def test_a_robot_without_its_imperfections_moves_as_the_rules_say(ideal, simulat
 
 
 def test_a_game_does_not_depend_on_those_beside_it(simulated):
-    starts, key = begin(GAME, GAMES, 0, False)
+    starts, key = begin(MATCH)
     alone = simulate(GAME, *PLAYERS, jax.tree.map(lambda leaf: leaf[:2], starts), key, Drive())
     for game in range(2):
         for part, whole in zip(alone.course(game), simulated.course(game), strict=True):
@@ -74,7 +76,7 @@ def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
     game = simulate(GAME, solo(Still()), solo(Still()), start, jax.random.key(0), Drive())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
-    save_replay(record_course(game, GAME, ("still", "still"), 0, 0), tmp_path / "game.json")
+    save_replay(record_course(game, a_match(GAME, Still(), Still(), 1), 0), tmp_path / "game.json")
     replay = load_replay(tmp_path / "game.json")
     assert replay.outcome == Outcome.EVADER_OUT_OF_RANGE
     assert replay.states[-1, 4] > 10
@@ -99,13 +101,12 @@ def test_players_with_continuous_actions_drive_too(tmp_path):
     turned = np.unwrap(states[:, 7])
     assert turned[-1] - turned[0] == pytest.approx(0.4 * 4.0, rel=0.02)
     assert states[-1, 6] == pytest.approx(1.2, rel=0.01)
-    save_replay(record_course(game, GAME, ("still", "curve"), 0, 0), tmp_path / "game.json")
+    save_replay(record_course(game, a_match(GAME, Still(), FullSpeedInACurve(), 1), 0), tmp_path / "game.json")
     assert load_replay(tmp_path / "game.json").actions.dtype == np.float32
 
 
 def test_both_plays_are_counted_and_compared(simulated):
-    rules = play_games(GAME, Uniform(), Uniform(), GAMES, 0)
-    found = compare(GAME, rules, simulated)
+    found = compare(MATCH, play_games(MATCH), simulated)
     assert found.rules.games == found.bodies.games == GAMES
     timeouts = np.asarray(simulated.results.outcome) == Outcome.NO_RESULT
     rate = found.differences["no result"]

@@ -20,6 +20,7 @@ from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import responders
+from tests.matches import a_match
 from tests.solve.small import BODY, SMALL
 
 pytestmark = pytest.mark.slow
@@ -41,11 +42,11 @@ def tables():
 
 @pytest.fixture(scope="module")
 def card(tables):
-    return measure_card(QUICK, Uniform(), tables[::-1], GAMES, seed=3)
+    return measure_card(a_match(QUICK, tables[0], Uniform(), GAMES, seed=3), tables[1])
 
 
 def test_its_scores_are_those_of_matches(card, tables):
-    match = play_match(QUICK, tables[0], Uniform(), GAMES, seed=3)
+    match = play_match(a_match(QUICK, tables[0], Uniform(), GAMES, seed=3))
     assert card.role == "evader"
     assert (card.agent.lost, card.agent.won) == (match.pursuer_win_rate, match.evader_win_rate)
     assert card.agent.lost_interval == match.pursuer_win_interval
@@ -53,7 +54,7 @@ def test_its_scores_are_those_of_matches(card, tables):
 
 
 def test_the_gap_is_what_it_could_be_sure_of_more_than_it_gets(card, tables):
-    starts, _ = begin(QUICK, GAMES, 3, viable=False)
+    starts, _ = begin(a_match(QUICK, tables[0], Uniform(), GAMES, seed=3))
     assert card.sure == pytest.approx(float(np.mean(np.asarray(tables[1].best_worth(starts)))))
     assert card.at_most == pytest.approx(-float(np.mean(np.asarray(tables[0].best_worth(starts)))))
     assert card.gap == pytest.approx(card.sure - card.agent.payoff, abs=1e-6)
@@ -71,11 +72,11 @@ def test_the_gap_is_what_it_could_be_sure_of_more_than_it_gets(card, tables):
 def test_a_response_to_a_still_evader_captures_it(tables):
     pursuer, evader = tables
     response = responders(pursuer, Still())["best response on the grid"]
-    still = measure_card(QUICK, Still(), (evader, pursuer), GAMES, 0, response, response_games=40)
+    still = measure_card(a_match(QUICK, pursuer, Still(), GAMES), evader, response, response_games=40)
     assert still.response is not None
     assert still.response.games == 40
     pair = (response, Still())
-    assert still.response.lost == play_match(QUICK, *pair, 40, 0).pursuer_win_rate > 0
+    assert still.response.lost == play_match(a_match(QUICK, *pair, 40, 0)).pursuer_win_rate > 0
 
 
 @pytest.mark.parametrize("role", Role)
@@ -84,8 +85,8 @@ def test_agents_with_continuous_actions_have_cards_too(tables, role):
     agent = SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
     own, other = tables if role == Role.PURSUER else tables[::-1]
     response = responders(other, agent)["best response on the grid"]
-    card = measure_card(QUICK, agent, (own, other), GAMES, 0, response, response_games=20)
-    match = play_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES, seed=0)
+    asked = a_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES)
+    card, match = measure_card(asked, own, response, response_games=20), play_match(asked)
     lost = match.evader_win_rate if role == Role.PURSUER else match.pursuer_win_rate
     assert (card.role, card.agent.lost) == (role.name.lower(), lost)
     assert card.sure - card.agent.payoff == pytest.approx(card.gap, abs=1e-6)
@@ -95,6 +96,6 @@ def test_agents_with_continuous_actions_have_cards_too(tables, role):
 
 def test_tables_that_do_not_go_together_are_refused(tables):
     with pytest.raises(InvalidInput, match="tables = of one side"):
-        measure_card(QUICK, Uniform(), (tables[0], tables[0]), GAMES, 0)
+        measure_card(a_match(QUICK, tables[0], tables[0], GAMES), tables[0])
     with pytest.raises(InvalidInput, match="tables = of two payoffs"):
-        measure_card(QUICK, Uniform(), (tables[0], player(Role.EVADER, "time")), GAMES, 0)
+        measure_card(a_match(QUICK, Uniform(), player(Role.EVADER, "time"), GAMES), tables[0])

@@ -5,34 +5,36 @@ from dataclasses import replace
 
 import pytest
 
-from apollonius.agents.catalogue import Named, find_agent, fingerprint
 from apollonius.agents.chasing import PurePursuit
+from apollonius.agents.kind import Named, fingerprint
+from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import kept
 from apollonius.evaluate.kept import kept_match, match_file
-from apollonius.evaluate.match import play_match
+from apollonius.evaluate.match import Match, StartFilter, play_match
 from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 GAME = replace(make_game("paper"), max_steps=40)
-PURSUER = find_agent("pure-pursuit", Role.PURSUER, GAME)
-EVADER = find_agent("flee", Role.EVADER, GAME)
+PURSUER = find_player("pure-pursuit", Role.PURSUER, GAME)
+EVADER = find_player("flee", Role.EVADER, GAME)
+MATCH = Match(GAME, PURSUER, EVADER, 30, 1)
 
 
 @pytest.fixture
 def folder(tmp_path):
     """A folder where one match lies."""
-    kept_match(tmp_path / "kept", GAME, PURSUER, EVADER, 30, 1)
+    kept_match(tmp_path / "kept", MATCH)
     return tmp_path / "kept"
 
 
 def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
-    played = play_match(GAME, PURSUER.policy, EVADER.policy, 30, 1)
+    played = play_match(MATCH)
     monkeypatch.setattr(kept, "play_match", None)
-    assert kept_match(folder, GAME, PURSUER, EVADER, 30, 1) == played
+    assert kept_match(folder, MATCH) == played
 
 
 @pytest.mark.parametrize(
@@ -41,17 +43,16 @@ def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
         {"game": replace(GAME, dt=0.2)},
         {"games": 31},
         {"seed": 2},
-        {"viable": True},
-        {"pursuer": find_agent("pure-pursuit", Role.PURSUER, replace(GAME, pursuer=Unicycle(u1_max=0.2)))},
+        {"starts": StartFilter.VIABLE},
+        {"pursuer": find_player("pure-pursuit", Role.PURSUER, replace(GAME, pursuer=Unicycle(u1_max=0.2)))},
     ],
     ids=lambda other: next(iter(other)),
 )
 def test_another_match_in_its_place_is_refused_and_stays(folder, other):
     path = match_file(folder, "pure-pursuit", "flee")
     before = path.read_bytes()
-    asked = {"game": GAME, "pursuer": PURSUER, "evader": EVADER, "games": 30, "seed": 1} | other
-    with pytest.raises(InvalidInput, match=r"--keep.*another match"):
-        kept_match(folder, **asked)
+    with pytest.raises(InvalidInput, match=r"folder of matches.*another match"):
+        kept_match(folder, replace(MATCH, **other))
     assert path.read_bytes() == before
 
 
@@ -60,26 +61,26 @@ def test_a_bad_file_is_refused_with_its_remedy(folder, content):
     path = match_file(folder, "pure-pursuit", "flee")
     path.write_text(content)
     with pytest.raises(InvalidInput, match="remove it"):
-        kept_match(folder, GAME, PURSUER, EVADER, 30, 1)
+        kept_match(folder, MATCH)
     assert path.read_text() == content
 
 
 def test_fingerprints_tell_players_apart():
-    same = find_agent("pure-pursuit", Role.PURSUER, GAME).policy
+    same = find_player("pure-pursuit", Role.PURSUER, GAME).policy
     assert isinstance(same, PurePursuit)
     assert fingerprint(same) == fingerprint(PURSUER.policy)
-    others = [find_agent(name, Role.PURSUER, GAME).policy for name in ("intercept", "P_stage1", "P_curriculum")]
+    others = [find_player(name, Role.PURSUER, GAME).policy for name in ("intercept", "P_stage1", "P_curriculum")]
     assert len({fingerprint(policy) for policy in (same, *others)}) == 4
 
 
 def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
-    players = [PURSUER, find_agent("intercept", Role.PURSUER, GAME)], [EVADER]
+    players = [PURSUER, find_player("intercept", Role.PURSUER, GAME)], [EVADER]
     whole = play_tournament(GAME, *players, games=30, seed=1)
     played = []
 
-    def counted(game, pursuer, *rest, **options):
-        played.append(type(pursuer).__name__)
-        return play_match(game, pursuer, *rest, **options)
+    def counted(match, **options):
+        played.append(type(match.pursuer.policy).__name__)
+        return play_match(match, **options)
 
     monkeypatch.setattr(kept, "play_match", counted)
     assert play_tournament(GAME, *players, games=30, seed=1, keep=folder) == whole
@@ -88,7 +89,7 @@ def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
 
 def test_names_of_shielded_players_and_runs_make_files(tmp_path):
     odd = Named("latest/seed-0", PURSUER.policy), Named("shielded:flee", EVADER.policy)
-    kept_match(tmp_path, GAME, *odd, 5, 1)
+    kept_match(tmp_path, Match(GAME, *odd, 5, 1))
     assert [path.name for path in tmp_path.iterdir()] == ["latest-seed-0--shielded-flee.json"]
 
 

@@ -12,12 +12,13 @@ from apollonius.agents.classical import Still
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
-from apollonius.evaluate.match import count, play_match
+from apollonius.evaluate.match import StartFilter, count, play_match
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.playout import Results
 from apollonius.solve.viability import doomed_start_rate, solve_viability
+from tests.matches import a_match
 from tests.solve.small import MOVING
 
 GAMES = 200
@@ -27,7 +28,7 @@ ZERO_SUM = replace(make_game("zero-sum"), max_steps=150)
 
 @pytest.fixture(scope="module")
 def random_match():
-    return play_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
+    return play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0))
 
 
 @pytest.fixture
@@ -55,16 +56,16 @@ def test_every_game_is_counted_once(random_match):
 
 
 def test_one_seed_gives_one_result_however_many_games_are_under_way(random_match):
-    assert play_match(PAPER, Uniform(), Uniform(), GAMES, seed=0, slots=17) == random_match
+    assert play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0), slots=17) == random_match
 
 
 def test_another_seed_gives_another_result(random_match):
-    assert play_match(PAPER, Uniform(), Uniform(), GAMES, seed=1) != random_match
+    assert play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=1)) != random_match
 
 
 def test_other_players_meet_the_same_starts(starts):
     for pursuer, evader in [(Uniform(), Still()), (Still(), Uniform()), (Still(), Still())]:
-        play_match(PAPER, pursuer, evader, GAMES, seed=0)
+        play_match(a_match(PAPER, pursuer, evader, GAMES, seed=0))
     first, second, third = starts
     assert identical(first, second)
     assert identical(first, third)
@@ -72,12 +73,12 @@ def test_other_players_meet_the_same_starts(starts):
 
 def test_another_seed_has_other_starts(starts):
     for seed in (0, 1):
-        play_match(PAPER, Still(), Still(), GAMES, seed=seed)
+        play_match(a_match(PAPER, Still(), Still(), GAMES, seed=seed))
     assert not np.any(starts[0].pursuer.x == starts[1].pursuer.x)
 
 
 def test_a_game_out_of_time_has_no_result():
-    result = play_match(replace(PAPER, max_steps=1), Uniform(), Uniform(), GAMES, seed=0)
+    result = play_match(a_match(replace(PAPER, max_steps=1), Uniform(), Uniform(), GAMES, seed=0))
     assert result.outcomes["no_result"] == GAMES
     assert result.pursuer_win_rate == result.evader_win_rate == 0
     assert result.evader_undefeated_rate == 1
@@ -93,7 +94,7 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
     counts = {1: 5, 2: 1, 3: 2, 4: 3, 5: 4, 6: 2, 7: 3}
     outcome = jnp.array([kind for kind, count in counts.items() for _ in range(count)])
     steps = jnp.arange(10, 30)
-    result = count(game, Results(outcome, steps))
+    result = count(a_match(game, Still(), Still(), 20), Results(outcome, steps))
     assert result.outcomes == {
         "captured": 5,
         "pursuer_hit_obstacle": 1,
@@ -113,15 +114,16 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
 
 
 def test_no_start_is_doomed_where_both_can_stay_at_rest():
-    assert count(PAPER, Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == 0
+    assert count(a_match(PAPER, Still(), Still(), 1), Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == 0
 
 
 @pytest.mark.slow
 def test_doomed_starts_are_counted_unless_they_are_left_out():
     results = Results(jnp.array([7]), jnp.array([1]))
     expected = doomed_start_rate(MOVING, solve_viability(MOVING))
-    assert count(MOVING, results).doomed_start_rate == expected > 0.02
-    assert count(MOVING, results, viable=True).doomed_start_rate == 0
+    match = a_match(MOVING, Still(), Still(), 1)
+    assert count(match, results).doomed_start_rate == expected > 0.02
+    assert count(replace(match, starts=StartFilter.VIABLE), results).doomed_start_rate == 0
     in_arrays = jax.tree.map(jnp.asarray, MOVING)
     assert abs(doomed_start_rate(in_arrays, solve_viability(in_arrays)) - expected) < 1e-3
 
@@ -129,11 +131,11 @@ def test_doomed_starts_are_counted_unless_they_are_left_out():
 @pytest.mark.slow
 def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
     for pursuer in (Uniform(), Still()):
-        play_match(MOVING, pursuer, Still(), GAMES, seed=0, viable=True)
+        play_match(a_match(MOVING, pursuer, Still(), GAMES, seed=0, starts=StartFilter.VIABLE))
     assert identical(*starts)
     assert starts[0].pursuer.x.shape == (GAMES,)
     assert np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[0])))
-    play_match(MOVING, Still(), Still(), GAMES, seed=0)
+    play_match(a_match(MOVING, Still(), Still(), GAMES, seed=0))
     assert not np.all(jax.vmap(solve_viability(MOVING))(jax.tree.map(jnp.asarray, starts[2])))
 
 
@@ -146,4 +148,4 @@ def test_a_result_survives_json(random_match):
 @pytest.mark.parametrize(("games", "seed", "named"), [(0, 0, "games = 0"), (-3, 0, "games = -3"), (5, -1, "seed = -1")])
 def test_matches_that_cannot_be_played_are_refused(games, seed, named):
     with pytest.raises(InvalidInput, match=named):
-        play_match(PAPER, Still(), Still(), games, seed)
+        a_match(PAPER, Still(), Still(), games, seed)

@@ -15,6 +15,7 @@ from apollonius.evaluate.match import begin, count, play_games, play_match, repl
 from apollonius.evaluate.smoothness import mean_change
 from apollonius.game.presets import make_game
 from apollonius.playout import play_out
+from tests.matches import a_match
 
 GAME = make_game("one-large")
 WILD = SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0))
@@ -42,10 +43,11 @@ def as_gears(actions):
 def test_changes_are_those_of_the_games_step_by_step(evader):
     """More games than slots, so that a game takes the place of another and begins with no change."""
     games = 6
-    results = play_games(GAME, Uniform(), evader, games, seed=2, slots=2)
+    match = a_match(GAME, Uniform(), evader, games, seed=2)
+    results = play_games(match, slots=2)
     total, changes = np.zeros((2, 2)), 0
     for index in range(games):
-        gears = as_gears(np.asarray(replay_game(GAME, Uniform(), evader, games, 2, index).actions))
+        gears = as_gears(np.asarray(replay_game(match, index).actions))
         total += np.abs(np.diff(gears, axis=0)).sum(axis=0)
         changes += len(gears) - 1
     np.testing.assert_allclose(mean_change(results), total / changes, rtol=1e-4)
@@ -53,22 +55,24 @@ def test_changes_are_those_of_the_games_step_by_step(evader):
 
 def test_random_actions_change_as_chance_would_have_it_and_constant_ones_never():
     """Two of the gears -1, 0, 1 are on average 8 / 9 apart."""
-    match = play_match(GAME, Uniform(), Always(7), 200, seed=0)
+    match = play_match(a_match(GAME, Uniform(), Always(7), 200, seed=0))
     assert match.pursuer_change == pytest.approx((8 / 9, 8 / 9), abs=0.02)
     assert match.evader_change == (0.0, 0.0)
 
 
 def test_the_spread_of_capture_times_is_that_of_the_captured_games():
-    results = play_games(GAME, Uniform(), Always(4), 400, seed=0)
+    match = a_match(GAME, Uniform(), Always(4), 400)
+    results = play_games(match)
     steps = np.asarray(results.steps)[np.asarray(results.outcome) == 1]
     assert len(steps) > 1
-    assert count(GAME, results).capture_steps_deviation == pytest.approx(np.std(steps))
+    assert count(match, results).capture_steps_deviation == pytest.approx(np.std(steps))
 
 
 def test_a_match_is_the_same_whether_it_is_watched_or_not():
-    starts, key = begin(GAME, 30, 0, viable=False)
+    match = a_match(GAME, Uniform(), WILD, 30)
+    starts, key = begin(match)
     bare = play_out(GAME, solo(Uniform()), solo(WILD), starts, key, slots=8)
-    watched = play_games(GAME, Uniform(), WILD, 30, seed=0, slots=8)
+    watched = play_games(match, slots=8)
     assert bare.watched is None
     np.testing.assert_array_equal(bare.outcome, watched.outcome)
     np.testing.assert_array_equal(bare.steps, watched.steps)

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import play_match
+from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -19,8 +19,8 @@ GAME = replace(make_game("paper"), max_steps=60)
 
 @pytest.fixture(scope="module")
 def players():
-    pursuers = [find_agent(name, Role.PURSUER, GAME) for name in ("random", "pure-pursuit")]
-    return pursuers, [find_agent(name, Role.EVADER, GAME) for name in ("still", "flee")]
+    pursuers = [find_player(name, Role.PURSUER, GAME) for name in ("random", "pure-pursuit")]
+    return pursuers, [find_player(name, Role.EVADER, GAME) for name in ("still", "flee")]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def tournament(players, told):
 def test_every_cell_is_the_match_of_its_two_players(players, tournament):
     for pursuer, row in zip(players[0], tournament.matches, strict=True):
         for evader, result in zip(players[1], row, strict=True):
-            assert result == play_match(GAME, pursuer.policy, evader.policy, games=40, seed=3)
+            assert result == play_match(Match(GAME, pursuer, evader, games=40, seed=3))
     assert tournament.win_rates[1, 0] == tournament.matches[1][0].pursuer_win_rate
     assert tournament.win_rates[1, 0] > tournament.win_rates[0, 0]
 

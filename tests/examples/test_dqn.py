@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 import pytest
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.catalogue import find_player
 from apollonius.errors import exit_status
 from apollonius.game.types import Role
 
@@ -21,7 +21,7 @@ def test_it_trains_and_its_agent_is_found(tmp_path, capsys):
     losses = [float(loss) for loss in re.findall(r"loss (\S+)", capsys.readouterr().out)]
     assert losses
     assert 0 < losses[-1] < 10
-    found = find_agent(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
+    found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
     assert found.header.training["env_steps"] == 12800
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from apollonius.agents.catalogue import find_agent
-from apollonius.evaluate.match import play_games, record_game
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import save_replay
@@ -31,13 +31,14 @@ GAMES = 2000
 def record(name, starts, pursuer_name, evader_name, max_steps):
     game = make_game(name)
     game = replace(game, starts=replace(game.starts, speed=starts), max_steps=max_steps)
-    pursuer, evader = find_agent(pursuer_name, Role.PURSUER, game), find_agent(evader_name, Role.EVADER, game)
-    ended = np.asarray(play_games(game, pursuer.policy, evader.policy, GAMES, seed=0).outcome)
+    pursuer, evader = find_player(pursuer_name, Role.PURSUER, game), find_player(evader_name, Role.EVADER, game)
+    match = Match(game, pursuer, evader, GAMES)
+    ended = np.asarray(play_games(match).outcome)
     for outcome in Outcome:
         path = FOLDER / f"{name}-{outcome.name.lower()}.json"
         if (ended == outcome).any() and not path.exists():
             index = int(np.argmax(ended == outcome))
-            save_replay(record_game(game, pursuer, evader, GAMES, 0, index), path)
+            save_replay(record_game(match, index), path)
             print(path.name)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from apollonius.agents.catalogue import find_trained
 from apollonius.agents.disturbance import Disturbance
+from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig

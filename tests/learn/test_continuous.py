@@ -7,12 +7,12 @@ import jax
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import find_agent
 from apollonius.agents.network import GaussianActor, make_actor
 from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.exploit.best_response import best_response
@@ -28,6 +28,7 @@ from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
 from tests.learn.tiny import CHUNK, GAME, RUN, SMALL
+from tests.matches import a_match
 
 SAC = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
 CONFIG = replace(RUN, sac=SAC, fixed_target=replace(RUN.fixed_target, env_steps=2 * CHUNK, evaluations=2))
@@ -51,7 +52,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
     assert agents(whole) == agents(halting)
     agent = load_agent(whole / "agents" / "E_curriculum.safetensors")
     assert isinstance(agent.network, GaussianActor)
-    assert isinstance(find_agent(str(whole / "agents" / "P_stage1.safetensors"), Role.PURSUER).policy, SquashedMean)
+    assert isinstance(find_player(str(whole / "agents" / "P_stage1.safetensors"), Role.PURSUER).policy, SquashedMean)
 
 
 @pytest.mark.slow
@@ -112,9 +113,11 @@ def test_a_pursuer_learns_to_catch_a_standing_evader():
     plan = Plan(config, StageConfig(env_steps=300_000))
     game = make_game("paper")
     game = replace(game, arena=replace(game.arena, discs=()), capture_distance=0.6)
-    still = find_agent("still", Role.EVADER).policy
+    still = find_player("still", Role.EVADER).policy
     network = best_response(plan, game, still, Role.PURSUER, seed=0)
-    learned, random = (play_match(game, policy, still, 200, seed=5) for policy in (SquashedMean(network), Uniform()))
+    learned, random = (
+        play_match(a_match(game, policy, still, 200, seed=5)) for policy in (SquashedMean(network), Uniform())
+    )
     assert random.outcomes["captured"] < 30
     assert learned.outcomes["captured"] > 100
 

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import find_agent
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.policy import acts_by_chance
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.solve.contest import make_contest
@@ -76,7 +76,7 @@ def test_whether_the_random_word_matters_is_read_from_the_program():
     drawn = EpsilonGreedy(network, jnp.asarray(0.0)), SquashedGaussian(actor, jnp.asarray(1.0)), Uniform()
     assert all(acts_by_chance(policy) for policy in drawn)
     assert not any(acts_by_chance(policy) for policy in (Greedy(network), SquashedMean(actor)))
-    shielded = {name: find_agent(f"shielded:{name}", Role.EVADER, SMALL).policy for name in ("random", "flee")}
+    shielded = {name: find_player(f"shielded:{name}", Role.EVADER, SMALL).policy for name in ("random", "flee")}
     assert [acts_by_chance(policy) for policy in shielded.values()] == [True, False]
 
 

@@ -19,6 +19,7 @@ from apollonius.solve.guarantee import TOLERANCE, guarantee, make_duel, solve_du
 from apollonius.solve.joint import as_matrix
 from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
+from tests.matches import a_match
 from tests.solve.small import SMALL
 
 pytestmark = pytest.mark.slow
@@ -68,7 +69,7 @@ def runaway():
 
 
 def match(pursuer, evader):
-    return play_match(GAME, pursuer, evader, games=200, seed=0)
+    return play_match(a_match(GAME, pursuer, evader, games=200, seed=0))
 
 
 @pytest.mark.parametrize(("known", "unknown"), [("catcher", "pursuer"), ("runaway", "evader")])

@@ -11,7 +11,7 @@ import pytest
 from apollonius.agents.shield import brakes
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import play_match
+from apollonius.evaluate.match import StartFilter, play_match
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
@@ -20,6 +20,7 @@ from apollonius.solve.image import image_of, rooms
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
+from tests.matches import a_match
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, MOVING, SMALL, TINY, as_table
 
@@ -114,7 +115,7 @@ def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, 
 def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
     game = replace(MOVING, max_steps=100)
     players = [kernel_shielded(Uniform(), game, role, GRID, solved.table) for role in Role]
-    result = play_match(game, *players, games=100, seed=1, viable=True)
+    result = play_match(a_match(game, *players, games=100, seed=1, starts=StartFilter.VIABLE))
     assert result.outcomes["captured"] + result.outcomes["no_result"] == 100
     assert result.doomed_start_rate == 0
 

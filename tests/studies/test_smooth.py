@@ -6,7 +6,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import pytest
 
-from apollonius.agents.catalogue import find_trained
+from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.evaluate.round_robin import RoundRobin, play_row
 from apollonius.game.types import Role

@@ -11,11 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import ZOO, find_agent
 from apollonius.agents.network import apply, make_actor, make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.agents.trained import ZOO
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
@@ -103,11 +104,11 @@ def agent_file(request):
 
 def test_networks_and_shields_choose_the_same_actions(agent_file):
     game = make_game("paper")
-    usual = visited(game, find_agent("P_pool", Role.PURSUER), find_agent("E_curriculum", Role.EVADER), 128, 60)[:5000]
+    usual = visited(game, find_player("P_pool", Role.PURSUER), find_player("E_curriculum", Role.EVADER), 128, 60)[:5000]
     fast_and_close = replace(game, starts=Starts(speed="moving", clearance=0.05))
     rows = np.concatenate([usual, as_rows(reset_batch(fast_and_close, jax.random.key(8), 5000))])
     role = Role[load_agent(agent_file).header.role.upper()]
-    agent, guarded = (find_agent(f"{prefix}{agent_file}", role, game) for prefix in ("", "shielded:"))
+    agent, guarded = (find_player(f"{prefix}{agent_file}", role, game) for prefix in ("", "shielded:"))
     word = jnp.uint32(0)
 
     @jax.jit

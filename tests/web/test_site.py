@@ -7,16 +7,17 @@ import shutil
 import jax
 import pytest
 
-from apollonius.agents.catalogue import BUILT_IN, CLASSICAL, ZOO, zoo_names
+from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.network import make_actor
 from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Role
 from apollonius.show import palette
-from apollonius.web.site import PAGE, YOU, choose, write_site
+from apollonius.web.site import BUILT_IN, PAGE, YOU, choose, write_site
 
 
 def test_the_site_is_whole(tmp_path):
@@ -36,7 +37,7 @@ def test_the_help_offers_only_players_that_the_page_has(capsys):
         main(["play", "--help"])
     offered = set(re.findall(r"[a-z-]+", capsys.readouterr().out))
     assert offered >= set(BUILT_IN)
-    assert not offered & set(CLASSICAL)
+    assert not offered & set(PLAYERS) - set(BUILT_IN)
     for name in BUILT_IN:
         assert choose(Role.EVADER, name, "paper", 0).pursuer == name
 

@@ -178,5 +178,5 @@ def identifier(out: Path) -> str:
         InvalidInput: for a name that neither of them allows.
     """
     allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
-    require(allowed, "--out", out, "a file whose name begins with a letter and goes on with letters, digits and _")
+    require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")
     return out.stem

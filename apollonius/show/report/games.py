@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.catalogue import Named
-from apollonius.evaluate.match import play_games, record_game, worst_first
-from apollonius.game.game import Game
+from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.replay import Replay, as_data
 
 GAMES = 200
@@ -52,14 +50,11 @@ class Shown:
         return data
 
 
-def games_to_show(game: Game, pursuer: Named, evader: Named, games: int = GAMES, seed: int = SEED) -> list[Shown]:
+def games_to_show(match: Match) -> list[Shown]:
     """One game for each outcome that occurs in a match, in the order of `worst_first`."""
-    results = play_games(game, pursuer.policy, evader.policy, games, seed)
+    results = play_games(match)
     outcomes = np.asarray(results.outcome)
     first: dict[int, int] = {}
     for index in worst_first(results):
         first.setdefault(int(outcomes[index]), index)
-    return [
-        Shown(record_game(game, pursuer, evader, games, seed, index), int(np.sum(outcomes == outcome)))
-        for outcome, index in first.items()
-    ]
+    return [Shown(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]

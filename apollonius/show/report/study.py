@@ -3,9 +3,10 @@
 import json
 from pathlib import Path
 
-from apollonius.agents.catalogue import find_agent
 from apollonius.arenas.record import from_dict
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents
 from apollonius.evaluate.paper import TABLE_2, TABLE_3
 from apollonius.game.game import Game
@@ -63,8 +64,10 @@ def _games(seed: Path) -> list[Shown]:
     files = {name: file for run in sorted(seed.iterdir()) for name, file in last_agents(run).items()}
     shown = []
     for pursuer, evader in _PAIRINGS:
-        hunter = find_agent(str(files[pursuer]), Role.PURSUER)
+        hunter = find_player(str(files[pursuer]), Role.PURSUER)
         assert hunter.header, "a trained agent's file has a header"
         game = from_dict(Game, hunter.header.game, f"'{files[pursuer]}'")
-        shown += games_to_show(game, hunter, find_agent(str(files.get(evader, evader)), Role.EVADER))
+        shown += games_to_show(
+            Match(game, hunter, find_player(str(files.get(evader, evader)), Role.EVADER), GAMES, SEED)
+        )
     return shown

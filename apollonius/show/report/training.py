@@ -7,15 +7,14 @@ from typing import Any
 
 from markupsafe import Markup
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.agents.built_in import PLAYERS
 from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import MatchResult
-from apollonius.evaluate.pairings import last_agents, pairings
+from apollonius.evaluate.pairings import last_matches
 from apollonius.evaluate.paper import paper_shares
 from apollonius.evaluate.trend import self_play_trend
 from apollonius.game.game import Game
-from apollonius.game.types import Role
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
 from apollonius.show.report.learning import learning_pictures
 from apollonius.show.report.page import Judged, Page, Section
@@ -112,7 +111,7 @@ def _matches(path: Path, run: str) -> list[Judged]:
     for name, result in (json.loads(path.read_text()) if path.is_file() else {}).items():
         pursuer, evader = name.split(" against ")
         judged_as = from_dict(MatchResult, result, f"'{path}'")
-        ours = [f"{run}/{name}" if name.startswith(("P_", "E_")) else name for name in (pursuer, evader)]
+        ours = [name if name in PLAYERS else f"{run}/{name}" for name in (pursuer, evader)]
         judged.append(Judged(ours[0], ours[1], judged_as, paper_shares(pursuer, evader)))
     return judged
 
@@ -133,9 +132,5 @@ def _learning(stage: str, lines: list[dict[str, Any]], config: dict[str, Any]) -
 
 
 def _games(folder: Path, game: Game) -> list[Shown]:
-    agents = last_agents(folder)
-    shown = []
-    for pursuer, evader in pairings(agents):
-        hunter = find_agent(str(agents[pursuer]), Role.PURSUER)
-        shown += games_to_show(game, hunter, find_agent(str(agents.get(evader, evader)), Role.EVADER))
-    return shown
+    matches = last_matches(folder, game, GAMES, SEED).values()
+    return [shown for match in matches for shown in games_to_show(match)]

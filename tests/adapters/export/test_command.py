@@ -114,7 +114,7 @@ def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
         (["nobody", "--to", "c", "--out", "a.c"], ["nobody", "P_pool"]),
         (["pure-pursuit", "--to", "c", "--out", "a.c"], ["pure-pursuit", "trained agent"]),
         (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "no.toml"], ["no.toml", "check the path"]),
-        (["silent.safetensors", "--to", "c", "--out", "a.c"], ["--game", "silent"]),
+        (["silent.safetensors", "--to", "c", "--out", "a.c"], ["game = None", "silent"]),
         (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "chess"], ["chess", "paper"]),
         (["small.safetensors", "--to", "c", "--out", "a.py"], ["--out = a.py", ".c"]),
         (["small.safetensors", "--to", "numpy", "--out", "3.py"], ["3.py", "letter"]),

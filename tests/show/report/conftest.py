@@ -5,8 +5,8 @@ import json
 import jax
 import pytest
 
-from apollonius.agents.catalogue import find_agent
-from apollonius.evaluate.match import play_match
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.pairings import last_agents
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
@@ -21,7 +21,7 @@ def finished_run(tmp_path_factory):
     create_run(RUN, folder)
     with jax.numpy_dtype_promotion("standard"):
         assert Run(RUN, folder).execute()
-    pursuer = find_agent(str(last_agents(folder)["P_curriculum"]), Role.PURSUER)
-    result = play_match(RUN.game, pursuer.policy, find_agent("random", Role.EVADER).policy, games=150, seed=1)
+    pursuer = find_player(str(last_agents(folder)["P_curriculum"]), Role.PURSUER)
+    result = play_match(Match(RUN.game, pursuer, find_player("random", Role.EVADER), games=150, seed=1))
     (folder / "evaluation.json").write_text(json.dumps({"P_curriculum against random": result.to_dict()}))
     return folder

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import find_agent
+from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import play_games, record_game
+from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.paper import paper_shares
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
@@ -129,12 +129,13 @@ def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_r
         ranks = [rank(Outcome[game["outcome"].upper()]) for game in own]
         assert ranks == sorted(ranks)
         pursuer, evader = (
-            find_agent(str(agents.get(name, name)), role)
+            find_player(str(agents.get(name, name)), role)
             for name, role in zip(names, (Role.PURSUER, Role.EVADER), strict=True)
         )
-        outcomes = np.asarray(play_games(RUN.game, pursuer.policy, evader.policy, GAMES, SEED).outcome)
+        match = Match(RUN.game, pursuer, evader, GAMES, SEED)
+        outcomes = np.asarray(play_games(match).outcome)
         assert {Outcome[game["outcome"].upper()] for game in own} == {Outcome(outcome) for outcome in outcomes}
-        replay = record_game(RUN.game, pursuer, evader, GAMES, SEED, own[0]["index"])
+        replay = record_game(match, own[0]["index"])
         np.testing.assert_allclose(own[0]["states"], replay.states, atol=6e-4)
         times = np.sum(outcomes == replay.outcome)
         assert f"{len(replay.actions) * RUN.game.dt:.1f} s · {times} of {GAMES}" in document.text

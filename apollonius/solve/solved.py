@@ -1,11 +1,10 @@
-"""Players by name, among them those that act by a solved game's file."""
+"""Players that act by the file of a solved game."""
 
 from pathlib import Path
 
 import jax.numpy as jnp
 
-from apollonius.agents.catalogue import SHIELDED, Named, find_agent
-from apollonius.agents.shield import shielded
+from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
@@ -21,21 +20,21 @@ _PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
 """What a solution depends on: not where games start, how long they last, or what a learner is paid."""
 
 
-def find_player(name: str, role: Role, game: Game) -> Named:
-    """The player of this name: one that acts by the file of a solved game, or an agent (`agents.catalogue.find_agent`).
+class Solved(AbstractKind):
+    """The players of solved games' files."""
 
-    Raises:
-        InvalidInput: when there is none, its file is bad, or it was solved for the other side or another game.
-    """
-    bare = name.removeprefix(SHIELDED)
-    if not bare.endswith(SUFFIX):
-        return find_agent(name, role, game)
-    policy, side = table_player(Path(bare), game), role.name.lower()
-    solved_for = policy.contest.role.name.lower()
-    require(solved_for == side, side, f"'{bare}'", f"a file solved with --role {side}; this is the {solved_for}'s")
-    if bare != name:
-        return Named(SHIELDED + Path(bare).stem, shielded(policy, game, role))
-    return Named(Path(bare).stem, policy)
+    looks = "a .npz file of a solved game"
+
+    def knows(self, name: str) -> bool:
+        """Whether it is the name of such a file."""
+        return name.endswith(SUFFIX)
+
+    def find(self, name: str, role: Role, game: Game | None) -> Named:
+        """The player of the file, called after it."""
+        policy, side = table_player(Path(name), known_game(game, name)), role.name.lower()
+        solved_for = policy.contest.role.name.lower()
+        require(solved_for == side, side, f"'{name}'", f"a file solved for the {side}; this is the {solved_for}'s")
+        return Named(Path(name).stem, policy)
 
 
 def table_player(path: Path, game: Game) -> SaddlePolicy:

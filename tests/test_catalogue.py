@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.catalogue import ZOO, find_agent, find_pool, zoo_names
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player, find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -27,7 +28,7 @@ def pursuer():
 @pytest.mark.parametrize("role", Role)
 @pytest.mark.parametrize(("name", "player"), [("random", Uniform), ("still", Still)])
 def test_built_in_players_play_either_side(name, player, role):
-    found = find_agent(name, role)
+    found = find_player(name, role)
     assert found.name == name
     assert isinstance(found.policy, player)
     assert found.header is None
@@ -35,7 +36,7 @@ def test_built_in_players_play_either_side(name, player, role):
 
 def test_a_file_plays_greedily_and_brings_its_header(pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "chaser.safetensors")
-    found = find_agent(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
+    found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
     assert found.name == "chaser"
     assert isinstance(found.policy, Greedy)
     assert eqx.tree_equal(found.policy.network, pursuer.network)
@@ -49,27 +50,29 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
     file.parent.mkdir(parents=True)
     save_agent(pursuer, file)
     for name in ("demo/P_stage1", "runs/demo/P_stage1", str(file), str(file.resolve())):
-        found = find_agent(name, Role.PURSUER)
+        found = find_player(name, Role.PURSUER)
         assert found.name == "demo/P_stage1"
         assert found.header == pursuer.header
-    shielded = find_agent("shielded:demo/P_stage1", Role.PURSUER, make_game("paper"))
+    shielded = find_player("shielded:demo/P_stage1", Role.PURSUER, make_game("paper"))
     assert shielded.name == "shielded:demo/P_stage1"
-    assert find_agent("P_stage1", Role.PURSUER).name == "P_stage1"
-    assert find_agent("zoo/P_stage1", Role.PURSUER).name == "zoo/P_stage1"
-    assert eqx.tree_equal(find_agent("zoo/P_stage1", Role.PURSUER).policy, find_agent("P_stage1", Role.PURSUER).policy)
+    assert find_player("P_stage1", Role.PURSUER).name == "P_stage1"
+    assert find_player("zoo/P_stage1", Role.PURSUER).name == "zoo/P_stage1"
+    assert eqx.tree_equal(
+        find_player("zoo/P_stage1", Role.PURSUER).policy, find_player("P_stage1", Role.PURSUER).policy
+    )
     with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
-        find_agent("demo/P_stage2", Role.PURSUER)
+        find_player("demo/P_stage2", Role.PURSUER)
 
 
 def test_a_file_plays_no_other_side(pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "chaser.safetensors")
     with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
-        find_agent(str(tmp_path / "chaser.safetensors"), Role.EVADER)
+        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER)
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still, .*flee.* a \.safetensors file"):
-        find_agent("nobody", Role.PURSUER)
+        find_player("nobody", Role.PURSUER)
 
 
 def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
@@ -84,7 +87,7 @@ def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
     words = jax.random.bits(jax.random.key(2), (6000,))
     actions = [np.asarray(pool.act(jnp.full(6000, member), observation, words)) for member in range(3)]
     for member, name in ((0, files[0]), (2, files[1])):
-        alone = find_agent(name, Role.PURSUER).policy(observation[0], words[0])
+        alone = find_player(name, Role.PURSUER).policy(observation[0], words[0])
         assert (actions[member] == int(alone)).all()
     assert np.bincount(actions[1], minlength=9).min() > 550
 
@@ -102,7 +105,7 @@ def test_a_lone_player_is_a_pool_of_its_own():
 @pytest.mark.parametrize("name", zoo_names())
 def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
     role = {"P": Role.PURSUER, "E": Role.EVADER}[name[0]]
-    header = find_agent(name, role).header
+    header = find_player(name, role).header
     assert (ZOO / f"{name}.safetensors").stat().st_size < 1_000_000
     assert {"command", "seed", "stage", "env_steps", "episodes", "config"} <= set(header.training)
     assert header.game["arena"]["discs"]

@@ -10,12 +10,13 @@ import pytest
 from apollonius.agents.shield import Shielded
 from apollonius.agents.store import AgentHeader
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
-from apollonius.solve.catalogue import contest_of, find_player
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.solved import contest_of
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 from tests.solve.small import SMALL
 
@@ -61,7 +62,7 @@ def test_other_players_are_found_as_ever():
 
 
 def test_a_file_of_something_else_is_refused(file, solution, tmp_path):
-    with pytest.raises(InvalidInput, match=r"pursuer = '.*solved.npz'.*--role pursuer; this is the evader's"):
+    with pytest.raises(InvalidInput, match=r"pursuer = '.*solved.npz'.*solved for the pursuer; this is the evader's"):
         find_player(str(file), Role.PURSUER, SMALL)
     with pytest.raises(InvalidInput, match="solved for another game"):
         find_player(str(file), Role.EVADER, replace(SMALL, dt=0.2))

@@ -1,0 +1,56 @@
+"""The players that need no file: those without a rule, and the classical ones."""
+
+from collections.abc import Sequence
+
+from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.classical import AbstractClassical, Still
+from apollonius.agents.fleeing import Circle, Flee, FleeAware
+from apollonius.agents.guarding import Territory
+from apollonius.agents.kind import AbstractKind, Named, known_game
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.potential import PotentialField
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+
+EITHER = tuple(Role)
+PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
+    "random": (Uniform, EITHER),
+    "still": (Still, EITHER),
+    "pure-pursuit": (PurePursuit, (Role.PURSUER,)),
+    "proportional-navigation": (ProportionalNavigation, (Role.PURSUER,)),
+    "intercept": (Intercept, (Role.PURSUER,)),
+    "potential-field": (PotentialField, EITHER),
+    "flee": (Flee, (Role.EVADER,)),
+    "flee-aware": (FleeAware, (Role.EVADER,)),
+    "circle": (Circle, (Role.EVADER,)),
+    "territory": (Territory, EITHER),
+}
+"""By name, and the sides that they can play. Classical ones have to know the game."""
+
+
+class BuiltIn(AbstractKind):
+    """The players of `PLAYERS`."""
+
+    def names(self) -> Sequence[str]:
+        """All of them."""
+        return list(PLAYERS)
+
+    def fits(self, name: str, role: Role, game: Game) -> bool:
+        """Whether it can play the side, and its rule be followed in the game."""
+        policy, sides = PLAYERS[name]
+        return role in sides and (not issubclass(policy, AbstractClassical) or policy.fits(game))
+
+    def knows(self, name: str) -> bool:
+        """Whether it is one of them."""
+        return name in PLAYERS
+
+    def find(self, name: str, role: Role, game: Game | None) -> Named:
+        """The player, made for the game if it has to know it."""
+        policy, sides = PLAYERS[name]
+        side, only = role.name.lower(), sides[0].name.lower()
+        require(role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only")
+        if issubclass(policy, AbstractClassical):
+            return Named(name, policy.for_side(known_game(game, name), role))
+        return Named(name, policy())

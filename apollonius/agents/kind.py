@@ -1,0 +1,79 @@
+"""What a player is called, and what each kind of players says of itself so that it can be found by name."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+
+import jax
+import numpy as np
+
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.store import AgentHeader
+from apollonius.errors import InvalidInput
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+
+
+@dataclass(frozen=True)
+class Named:
+    """A player, what it is called, and the header of its file if it has one."""
+
+    name: str
+    policy: AbstractPolicy
+    header: AgentHeader | None = None
+
+
+class AbstractKind(ABC):
+    """Players of one kind, by name. It is registered in `apollonius.catalogue.KINDS`."""
+
+    looks: str = ""
+    """How the names of those look that `names` does not list."""
+
+    def names(self) -> Sequence[str]:
+        """Those that need no file of a person's own."""
+        return ()
+
+    def fits(self, name: str, role: Role, game: Game) -> bool:
+        """Whether one of `names` plays a side of a game."""
+        return True
+
+    @abstractmethod
+    def knows(self, name: str) -> bool:
+        """Whether a name looks like one of this kind's."""
+
+    @abstractmethod
+    def find(self, name: str, role: Role, game: Game | None) -> Named:
+        """The player of a name that this kind knows.
+
+        Args:
+            role: the side it is to play.
+            game: what is played; None where nobody said.
+
+        Raises:
+            InvalidInput: when its file is bad, it plays the other side only, or it has to know the game.
+        """
+
+
+def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
+    """The refusal of a name that none of these kinds knows."""
+    names = ", ".join(one for kind in kinds for one in kind.names())
+    looks = ", or ".join(kind.looks for kind in kinds if kind.looks)
+    return InvalidInput(f"no agent is called '{name}': choose one of {names}, or give {looks}.")
+
+
+def known_game(game: Game | None, name: str) -> Game:
+    """The game, for a player that has to know it.
+
+    Raises:
+        InvalidInput: where nobody said which.
+    """
+    if game is None:
+        raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")
+    return game
+
+
+def fingerprint(policy: AbstractPolicy) -> str:
+    """What tells a player from others of its name: its kind, and a hash of all its numbers."""
+    leaves = jax.tree.leaves(policy)
+    return f"{type(policy).__name__} {sha256(b''.join(np.asarray(leaf).tobytes() for leaf in leaves)).hexdigest()}"

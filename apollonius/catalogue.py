@@ -1,0 +1,85 @@
+"""Players by name: every kind that there is, and whoever is put behind a shield."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+
+from apollonius.agents.built_in import BuiltIn
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
+from apollonius.agents.network import QNetwork
+from apollonius.agents.pool import Pool, solo, stack
+from apollonius.agents.shield import shielded
+from apollonius.agents.squashed import SquashedMean
+from apollonius.agents.trained import Trained, exploring
+from apollonius.agents.uniform import Uniform
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.solve.solved import Solved
+
+KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())
+"""All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
+SHIELDED = "shielded:"
+"""Before a player's name: the same, behind a shield."""
+
+
+def find_player(name: str, role: Role, game: Game | None = None) -> Named:
+    """The player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
+
+    Args:
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`). `RUN/NAME` is an agent
+            of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
+        role: the side it is to play.
+        game: what is played, which shields, classical players and those of solved games have to know.
+
+    Raises:
+        InvalidInput: when there is none, its file is bad or of another game, it plays the other side only, it has to
+            know the game and there is none, or a shield cannot help.
+    """
+    if name.startswith(SHIELDED):
+        bare = find_player(name.removeprefix(SHIELDED), role, game)
+        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
+    kind = next((kind for kind in KINDS if kind.knows(name)), None)
+    if kind is None:
+        raise unknown(name, *KINDS)
+    return kind.find(name, role, game)
+
+
+def player_names(role: Role, game: Game) -> list[str]:
+    """Names of all the players of one side that need no file and that the game is one for."""
+    return [name for kind in KINDS for name in kind.names() if kind.fits(name, role, game)]
+
+
+def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
+    """The pool of the players of these names; each game meets one of them.
+
+    Several must be trained agents with networks of one shape, or `random`.
+
+    Raises:
+        InvalidInput: as `find_player`, for no name, and for players that do not go together.
+    """
+    side, listed = f"{role.name.lower()}s", ", ".join(names)
+    require(names, side, "none", "one player at least")
+    policies = [find_player(name, role, game).policy for name in names]
+    if len(policies) == 1:
+        return solo(policies[0])
+    networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
+    bound = "one player, or trained agents with networks of one shape, and random beside discrete ones"
+    together = all(isinstance(policy, Greedy | SquashedMean | Uniform) for policy in policies)
+    alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
+    require(together and alike, side, listed, bound)
+    if not any(isinstance(policy, Uniform) for policy in policies):
+        return stack([exploring(network, jnp.asarray(0.0)) for network in networks])
+    require(isinstance(networks[0], QNetwork), side, listed, bound)
+    # One structure for all: whoever explores always is random, whatever its network.
+    return stack(
+        [
+            exploring(policy.network, jnp.asarray(0.0))
+            if isinstance(policy, Greedy)
+            else exploring(networks[0], jnp.asarray(1.0))
+            for policy in policies
+        ]
+    )

@@ -1,0 +1,85 @@
+"""What a solution says of the starts of its game."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.agents.shield import BRAKING
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.playout import draw_starts
+from apollonius.solve.grid import make_grid
+from apollonius.solve.motion import motion_of
+from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.reach import Reach
+from apollonius.solve.safety import steered_brakes
+from apollonius.solve.solved import contest_of
+from apollonius.solve.store import Solution
+
+STARTS = 20_000
+"""Starts over which shares and times are taken."""
+
+
+def about(solution: Solution, game: Game) -> dict[str, Any]:
+    """A solution in numbers, by what they are: how well it was solved, and what it means for the game's starts."""
+    problem = solution.problem
+    how = {
+        "grid": "x".join(map(str, problem.counts)),
+        "hold [s]": round(problem.hold * float(game.dt), 6),
+        "sweeps": solution.sweeps,
+        "residual": solution.residual,
+    }
+    kinds = {"safety": _about_safety, "reach": _about_reach, "game": _about_game}
+    return how | kinds[problem.kind](solution, game, Role[problem.role.upper()])
+
+
+def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+    """Which of the game's moving starts are lost: by the table, and by the manoeuvres that it steers."""
+    body = (game.pursuer, game.evader)[role]
+    grid = make_grid(game.arena, body, tuple(solution.problem.counts))
+    moving = replace(game, starts=replace(game.starts, speed="moving"))
+    starts = draw_starts(moving, jax.random.key(0), STARTS)
+    robots = (starts.pursuer, starts.evader)[role]
+    if not body.brakes_to_rest:
+        kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
+        return {"moving starts lost, by the table": float(np.mean(np.asarray(kept) < 0))}
+    backup = steered_brakes(game, role, grid, solution.table)  # the shield's own manoeuvres come first
+    judged = jax.jit(jax.vmap(lambda robot: (grid.interpolate(solution.table, robot), backup.rooms(robot))))(robots)
+    kept, rooms = map(np.asarray, judged)
+    return {
+        "moving starts lost, by the table": float(np.mean(kept < 0)),
+        "moving starts lost, if it brakes as the table steers": float(np.mean(rooms.max(axis=1) < 0)),
+        "moving starts lost, if it brakes": float(np.mean(rooms[:, : len(BRAKING)].max(axis=1) < 0)),
+    }
+
+
+def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+    """How fast the target is caught from the game's starts."""
+    assert solution.problem.target is not None
+    x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
+    grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))
+    reach = Reach(game, motion_of(game, role, solution.problem.hold), grid, x, y, solution.table)
+    robots = draw_starts(game, jax.random.key(0), STARTS).pursuer
+    seconds = np.asarray(jax.jit(jax.vmap(reach.seconds))(robots))
+    caught = np.isfinite(seconds)
+    return {
+        "starts with a capture": float(np.mean(caught)),
+        "median time to capture [s]": float(np.median(seconds)),
+        "longest [s]": float(np.max(seconds[caught], initial=0.0)),
+    }
+
+
+def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
+    """What the side is sure of at the game's starts."""
+    player = SaddlePolicy(contest_of(solution.problem, game), solution.table)
+    starts = draw_starts(game, jax.random.key(0), STARTS)
+    sure = np.asarray(player.best_worth(starts))
+    return {
+        "payoff": solution.problem.payoff,
+        f"the {role.name.lower()} is sure of, on average over starts": float(np.mean(sure)),
+        "at the best start": float(np.max(sure)),
+        "at the worst": float(np.min(sure)),
+    }

@@ -1,0 +1,9 @@
+"""Matches of players that nobody has named."""
+
+from apollonius.agents.kind import Named
+from apollonius.evaluate.match import Match
+
+
+def a_match(game, pursuer, evader, games, seed=0, **which):
+    """A match of two policies."""
+    return Match(game, Named("pursuer", pursuer), Named("evader", evader), games, seed, **which)
