@@ -3,10 +3,10 @@
     python benchmarks/mutants.py --mutants 200 --seed 0 --out mutants.jsonl
 
 Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest, in a copy of
-the tree. The tests of its file run first, then those of its room and of what stands on it, each until the first
-failure, and without the slow ones; the rest of the tests might notice a few more. A mutant that no test notices
-survives: it is printed, to be read. A line of the file is written for each one, and a second call goes on where the
-first one stopped.
+the tree. The tests of its file run first, then those of its room and of what stands on it, until the first failure,
+and without the slow ones; the rest of the tests might notice a few more. A mutant that no test notices survives: it
+is printed, to be read. A line of the file is written for each one, and a second call goes on where the first one
+stopped. All of these tests run once without a change first, for whatever fails then would notice everything.
 """
 
 import argparse
@@ -29,14 +29,20 @@ import pytest
 LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.optimize", "scipy.stats")
 """Imported once, before the processes that run the tests are forked."""
 ROOT = Path(__file__).parents[1]
+LEARNING = (
+    "tests/learn/test_dqn.py tests/learn/test_replay.py tests/learn/test_opponents.py tests/learn/test_payoffs.py"
+    " tests/learn/test_stage.py tests/learn"
+)
+"""The quick ones first."""
 TESTS = {
-    "apollonius/game": "tests/game tests/test_golden.py tests/test_rollout.py tests/agents",
+    "apollonius/game": "tests/game tests/test_golden.py tests/test_rollout.py tests/agents/test_shield.py"
+    " tests/agents/test_classical.py",
     "apollonius/rollout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
     "apollonius/playout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
-    "apollonius/learn/replay.py": "tests/learn",
-    "apollonius/learn/dqn.py": "tests/learn",
-    "apollonius/learn/opponents.py": "tests/learn",
-    "apollonius/learn/seats.py": "tests/learn",
+    "apollonius/learn/replay.py": LEARNING,
+    "apollonius/learn/dqn.py": LEARNING,
+    "apollonius/learn/opponents.py": LEARNING,
+    "apollonius/learn/seats.py": LEARNING,
     "apollonius/solve": "tests/solve tests/evaluate/test_regret.py",
     "apollonius/agents/shield.py": "tests/agents",
 }
@@ -126,29 +132,43 @@ def sample(root: Path, number: int, seed: int) -> list[tuple[str, str, int, str,
     return random.Random(seed).sample(found, min(number, len(found)))
 
 
+class FirstFailure:
+    """A plugin of pytest that writes down which test failed, or could not be read."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.path.write_text(report.nodeid)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed:
+            self.path.write_text(report.nodeid)
+
+
 def noticed(tree: Path, tests: list[str], limit: float) -> str:
-    """The first test file or folder that fails, or nothing. What hangs is noticed too."""
-    for test in tests:
-        child = os.fork()
-        if child == 0:
-            status = pytest.ExitCode.INTERNAL_ERROR
-            try:
-                status = _run_tests(tree, test)
-            finally:
-                os._exit(status)
-        end = time.monotonic() + limit
-        while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end:
-            time.sleep(0.05)
-        if ended[0] == 0:
-            os.killpg(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return f"{test} (too slow)"
-        if os.waitstatus_to_exitcode(ended[1]) not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
-            return test
-    return ""
+    """The first test that fails, or nothing. What hangs is noticed too."""
+    name = tree.parent / "failure"
+    name.write_text("")
+    child = os.fork()
+    if child == 0:
+        status = pytest.ExitCode.INTERNAL_ERROR
+        try:
+            status = _run_tests(tree, tests, name)
+        finally:
+            os._exit(status)
+    end = time.monotonic() + limit
+    while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end:
+        time.sleep(0.05)
+    if ended[0] == 0:
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return "too slow"
+    return "" if os.waitstatus_to_exitcode(ended[1]) == pytest.ExitCode.OK else name.read_text() or "a crash"
 
 
-def _run_tests(tree: Path, test: str) -> int:
+def _run_tests(tree: Path, tests: list[str], failure: Path) -> int:
     """The whole life of a forked process: libraries are there already, the changed code is read anew."""
     os.setsid()
     silence = os.open(os.devnull, os.O_WRONLY)
@@ -158,7 +178,15 @@ def _run_tests(tree: Path, test: str) -> int:
     os.environ |= {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(tree))
-    return int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--timeout", "120", *QUIETLY, test]))
+    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--timeout", "120", *QUIETLY]
+    return int(pytest.main([*options, *tests], plugins=[FirstFailure(failure)]))
+
+
+def tests_of(tree: Path, group: str, file: str) -> list[str]:
+    """The files of tests that may notice a change of a file, its own first."""
+    named = [f"tests/{Path(file).parent.name}/test_{Path(file).stem}.py", *TESTS[group].split()]
+    files = [sorted((tree / name).glob("test_*.py")) if (tree / name).is_dir() else [tree / name] for name in named]
+    return list(dict.fromkeys(str(file.relative_to(tree)) for some in files for file in some if file.exists()))
 
 
 def main() -> None:
@@ -168,7 +196,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tree", type=Path, default=ROOT, help="the tree to change a copy of (default: this one)")
     parser.add_argument("--share", default="0/1", help="of several processes: number/processes (default: %(default)s)")
-    parser.add_argument("--limit", type=float, default=900, help="seconds for one folder of tests")
+    parser.add_argument("--limit", type=float, default=900, help="seconds for the tests of one mutant")
     parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
     options = parser.parse_args()
     for library in LIBRARIES:
@@ -179,12 +207,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(options.tree, tree, ignore=shutil.ignore_patterns(".git", ".venv", "runs"))
+        everything = dict.fromkeys(test for group in TESTS for test in tests_of(tree, group, "none/none.py"))
+        if failed := noticed(tree, list(everything), len(TESTS) * options.limit):
+            sys.exit(f"{failed} fails without any change")
         for count, (group, file, line, before, after, text) in enumerate(chosen[done:], done + 1):
             began, original = time.monotonic(), (tree / file).read_text()
             (tree / file).write_text(text)
-            own = f"tests/{Path(file).parent.name}/test_{Path(file).stem}.py"
-            tests = [own] * (tree / own).is_file() + TESTS[group].split()
-            killer = noticed(tree, tests, options.limit)
+            killer = noticed(tree, tests_of(tree, group, file), options.limit)
             (tree / file).write_text(original)
             record = {"file": file, "line": line, "before": before, "after": after, "killed_by": killer}
             record["seconds"] = round(time.monotonic() - began, 1)
