@@ -13,6 +13,9 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.context import SpawnProcess
+from types import FrameType
 from typing import Any
 
 from apollonius.compilations import keep_compilations
@@ -65,16 +68,21 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
     free: queue.SimpleQueue[int] = queue.SimpleQueue()
     for core in cores:
         free.put(core)
-    over = threading.Event()
+    over, stopped = threading.Event(), threading.Event()
+    processes: list[SpawnProcess] = []
 
     def run(job: Job) -> bool:
         """One job in a process of its own, on a core that is free; none begins after one was stopped or failed."""
         if over.is_set():
             return False
         core = free.get()
+        _ctrl_c(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
         # A process that spawns inherits no threads of JAX; a forked one may hang.
         process = multiprocessing.get_context("spawn").Process(target=_work, args=(job, core, os.getpid()))
         process.start()
+        processes.append(process)
+        if stopped.is_set():
+            _tell(process)
         process.join()
         free.put(core)
         if process.exitcode != 0:
@@ -83,7 +91,16 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
             raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
         return process.exitcode == 0
 
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # every process hears of Ctrl-C and stops by itself
+    def stop(number: int, frame: FrameType | None) -> None:
+        """Every process stops by itself. From a terminal all hear of Ctrl-C, and hear of it again; else only this."""
+        answer()
+        over.set()
+        stopped.set()
+        for process in processes:
+            _tell(process)
+
+    resource_tracker.ensure_running()  # begins with the first process else, and then unblocks Ctrl-C
+    before = signal.signal(signal.SIGINT, stop)
     try:
         with ThreadPoolExecutor(len(cores)) as pool:
             running = {pool.submit(run, job): job for job in jobs}
@@ -92,6 +109,18 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
             return not over.is_set()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _tell(process: SpawnProcess) -> None:
+    """Send a Ctrl-C to a process that is still at work."""
+    if process.pid is not None and process.is_alive():
+        os.kill(process.pid, signal.SIGINT)
+
+
+def _ctrl_c(how: int) -> None:
+    """Block Ctrl-C for the calling thread and the processes that it starts, or let it through."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(how, {signal.SIGINT})
 
 
 def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
@@ -151,6 +180,7 @@ def _work(job: Job, core: int, parent: int) -> None:
     listen(STOPPED, says=False)
     interrupted: list[int] = []
     signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
+    _ctrl_c(signal.SIG_UNBLOCK)
 
     def should_stop() -> bool:
         if interrupted:

@@ -14,19 +14,18 @@ COMMAND = "import sys; from apollonius.cli import main; print('begun', flush=Tru
 
 def interrupted(code, *arguments, after=0.0, folder=None):
     """Status, output and errors of a program that gets a Ctrl-C some seconds after its first line of output."""
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
-    )  # fmt: skip
-    try:
-        assert process.stdout.readline() == "begun\n"
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(after)
-        process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=SOON)
-    finally:
-        process.kill()
-        process.wait()
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout.readline() == "begun\n"
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(after)
+            process.send_signal(signal.SIGINT)
+            output, errors = process.communicate(timeout=SOON)
+        finally:
+            process.kill()
     return process.returncode, output, errors
 
 
