@@ -2,63 +2,77 @@
 
     python -m studies.cross_play runs/first --games 2000
 
-prints the pursuer's win rates with Wilson 95 % intervals as a Markdown table: a row is a pursuer, a column an evader,
-evenly spaced over the stage. A pursuer that improves wins more further down; an evader that does lets it win
-less further to the right. `all` is the sum of a row or a column.
+tells the pursuer's win rates with Wilson 95 % intervals in a table: a row is a pursuer, a column an evader, evenly
+spaced over the stage. A pursuer that improves wins more further down; an evader that does lets it win less further to
+the right. `all` is the sum of a row or a column.
 """
 
-import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from apollonius.catalogue import find_player
-from apollonius.evaluate.match import Match, play_match
+import numpy as np
+
+from apollonius.errors import exit_status
+from apollonius.evaluate.pairings import last_agents
+from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.jobs import Job
 from apollonius.learn.folder import agent_file, load_config
-from apollonius.show.markdown import markdown_head, markdown_row
+from apollonius.reproduce.finding import Finding
+from apollonius.show.markdown import markdown_table
+from studies import driver
 
 
-def kind_of(run: Path) -> str:
-    """How the run's agents are called: `curriculum` or `scratch`."""
-    (kind,) = [
-        path.stem.removeprefix("E_") for path in (run / "agents").glob("E_*.safetensors") if "-" not in path.stem
-    ]
-    return kind
+@dataclass(frozen=True, kw_only=True)
+class CrossPlay(driver.Study):
+    """The agents that a run of self-play has kept, against each other."""
+
+    name = "cross_play"
+    run: Path = driver.option(type=Path, help="folder of a training run with self-play")
+    games: int = driver.option(2000, help="games in each match")
+    seed: int = driver.option(0, help="of the starts")
+
+    def jobs(self) -> Iterator[Sequence[Job]]:
+        """The matches of each pursuer."""
+        yield self.matches.jobs()
+
+    @property
+    def matches(self) -> RoundRobin:
+        """All agents, by the percentage of self-play at which they were kept."""
+        percents = load_config(self.run / "config.toml").self_play.snapshot_percents
+        kept = {
+            role: {f"{percent} %": str(agent_file(self.run, self.agent(role), percent)) for percent in percents}
+            for role in Role
+        }
+        return RoundRobin(self.out / "matches", kept[Role.PURSUER], kept[Role.EVADER], self.games, self.seed)
+
+    def agent(self, role: Role) -> str:
+        """What the run's last agent of a side is called."""
+        (evader,) = [name for name in last_agents(self.run) if name.startswith("E_")]
+        return role.name[0] + evader[1:]
+
+    def finding(self) -> Finding:
+        """The table."""
+        played = self.matches.tournament()
+        wins = played.wins.astype(int)
+        rows = [table_row(name, row, self.games) for name, row in zip(played.pursuers, wins, strict=True)]
+        rows.append(table_row("all", wins.sum(axis=0), self.games * len(wins)))
+        text = markdown_table(["pursuer \\ evader", *played.evaders, "all"], rows)
+        return Finding(f"The pursuers of {self.run} against its evaders", text, data=played.to_dict())
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path, help="folder of a training run with self-play")
-    parser.add_argument("--games", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-
-    game, kind = make_game("paper"), kind_of(options.run)
-    kept = load_config(options.run / "config.toml").self_play.snapshot_percents
-    columns = [*[f"{percent} %" for percent in kept], "all"]
-    print(markdown_head(["pursuer \\ evader", *columns]))
-    in_column = [0] * len(kept)
-    for own in kept:
-        pursuer = find_player(str(agent_file(options.run, f"P_{kind}", own)), Role.PURSUER)
-        wins = []
-        for other in kept:
-            evader = find_player(str(agent_file(options.run, f"E_{kind}", other)), Role.EVADER)
-            result = play_match(Match(game, pursuer, evader, options.games, options.seed))
-            wins.append(round(result.pursuer_win_rate * options.games))
-        print(row(f"{own} %", wins, options.games), flush=True)
-        in_column = [total + won for total, won in zip(in_column, wins, strict=True)]
-    print(row("all", in_column, options.games * len(kept)))
-
-
-def row(name: str, wins: list[int], games: int) -> str:
+def table_row(name: str, wins: np.ndarray, games: int) -> list[str]:
     """A row of the table: wins out of so many games each, and out of all of them."""
-    counts = [*[(won, games) for won in wins], (sum(wins), games * len(wins))]
-    cells = [
-        f"{won / of:.1%} [{low:.1%}, {high:.1%}]" for won, of in counts for low, high in [wilson_interval(won, of)]
-    ]
-    return markdown_row([name, *cells])
+    counts = [*((int(won), games) for won in wins), (int(wins.sum()), games * len(wins))]
+    intervals = [(won / of, *wilson_interval(won, of)) for won, of in counts]
+    return [name, *(f"{rate:.1%} [{low:.1%}, {high:.1%}]" for rate, low, high in intervals)]
 
+
+main = partial(driver.main, CrossPlay)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(exit_status(main))

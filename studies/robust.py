@@ -7,148 +7,101 @@ those it came to and strangers against each other, by the rules and with bodies 
 `robust.md`. Stopped or killed at any point, the same command goes on where it was.
 """
 
-import argparse
-import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 from apollonius.agents.disturbance import NONE
-from apollonius.agents.kind import fingerprint
 from apollonius.arenas.record import to_dict
-from apollonius.bodies.comparison import compare
+from apollonius.bodies.comparison import Comparison, compare
 from apollonius.bodies.drive import Drive
 from apollonius.bodies.physics import Physics
 from apollonius.bodies.simulation import simulate_match
-from apollonius.catalogue import find_player
-from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, exit_status, require
+from apollonius.evaluate.kept import facts_of, kept_result, match_file
 from apollonius.evaluate.match import Match, play_games
-from apollonius.game.game import Game
+from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.game.types import Role
-from apollonius.jobs import STOPPED, Job, ShouldStop, run_jobs
+from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import agent_file, load_config
-from apollonius.learn.trainings import train_runs
-from studies.driver import add_workers, chosen_cores
-from studies.robust_report import Comparisons, write_results
-
-AGENTS = {Role.PURSUER: "P_curriculum", Role.EVADER: "E_curriculum"}
-"""What the agents of a run of self-play are called."""
+from apollonius.learn.folder import load_config
+from apollonius.reproduce.finding import Finding
+from studies import driver
+from studies.robust_report import find
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """A match to be played by the rules and with bodies. Plain data, so that any process can play it.
+def kept_comparison(folder: Path, match: Match) -> Comparison:
+    """A match by the rules and with bodies, kept and refused as `kept_match` does."""
 
-    Attributes:
-        file: where its results are kept.
-        game: by whose rules.
-        pursuer, evader: the agents or their files.
-        games: how many, by the rules and with bodies.
-        seed: of the starts.
-    """
+    def play() -> Comparison:
+        return compare(match, play_games(match), simulate_match(match, Drive()))
 
-    file: Path
-    game: Game
-    pursuer: str
-    evader: str
-    games: int
-    seed: int
+    path = match_file(folder, match.pursuer.name, match.evader.name)
+    return kept_result(path, facts_of(match) | {"drive": to_dict(Drive())}, Comparison, play)
 
-    def play(self, should_stop: ShouldStop) -> bool:
-        """Play the match and keep it. Returns False if there was no time to begin."""
-        if should_stop():
-            return False
-        match = self.match
-        comparison = compare(match, play_games(match), simulate_match(match, Drive()))
-        record = {"of": self.asked, "comparison": comparison.to_dict()}
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(self.file, json.dumps(record, indent=1).encode())
-        return True
 
-    def comparison(self) -> dict[str, Any]:
-        """What was kept, as `Comparison.to_dict` has it.
+@dataclass(frozen=True, kw_only=True)
+class Robust(driver.Study):
+    """A self-play with disturbed robots and several seeds, and strangers to it."""
+
+    name = "robust"
+    config: Path = driver.option(Path("examples/robust.toml"), help="the self-play")
+    seeds: int = driver.option(3)
+    pursuer: str = driver.option("P_pool", help="a pursuer that training does not know")
+    evader: str = driver.option("E_curriculum", help="an evader that training does not know")
+    seed: int = driver.option(0, help="seed of the starts")
+
+    @cached_property
+    def training(self) -> RunConfig:
+        """The self-play.
 
         Raises:
-            InvalidInput: when it is of other agents, games or starts.
+            InvalidInput: when it begins from nobody, or robots are not disturbed in it, or cannot be simulated.
         """
-        record = json.loads(self.file.read_text())
-        require(record["of"] == self.asked, "--out", self.file, "another folder: this match is of others")
-        return record["comparison"]
+        require(self.config.is_file(), "--config", self.config, "a .toml file; check the path")
+        config = load_config(self.config)
+        if None in (config.pursuer, config.evader) or config.self_play.disturbance == NONE:
+            raise InvalidInput(
+                "--config must be a self-play that goes on from two agents, with [self_play.disturbance]."
+            )
+        Physics(config.game, Drive())
+        return config
 
     @property
-    def asked(self) -> dict[str, Any]:
-        """All that the results depend on; agents are told apart by their numbers."""
-        match = self.match
-        prints = [fingerprint(player.policy) for player in (match.pursuer, match.evader)]
-        numbers = {"games": self.games, "seed": self.seed}
-        return {"agents": prints, "game": to_dict(self.game), "drive": to_dict(Drive()), **numbers}
+    def runs(self) -> dict[str, Path]:
+        """Folders of the runs by the names of their seeds."""
+        return {f"seed-{seed}": self.out / f"seed-{seed}" for seed in range(self.seeds)}
+
+    def others(self, role: Role) -> tuple[str, str]:
+        """Whom training went on from on one side, and a stranger to it."""
+        base = (self.training.pursuer, self.training.evader)[role]
+        assert base is not None
+        return base, (self.pursuer, self.evader)[role]
+
+    def trainings(self) -> driver.Trainings:
+        """One for each seed."""
+        runs = enumerate(self.runs.values())
+        return {run: (replace(self.training, seed=seed), tuple(driver.LAST.values())) for seed, run in runs}
 
     @property
-    def match(self) -> Match:
-        """The same with its players."""
-        pursuer = find_player(self.pursuer, Role.PURSUER, self.game)
-        evader = find_player(self.evader, Role.EVADER, self.game)
-        return Match(self.game, pursuer, evader, self.games, self.seed)
+    def matches(self) -> RoundRobin:
+        """Everyone against everyone, but that agents of different seeds do not meet."""
+        pursuers, evaders = (driver.entrants(self.others(role), self.runs, role) for role in Role)
+        whom = (self.out / "matches", pursuers, evaders, self.games, self.seed, self.training.game)
+        return RoundRobin(*whom, play=kept_comparison, apart=tuple(self.runs))
+
+    def jobs(self) -> Iterator[Sequence[Job]]:
+        """The matches of each pursuer."""
+        yield self.matches.jobs()
+
+    def finding(self) -> Finding:
+        """Three tables."""
+        return find(self.matches.results(), *(self.others(role) for role in Role))
 
 
-def entrants(config: RunConfig, runs: Mapping[str, Path], role: Role, stranger: str) -> dict[str, str]:
-    """Who plays one side, by name: whom training went on from, a stranger to it, and the agents of each seed."""
-    base = config.pursuer if role == Role.PURSUER else config.evader
-    if base is None or config.self_play.disturbance == NONE:
-        raise InvalidInput("--config must be a self-play that goes on from two agents, with [self_play.disturbance].")
-    return {base: base, stranger: stranger} | {name: str(agent_file(run, AGENTS[role])) for name, run in runs.items()}
-
-
-def meetings(
-    folder: Path, game: Game, pursuers: Mapping[str, str], evaders: Mapping[str, str], games: int, seed: int
-) -> dict[tuple[str, str], Meeting]:
-    """Everyone against everyone, but that agents of different seeds do not meet."""
-    own = set(pursuers) & set(evaders)
-    return {
-        (name, other): Meeting(folder / f"{name}--{other}.json", game, pursuer, evader, games, seed)
-        for name, pursuer in pursuers.items()
-        for other, evader in evaders.items()
-        if name == other or not {name, other} <= own
-    }
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Train, play, write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, default=Path("examples/robust.toml"), help="the self-play")
-    parser.add_argument("--out", type=Path, default=Path("runs/robust"), help="folder of the runs")
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--pursuer", default="P_pool", help="a pursuer that training does not know")
-    parser.add_argument("--evader", default="E_curriculum", help="an evader that training does not know")
-    parser.add_argument("--games", type=int, default=1000, help="games in each match")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the starts")
-    add_workers(parser)
-    options = parser.parse_args(arguments)
-    require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
-    require(options.games >= 1, "--games", options.games, "at least 1")
-    require(options.config.is_file(), "--config", options.config, "a .toml file; check the path")
-    out = options.out.absolute()
-    cores = chosen_cores(options.processes, out)
-    config = load_config(options.config)
-    Physics(config.game, Drive())  # what cannot be simulated is refused before it is trained for
-    runs = {f"seed-{seed}": out / f"seed-{seed}" for seed in range(options.seeds)}
-    pursuers = entrants(config, runs, Role.PURSUER, options.pursuer)
-    evaders = entrants(config, runs, Role.EVADER, options.evader)
-    wanted = {run: (replace(config, seed=seed), tuple(AGENTS.values())) for seed, run in enumerate(runs.values())}
-    if not train_runs(wanted, cores, print, options.on):
-        return STOPPED
-    matches = meetings(out / "matches", config.game, pursuers, evaders, options.games, options.seed)
-    jobs = [Job(f"the match of {' and '.join(p)}", m.play, ()) for p, m in matches.items() if not m.file.exists()]
-    if not run_jobs(jobs, cores, print, options.on):
-        return STOPPED
-    found: Comparisons = {pair: match.comparison() for pair, match in matches.items()}
-    print(write_results(out, found, list(pursuers)[:2], list(evaders)[:2]))
-    return 0
-
+main = partial(driver.main, Robust)
 
 if __name__ == "__main__":
     sys.exit(exit_status(main))

@@ -1,41 +1,32 @@
 """What training with disturbed robots comes to: failures, outcomes, tracking errors; by the rules and with bodies."""
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from apollonius.bodies.comparison import Comparison
 from apollonius.bodies.scene import SIDES
-from apollonius.document import write_atomically
+from apollonius.evaluate.match import MatchResult
 from apollonius.game.types import Role
-from apollonius.reproduce.finding import outcome_table
+from apollonius.reproduce.finding import Finding, mean_shares, outcome_table
 from apollonius.show.markdown import markdown_table, mean_over_seeds
 
-Comparisons = Mapping[tuple[str, str], dict[str, Any]]
-"""By the names of pursuer and evader: their match by the rules and with bodies, as `Comparison.to_dict` has it."""
+Comparisons = Mapping[tuple[str, str], Comparison]
+"""By the names of pursuer and evader: their match by the rules and with bodies."""
 ROBUST = "robust"
 """What the agents of all seeds are called together."""
 
 
-def write_results(out: Path, found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> str:
-    """Write `robust.json` and `robust.md`; returns all tables.
+def find(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> Finding:
+    """All tables.
 
     Args:
         found: all matches.
         pursuers, evaders: of each side whom training went on from and a stranger; all others are its seeds.
     """
-    tables = (
-        gap_table(found, pursuers, evaders),
-        outcomes(found, pursuers, evaders),
-        tracking(found, pursuers, evaders),
-    )
-    written = "\n\n".join(tables)
-    data = [{"pursuer": pursuer, "evader": evader, **match} for (pursuer, evader), match in found.items()]
-    write_atomically(out / "robust.json", json.dumps(data, indent=1).encode())
-    write_atomically(out / "robust.md", (written + "\n").encode())
-    return written
+    text = "\n\n".join(tell(found, pursuers, evaders) for tell in (gap_table, outcomes, tracking))
+    data = [{"pursuer": pursuer, "evader": evader, **match.to_dict()} for (pursuer, evader), match in found.items()]
+    return Finding("Training with disturbed robots", text, data={"matches": data})
 
 
 def gap_table(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> str:
@@ -66,8 +57,8 @@ def gap_table(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str
 def _failures(found: Comparisons, role: Role, own: str, opponent: str) -> dict[str, float]:
     """In how many of its games an agent fails, by the rules and with bodies [%]."""
     match = found[(own, opponent) if role == Role.PURSUER else (opponent, own)]
-    rates = match["differences"][f"{role.name.lower()} fails"]
-    return {kind: 100 * rates[kind] for kind in ("rules", "bodies")}
+    rates = match.differences[f"{role.name.lower()} fails"]
+    return {"rules": 100 * rates.rules, "bodies": 100 * rates.bodies}
 
 
 def outcomes(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> str:
@@ -76,10 +67,8 @@ def outcomes(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]
     """
     columns: list[tuple[str, dict[str, float]]] = []
     for name, matches in _pairings(found, pursuers, evaders).items():
-        for kind, how in (("rules", "by the rules"), ("bodies", "with bodies")):
-            shares = [_shares(match[kind]) for match in matches]
-            mean = {outcome: float(np.mean([share[outcome] for share in shares])) for outcome in shares[0]}
-            columns.append((f"{name}, {how}", mean))
+        columns.append((f"{name}, by the rules", _shares([match.rules for match in matches])))
+        columns.append((f"{name}, with bodies", _shares([match.bodies for match in matches])))
     return outcome_table(columns)
 
 
@@ -88,8 +77,8 @@ def tracking(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]
     lines = []
     for name, matches in _pairings(found, pursuers, evaders).items():
         for side in SIDES:
-            errors = [match["tracking"][side] for match in matches]
-            rms = {what: float(np.mean([error[what]["rms"] for error in errors])) for what in errors[0]}
+            errors = [match.tracking[side] for match in matches]
+            rms = {what: float(np.mean([error[what].rms for error in errors])) for what in errors[0]}
             lines.append([name, side, f"{rms['speed']:.3f}", f"{rms['heading']:.3f}", f"{1000 * rms['position']:.1f}"])
     return markdown_table(["match", "of", "speed [m/s]", "heading [rad]", "position [mm]"], lines)
 
@@ -99,7 +88,7 @@ def seeds_of(found: Comparisons) -> list[str]:
     return [pursuer for pursuer, evader in found if pursuer == evader]
 
 
-def _pairings(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
+def _pairings(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> dict[str, list[Comparison]]:
     """The matches of the two agents that training went on from, and of the seeds', by what they are called."""
     seeds = seeds_of(found)
     return {
@@ -111,7 +100,6 @@ def _pairings(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str
     }
 
 
-def _shares(result: Mapping[str, Any]) -> dict[str, float]:
-    games = sum(result["outcomes"].values())
-    shares = {name: count / games for name, count in result["outcomes"].items()}
-    return shares | {"pursuer_wins": result["pursuer_win_rate"]}
+def _shares(results: Sequence[MatchResult]) -> dict[str, float]:
+    """Share of each outcome and of the pursuer's wins, in the mean over matches."""
+    return mean_shares(results) | {"pursuer_wins": float(np.mean([result.pursuer_win_rate for result in results]))}

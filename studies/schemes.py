@@ -6,24 +6,28 @@ trains what is missing there, one process on every core, then judges what is not
 `schemes.md` and `schemes.png`. Stopped or killed at any point, the same command goes on where it was.
 """
 
-import argparse
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
-from apollonius.errors import exit_status, require
-from apollonius.jobs import STOPPED, Job, run_jobs
+from apollonius.errors import exit_status
+from apollonius.evaluate.round_robin import RoundRobin
+from apollonius.game.types import Role
+from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.scheme import OpponentConfig, Scheme
-from apollonius.learn.trainings import train_runs
-from studies.driver import add_workers, chosen_cores
-from studies.scheme_measures import Effort, everyone, judge_run
-from studies.scheme_report import write_results
+from apollonius.reproduce.finding import Finding
+from studies import driver
+from studies.judgement import ZOO, Effort, judge_run
+from studies.scheme_report import find
 
 SCHEMES: tuple[Scheme, ...] = get_args(Scheme)
+RATING_SEED = 2
+"""Of the starts in the tournament of all last agents."""
 SHORT = DQNConfig(averaging=1e-3, games=256)
 """The profile `fast` for a stage of a few million env steps: weights are averaged over a thousand updates, and with
 half the games, seats can be drawn anew twice as often and still let every game come to its end."""
@@ -47,55 +51,65 @@ def run_config(
     return RunConfig(seed=seed, stages="self-play", dqn=dqn, self_play=stage, pursuer=pursuer, evader=evader)
 
 
-def judge_all(out: Path, runs: Sequence[Path], curve_runs: int, effort: Effort, cores: Sequence[int], on: str) -> bool:
-    """Judge what is not judged yet: every run, of the first `curve_runs` earlier agents too, then the tournament.
-    Returns False if it was stopped.
-    """
-    jobs = [
-        Job(f"the judgement of '{run}'", judge_run, (run, effort, index < curve_runs)) for index, run in enumerate(runs)
-    ]
-    return run_jobs(jobs, cores, print, on) and run_jobs(everyone(out, runs, effort).jobs(), cores, print, on)
+@dataclass(frozen=True, kw_only=True)
+class Schemes(driver.Study):
+    """Runs of self-play, one for each scheme and seed, and how thoroughly they are judged."""
+
+    name = "schemes"
+    schemes: Sequence[Scheme] = driver.option(SCHEMES, type=str, nargs="+", choices=SCHEMES, metavar="SCHEME")
+    seeds: int = driver.option(3)
+    env_steps: int = driver.option(4_000_000, help="length of each training")
+    pursuer: str = driver.option("P_stage1", help="whom pursuers go on from (default: %(default)s)")
+    evader: str | None = driver.option(None, help="whom evaders go on from (default: none, they begin from scratch)")
+    curve_seeds: int = driver.option(1, help="seeds whose earlier agents are judged too")
+    response_env_steps: int = driver.option(Effort.response_env_steps)
+    games: int = driver.option(Effort.games, help="games that judge a response")
+    rating_games: int = driver.option(100, help="games of all last agents' matches")
+
+    @property
+    def configs(self) -> dict[str, RunConfig]:
+        """The trainings by name, SCHEME/seed-N, which is the run's folder too."""
+        return {
+            f"{scheme}/seed-{seed}": run_config(scheme, seed, self.env_steps, self.pursuer, self.evader)
+            for seed in range(self.seeds)
+            for scheme in self.schemes
+        }
+
+    @property
+    def runs(self) -> dict[str, Path]:
+        """Their folders."""
+        return {name: self.out / name for name in self.configs}
+
+    @property
+    def effort(self) -> Effort:
+        """How thoroughly each agent is judged."""
+        return Effort(self.response_env_steps, self.games)
+
+    def trainings(self) -> driver.Trainings:
+        """One for each scheme and seed."""
+        return {self.out / name: (config, tuple(driver.LAST.values())) for name, config in self.configs.items()}
+
+    def jobs(self) -> Iterator[Sequence[Job]]:
+        """A judgement of each run, then the tournament."""
+        curves = self.curve_seeds * len(self.schemes)
+        yield [
+            Job(f"the judgement of '{run}'", judge_run, (run, self.effort, index < curves))
+            for index, run in enumerate(self.runs.values())
+        ]
+        yield self.matches.jobs()
+
+    @property
+    def matches(self) -> RoundRobin:
+        """The tournament of all runs' last agents and the paper's."""
+        pursuers, evaders = (driver.entrants(ZOO[role], self.runs, role) for role in Role)
+        return RoundRobin(self.out / "tournament", pursuers, evaders, self.rating_games, RATING_SEED)
+
+    def finding(self) -> Finding:
+        """A table and, if any earlier agents were judged, a figure."""
+        return find(self.out, self.runs, self.effort, self.matches.tournament())
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, judge, write the table and the figure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("runs/schemes"), help="folder of the runs")
-    parser.add_argument("--schemes", nargs="+", choices=SCHEMES, default=SCHEMES, metavar="SCHEME")
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--env-steps", type=int, default=4_000_000, help="length of each training")
-    parser.add_argument("--pursuer", default="P_stage1", help="whom pursuers go on from (default: %(default)s)")
-    parser.add_argument("--evader", help="whom evaders go on from (default: none, they begin from scratch)")
-    parser.add_argument("--curve-seeds", type=int, default=1, help="seeds whose earlier agents are judged too")
-    parser.add_argument("--response-env-steps", type=int, default=Effort.response_env_steps)
-    parser.add_argument("--games", type=int, default=Effort.games, help="games that judge a response")
-    parser.add_argument(
-        "--rating-games", type=int, default=Effort.rating_games, help="games of all last agents' matches"
-    )
-    add_workers(parser)
-    parser.add_argument("--only", choices=("train", "judge"), help="stop after training, or train nothing")
-    options = parser.parse_args(arguments)
-    require(options.seeds >= 1, "--seeds", options.seeds, "at least 1")
-    effort = Effort(options.response_env_steps, options.games, options.rating_games)
-    out = options.out.absolute()
-    cores = chosen_cores(options.processes, out)
-    configs = {
-        out / scheme / f"seed-{seed}": run_config(scheme, seed, options.env_steps, options.pursuer, options.evader)
-        for seed in range(options.seeds)
-        for scheme in options.schemes
-    }
-    runs = list(configs)
-    if options.only != "judge":
-        wanted = {run: (config, ("P_curriculum", "E_curriculum")) for run, config in configs.items()}
-        if not train_runs(wanted, cores, print, options.on):
-            return STOPPED
-    if options.only == "train":
-        return 0
-    if not judge_all(out, runs, options.curve_seeds * len(options.schemes), effort, cores, options.on):
-        return STOPPED
-    print(write_results(out, runs, effort))
-    return 0
-
+main = partial(driver.main, Schemes)
 
 if __name__ == "__main__":
     sys.exit(exit_status(main))

@@ -1,25 +1,64 @@
-"""What decides the paper's claims: the whole study again, each time with one thing changed.
+"""What decides the paper's claims: the whole reproduction again, each time with one thing changed.
 
-`python -m studies.sensitivity --budget quick --out DIR` trains what is missing there and prints a
-Markdown table, a row for each variant. Stopped, it goes on where it was.
+    python -m studies.sensitivity --budget quick
+
+trains what is missing and tells the claims in a table, a row for each variant.
 """
 
-import argparse
-from dataclasses import replace
-from pathlib import Path
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
+from apollonius.errors import exit_status
 from apollonius.game.presets import make_game
-from apollonius.jobs import available_cores
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.learner_config import PROFILES
 from apollonius.reproduce import figure4, figure6, table2, table3
 from apollonius.reproduce.claims import Claim
-from apollonius.reproduce.finding import percent
-from apollonius.reproduce.study import Study, train_missing
+from apollonius.reproduce.finding import Finding, percent
+from apollonius.reproduce.study import Study
 from apollonius.show.markdown import markdown_table
+from studies import driver
 
 JUDGES = (figure4, figure6, table2, table3)
 """The figures and tables that make claims of the paper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity(driver.Study):
+    """A reproduction for each variant of a budget."""
+
+    name = "sensitivity"
+    budget: str = driver.option("quick", choices=PRESETS, help="of each reproduction")
+    seeds: int = driver.option(1)
+    games: int = driver.option(10_000, help="games in each match")
+
+    def studies(self) -> dict[str, Study]:
+        """The reproductions by what was changed."""
+        return {
+            name: Study(
+                self.out / name.replace(" ", "-").replace("=", "is"),
+                self.budget,
+                preset,
+                tuple(range(self.seeds)),
+                self.games,
+            )
+            for name, preset in variants(PRESETS[self.budget]).items()
+        }
+
+    def trainings(self) -> driver.Trainings:
+        """Those of all variants."""
+        return {folder: training for study in self.studies().values() for folder, training in study.trainings().items()}
+
+    def finding(self) -> Finding:
+        """The claims of each variant."""
+        claims = {
+            name: [claim for section in JUDGES for claim in section.run(study).claims]
+            for name, study in self.studies().items()
+        }
+        data = {name: [claim.to_dict() for claim in row] for name, row in claims.items()}
+        return Finding("What decides the claims", table(claims), data=data)
 
 
 def variants(preset: RunConfig) -> dict[str, RunConfig]:
@@ -36,12 +75,7 @@ def variants(preset: RunConfig) -> dict[str, RunConfig]:
     }
 
 
-def claims_of(study: Study) -> list[Claim]:
-    """The paper's claims, judged by the agents of a study."""
-    return [claim for section in JUDGES for claim in section.run(study).claims]
-
-
-def table(claims: dict[str, list[Claim]]) -> str:
+def table(claims: Mapping[str, Sequence[Claim]]) -> str:
     """Claims by variant as a Markdown table, a column each."""
     first = next(iter(claims.values()))
     paper = ["the paper", *(percent(claim.paper) for claim in first)]
@@ -54,24 +88,7 @@ def _cell(claim: Claim) -> str:
     return f"{percent(claim.mean)} [{percent(low)}, {percent(high)}]"
 
 
-def main() -> None:
-    """Train and judge every variant, then print the table."""
-    parser = argparse.ArgumentParser(description="What decides the paper's claims.")
-    parser.add_argument("--budget", choices=PRESETS, default="quick")
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--games", type=int, default=10_000)
-    parser.add_argument("--out", type=Path, default=Path("runs/sensitivity"))
-    options = parser.parse_args()
-    claims = {}
-    for name, preset in variants(PRESETS[options.budget]).items():
-        folder = options.out / name.replace(" ", "-").replace("=", "is")
-        folder.mkdir(parents=True, exist_ok=True)
-        study = Study(folder, options.budget, preset, tuple(range(options.seeds)), options.games)
-        if not train_missing(study, available_cores(), print):
-            return
-        claims[name] = claims_of(study)
-        print(table(claims), flush=True)
-
+main = partial(driver.main, Sensitivity)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(exit_status(main))

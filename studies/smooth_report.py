@@ -1,20 +1,17 @@
 """What agents with continuous actions come to beside discrete ones: a table, its numbers, and both motions."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from apollonius.catalogue import find_player
-from apollonius.document import write_atomically
-from apollonius.evaluate.match import Match, replay_game
-from apollonius.evaluate.tournament import Tournament
+from apollonius.evaluate.match import Match, MatchResult, replay_game
+from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.game.dynamics import gears
-from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import BothActions, Trajectory
+from apollonius.reproduce.finding import Finding
 from apollonius.show import style
 from apollonius.show.arena import draw_game
 from apollonius.show.curves import draw_lines
@@ -22,40 +19,36 @@ from apollonius.show.markdown import markdown_table, mean_over_seeds
 
 CONTINUOUS, DISCRETE = KINDS = "continuous", "discrete"
 """The kinds of action. With one of them begins the name of an agent that was trained here; after it comes its seed."""
-Facts = dict[str, Any]
-Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], Facts]]]
+WINS: dict[Role, Callable[[MatchResult], float]] = {
+    Role.PURSUER: lambda match: match.pursuer_win_rate,
+    Role.EVADER: lambda match: match.evader_undefeated_rate,
+}
+"""A pursuer wins when it captures or the evader alone fails; an evader wins when it is undefeated."""
+Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], MatchResult]]]
 """By pursuer and evader, where all that were trained with one kind of action are one: names of both, and the match."""
 _TRIALS = 50
 """Starts among which the figure looks for one from which both pursuers capture."""
 
 
-def write_results(
-    out: Path, rows: Mapping[str, Mapping[str, Facts]], pursuers: Mapping[str, str], evaders: Mapping[str, str]
-) -> str:
-    """Write `smooth.json`, `smooth.md` and `smooth.png`; returns both tables.
+def find(out: Path, matches: RoundRobin) -> Finding:
+    """Two tables, and a figure of both motions.
 
     Args:
-        rows: matches by pursuer and evader, as `MatchResult.to_dict` has them.
-        pursuers, evaders: by name, the agents or their files.
+        out: folder of the figure.
+        matches: all of them, played.
     """
-    game = make_game("paper")
-    pairs = pairings(rows)
-    written = comparison(pairs) + "\n\n" + table(pairs, float(game.dt))
-    write_atomically(out / "smooth.json", json.dumps(rows, indent=1).encode())
-    write_atomically(out / "smooth.md", (written + "\n").encode())
-    pair = [next(agent for name, agent in pursuers.items() if kind_of(name) == kind) for kind in (DISCRETE, CONTINUOUS)]
-    evader = next(agent for name, agent in evaders.items() if kind_of(name) == CONTINUOUS)
-    fleeing = find_player(evader, Role.EVADER, game)
-    draw([Match(game, find_player(agent, Role.PURSUER, game), fleeing, _TRIALS) for agent in pair], out / "smooth.png")
-    return written
+    game, found = matches.game, matches.results()
+    pairs = pairings(found)
+    text = comparison(pairs) + "\n\n" + table(pairs, float(game.dt))
+    fleeing = find_player(_first_of(CONTINUOUS, matches.evaders), Role.EVADER, game)
+    pursuers = [find_player(_first_of(kind, matches.pursuers), Role.PURSUER, game) for kind in (DISCRETE, CONTINUOUS)]
+    draw([Match(game, pursuer, fleeing, _TRIALS) for pursuer in pursuers], out / "smooth.png")
+    data = [{"pursuer": pursuer, "evader": evader, **match.to_dict()} for (pursuer, evader), match in found.items()]
+    return Finding("Smooth motion", text, ("smooth.png",), data={"matches": data})
 
 
-def rows_of(tournament: Tournament) -> dict[str, dict[str, Facts]]:
-    """The matches of a tournament by pursuer and evader."""
-    return {
-        pursuer: {evader: match.to_dict() for evader, match in zip(tournament.evaders, row, strict=True)}
-        for pursuer, row in zip(tournament.pursuers, tournament.matches, strict=True)
-    }
+def _first_of(kind: str, agents: Mapping[str, str]) -> str:
+    return next(agent for name, agent in agents.items() if kind_of(name) == kind)
 
 
 def kind_of(name: str) -> str:
@@ -64,32 +57,29 @@ def kind_of(name: str) -> str:
     return kind if kind in KINDS else name
 
 
-def pairings(rows: Mapping[str, Mapping[str, Facts]]) -> Pairings:
+def pairings(found: Mapping[tuple[str, str], MatchResult]) -> Pairings:
     """Matches of strangers by the kinds of both sides: two of one name were trained against each other."""
-    found: Pairings = {}
-    for pursuer, row in rows.items():
-        for evader, match in row.items():
-            if pursuer != evader:
-                found.setdefault((kind_of(pursuer), kind_of(evader)), []).append(((pursuer, evader), match))
-    return found
+    pairs: Pairings = {}
+    for names, match in found.items():
+        if names[0] != names[1]:
+            pairs.setdefault((kind_of(names[0]), kind_of(names[1])), []).append((names, match))
+    return pairs
 
 
 def comparison(pairs: Pairings) -> str:
     """A row for each side and opponent: how often agents with continuous actions win there and those with discrete ones
     do, what the former have more, seed by seed, and how much both change their controls.
-
-    A pursuer wins when it captures or the evader alone fails; an evader's wins are the games in which it is undefeated.
     """
     head = ["side", "against", "wins, continuous [%]", "wins, discrete [%]", "difference"]
     head += ["change of u, continuous", "change of u, discrete", "ratio"]
     lines: list[list[str]] = []
-    for role, win in ((Role.PURSUER, "pursuer_win_rate"), (Role.EVADER, "evader_undefeated_rate")):
+    for role, win in WINS.items():
         for opponent in dict.fromkeys(pair[1 - role] for pair in pairs):
             both = [(kind, opponent) if role == Role.PURSUER else (opponent, kind) for kind in KINDS]
             if not all(pair in pairs for pair in both):  # of one seed alone, no two of a kind are strangers
                 continue
             meetings = [pairs[pair] for pair in both]
-            wins = [seed_means(these, role, lambda match, win=win: 100 * match[win]) for these in meetings]
+            wins = [seed_means(these, role, lambda match, win=win: 100 * win(match)) for these in meetings]
             more = [one - other for one, other in zip(*wins, strict=True)]
             changes = [seed_means(these, role, _change_of(role)) for these in meetings]
             smooth, rough = (float(np.mean(change)) for change in changes)
@@ -110,11 +100,11 @@ def table(pairs: Pairings, dt: float) -> str:
     lines: list[list[str]] = []
     for pair, meetings in pairs.items():
         role = Role.PURSUER if pair[0] in KINDS else Role.EVADER
-        wins = seed_means(meetings, role, lambda match: 100 * match["pursuer_win_rate"])
+        wins = seed_means(meetings, role, lambda match: 100 * match.pursuer_win_rate)
         cells = [mean_over_seeds(wins, "{:.1f}")]
-        for name in ("mean_capture_steps", "capture_steps_deviation"):
-            captured = [meeting for meeting in meetings if meeting[1][name] is not None]
-            seconds = seed_means(captured, role, lambda match, name=name: dt * match[name])
+        captured = [meeting for meeting in meetings if meeting[1].mean_capture_steps is not None]
+        for steps in (lambda match: match.mean_capture_steps, lambda match: match.capture_steps_deviation):
+            seconds = seed_means(captured, role, lambda match, steps=steps: dt * steps(match))
             cells.append(mean_over_seeds(seconds, "{:.1f}"))
         cells += [mean_over_seeds(seed_means(meetings, role, _change_of(side)), "{:.3f}") for side in Role]
         lines.append([*pair, *cells])
@@ -122,7 +112,7 @@ def table(pairs: Pairings, dt: float) -> str:
 
 
 def seed_means(
-    meetings: Sequence[tuple[tuple[str, str], Facts]], role: Role, value: Callable[[Facts], float]
+    meetings: Sequence[tuple[tuple[str, str], MatchResult]], role: Role, value: Callable[[MatchResult], float]
 ) -> list[float]:
     """Of every agent of one side, the mean of a number over its matches, in the order of their names."""
     values: dict[str, list[float]] = {}
@@ -131,8 +121,8 @@ def seed_means(
     return [float(np.mean(values[name])) for name in sorted(values)]
 
 
-def _change_of(role: Role) -> Callable[[Facts], float]:
-    return lambda match: float(np.mean(match[f"{role.name.lower()}_change"]))
+def _change_of(role: Role) -> Callable[[MatchResult], float]:
+    return lambda match: float(np.mean((match.pursuer_change, match.evader_change)[role] or np.nan))
 
 
 def draw(matches: Sequence[Match], path: Path) -> None:

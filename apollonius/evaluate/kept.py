@@ -1,29 +1,45 @@
-"""Matches kept as files, so that a tournament that was stopped goes on where it was."""
+"""Results kept as files beside all that they depend on, so that what was stopped goes on where it was."""
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from apollonius.agents.kind import fingerprint
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.document import parse_json, read_bytes, write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
 from apollonius.playout import Report
 
+T = TypeVar("T")
 
-@dataclass(frozen=True)
-class KeptMatch:
-    """A match, and all that its result depends on. Players are kept by their fingerprints: two may share a name."""
 
-    pursuer: str
-    evader: str
-    game: dict[str, Any]
-    games: int
-    seed: int
-    viable: bool
-    result: MatchResult | None = None
+def kept_result(path: Path, asked: Mapping[str, Any], kind: type[T], make: Callable[[], T]) -> T:
+    """A result that lies in a file, or else is made and kept there.
+
+    Args:
+        path: of the file.
+        asked: all that the result depends on, as JSON-like data; players by their fingerprints: two may share a name.
+        kind: class of the result.
+        make: makes it.
+
+    Raises:
+        InvalidInput: when the file is bad, or of something else than what is asked for.
+    """
+    if path.exists():
+        remedy = "remove it, and it is made again"
+        bad = f"'{path}' is no result that was kept ({remedy})"
+        kept = parse_json(read_bytes(path, "a result that was kept", remedy), bad)
+        if set(kept) != {*asked, "result"}:
+            raise InvalidInput(f"{bad}.")
+        if {name: kept[name] for name in asked} != json.loads(json.dumps(asked)):
+            raise InvalidInput(f"'{path}' is of other players, rules, games or starts: choose another folder.")
+        return from_dict(kind, kept["result"], bad)
+    result = make()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, json.dumps({**asked, "result": to_dict(result)}, indent=1).encode())
+    return result
 
 
 def match_file(folder: Path, pursuer: str, evader: str) -> Path:
@@ -35,28 +51,19 @@ def kept_match(folder: Path, match: Match, report: Report = lambda done, total: 
     """What a match comes to, as `play_match`: read from the folder if it lies there, or else played and kept there.
 
     Raises:
-        InvalidInput: when the file is bad, or of a match of other players, rules, starts or length; as `play_match`.
+        InvalidInput: as `kept_result` and `play_match`.
     """
     path = match_file(folder, match.pursuer.name, match.evader.name)
-    pursuer, evader = (fingerprint(player.policy) for player in (match.pursuer, match.evader))
-    viable = match.starts is StartFilter.VIABLE
-    asked = KeptMatch(pursuer, evader, to_dict(match.game), match.games, match.seed, viable)
-    if path.exists():
-        kept = _read(path)
-        same = replace(kept, result=None) == asked
-        require(same, "folder of matches", folder, f"another one: '{path.name}' is of another match")
-        assert kept.result is not None
-        return kept.result
-    result = play_match(match, report=report)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, json.dumps(to_dict(replace(asked, result=result)), indent=1).encode())
-    return result
+    return kept_result(path, facts_of(match), MatchResult, lambda: play_match(match, report=report))
 
 
-def _read(path: Path) -> KeptMatch:
-    remedy = f"'{path}' is no match that was kept (remove it, and it is played again)"
-    content = read_bytes(path, "a match that was kept", "remove it, and it is played again")
-    kept = from_dict(KeptMatch, parse_json(content, remedy), remedy)
-    if kept.result is None:
-        raise InvalidInput(f"{remedy}.")
-    return kept
+def facts_of(match: Match) -> dict[str, Any]:
+    """All that the result of a match depends on, as JSON-like data."""
+    return {
+        "pursuer": fingerprint(match.pursuer.policy),
+        "evader": fingerprint(match.evader.policy),
+        "game": to_dict(match.game),
+        "games": match.games,
+        "seed": match.seed,
+        "viable": match.starts is StartFilter.VIABLE,
+    }

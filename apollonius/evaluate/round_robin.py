@@ -1,14 +1,17 @@
 """Everyone against everyone: a job for each pursuer, every match kept and none played twice."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from apollonius.agents.kind import Named
 from apollonius.catalogue import find_player
 from apollonius.evaluate.kept import kept_match, match_file
 from apollonius.evaluate.match import Match
-from apollonius.evaluate.tournament import Tournament, play_tournament
+from apollonius.evaluate.tournament import Tournament
+from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.jobs import Job, ShouldStop
@@ -16,13 +19,16 @@ from apollonius.jobs import Job, ShouldStop
 
 @dataclass(frozen=True)
 class RoundRobin:
-    """Who meets whom in the `paper` game. Plain data, so that any process can play a part of it.
+    """Who meets whom. Plain data, so that any process can play a part of it.
 
     Attributes:
         folder: where the matches are kept.
         pursuers, evaders: by name, the agents or their files.
         games: in each match, all on the same starts.
         seed: of the starts.
+        game: by whose rules.
+        play: plays a match and keeps it, or reads what was kept; called as `kept_match` is.
+        apart: names on both sides whose players, among themselves, meet only the one of their own name.
     """
 
     folder: Path
@@ -30,32 +36,50 @@ class RoundRobin:
     evaders: Mapping[str, str]
     games: int
     seed: int
+    game: Game = field(default_factory=lambda: make_game("paper"))
+    play: Callable[[Path, Match], Any] = kept_match
+    apart: tuple[str, ...] = ()
 
     def jobs(self) -> list[Job]:
         """What is to be played yet."""
         return [
             Job(f"the matches of {name}", play_row, (self, name))
             for name in self.pursuers
-            if not all(match_file(self.folder, name, evader).exists() for evader in self.evaders)
+            if not all(match_file(self.folder, name, evader).exists() for evader in self.row(name))
         ]
 
+    def row(self, pursuer: str) -> list[str]:
+        """Whom a pursuer meets."""
+        return [name for name in self.evaders if name == pursuer or not {name, pursuer} <= set(self.apart)]
+
+    @cached_property
+    def players(self) -> dict[Role, dict[str, Named]]:
+        """Who plays either side, by name."""
+        sides = {Role.PURSUER: self.pursuers, Role.EVADER: self.evaders}
+        return {
+            role: {name: Named(name, find_player(agent, role, self.game).policy) for name, agent in agents.items()}
+            for role, agents in sides.items()
+        }
+
+    def result(self, pursuer: str, evader: str) -> Any:
+        """What a match comes to, read where it is kept or else played."""
+        both = self.players[Role.PURSUER][pursuer], self.players[Role.EVADER][evader]
+        return self.play(self.folder, Match(self.game, *both, self.games, self.seed))
+
+    def results(self) -> dict[tuple[str, str], Any]:
+        """All matches, by pursuer and evader."""
+        return {(name, evader): self.result(name, evader) for name in self.pursuers for evader in self.row(name)}
+
     def tournament(self) -> Tournament:
-        """All matches, read where they are kept."""
-        pursuers = [_named(*entrant, Role.PURSUER) for entrant in self.pursuers.items()]
-        evaders = [_named(*entrant, Role.EVADER) for entrant in self.evaders.items()]
-        return play_tournament(make_game("paper"), pursuers, evaders, self.games, self.seed, keep=self.folder)
+        """All matches of `kept_match`, where everyone meets everyone."""
+        rows = tuple(tuple(self.result(name, evader) for evader in self.evaders) for name in self.pursuers)
+        return Tournament(tuple(self.pursuers), tuple(self.evaders), rows)
 
 
 def play_row(everyone: RoundRobin, pursuer: str, should_stop: ShouldStop) -> bool:
-    """Play and keep the matches of one pursuer against every evader. Returns False if it was stopped."""
-    chasing = _named(pursuer, everyone.pursuers[pursuer], Role.PURSUER)
-    for entrant in everyone.evaders.items():
+    """Play and keep the matches of one pursuer. Returns False if it was stopped."""
+    for evader in everyone.row(pursuer):
         if should_stop():
             return False
-        evader = _named(*entrant, Role.EVADER)
-        kept_match(everyone.folder, Match(make_game("paper"), chasing, evader, everyone.games, everyone.seed))
+        everyone.result(pursuer, evader)
     return True
-
-
-def _named(name: str, agent: str, role: Role) -> Named:
-    return Named(name, find_player(agent, role, make_game("paper")).policy)

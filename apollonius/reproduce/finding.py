@@ -1,9 +1,12 @@
 """What a figure, a table or a study finds: words, pictures, numbers and verdicts."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from apollonius.document import write_atomically
 from apollonius.evaluate.match import MatchResult
 from apollonius.reproduce.claims import Claim
 from apollonius.show.markdown import markdown_table
@@ -11,7 +14,7 @@ from apollonius.show.markdown import markdown_table
 
 @dataclass(frozen=True)
 class Finding:
-    """One section of the report."""
+    """One section of a report."""
 
     title: str
     text: str
@@ -20,7 +23,20 @@ class Finding:
     """File names in the folder of the study."""
     claims: tuple[Claim, ...] = ()
     data: dict[str, Any] = field(default_factory=dict)
-    """What goes to `results.json` besides the claims."""
+    """The numbers behind it, besides the claims, as JSON-like data."""
+
+
+def write_finding(finding: Finding, folder: Path, name: str) -> None:
+    """Write one finding into a folder, as `NAME.md` and `NAME.json`, atomically."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(folder / f"{name}.json", json.dumps(finding.data, indent=1).encode())
+    write_atomically(folder / f"{name}.md", f"{as_markdown(finding)}\n".encode())
+
+
+def as_markdown(finding: Finding) -> str:
+    """A finding under its title, with its pictures."""
+    pictures = "".join(f"\n\n![{finding.title}]({picture})" for picture in finding.pictures)
+    return f"## {finding.title}\n\n{finding.text}{pictures}"
 
 
 def percent(rate: float) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from apollonius.document import write_atomically
 from apollonius.reproduce.claims import Claim
-from apollonius.reproduce.finding import Finding, percent
+from apollonius.reproduce.finding import Finding, as_markdown, percent
 from apollonius.reproduce.study import Study
 from apollonius.show.markdown import markdown_table
 
@@ -24,14 +24,14 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
             for finding in findings
         },
     }
-    write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
     sections = [
         "# The paper's evaluation, again",
         f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
         f"the same starts. Intervals are 95 %, {_intervals(study)}.",
         claim_table(claims),
-        *[_section(finding) for finding in findings],
+        *[as_markdown(finding) for finding in findings],
     ]
+    write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
     write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
 
 
@@ -60,8 +60,3 @@ def _claim_row(claim: Claim) -> list[str]:
         ", ".join(percent(value) for value, _ in claim.seeds),
         claim.verdict,
     ]
-
-
-def _section(finding: Finding) -> str:
-    pictures = "".join(f"\n\n![{finding.title}]({picture})" for picture in finding.pictures)
-    return f"## {finding.title}\n\n{finding.text}{pictures}"

@@ -1,16 +1,16 @@
 """The whole evaluation of the paper: train what is missing, play, draw, report."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from apollonius.errors import require
 from apollonius.jobs import available_cores
 from apollonius.learn.config import PRESETS
+from apollonius.learn.trainings import train_runs
 from apollonius.limits import SEEDS, STUDY_GAMES
 from apollonius.reproduce import beyond, course, figure4, figure5, figure6, figure7, figure8, table2, table3
 from apollonius.reproduce.report import write_report
-from apollonius.reproduce.study import Study, train_missing, work_done
+from apollonius.reproduce.study import Study
 
 Watch = Callable[[str, Callable[[], tuple[float, float]]], None]
 """Told what begins, and whom to ask about it now and then."""
@@ -55,8 +55,8 @@ def reproduce(
     require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    watch("training the agents", partial(work_done, study))
-    if not train_missing(study, available_cores(), report, on):
+    watch("training the agents", study.work_done)
+    if not train_runs(study.trainings(), available_cores(), report, on):
         return False
     findings = []
     watch("playing the matches, drawing the figures", lambda: (len(findings), len(SECTIONS)))

@@ -1,7 +1,6 @@
 """A study: the paper's six agents, trained with several seeds, and the matches between them."""
 
 import json
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import last_metrics
-from apollonius.learn.trainings import train_runs
 from apollonius.playout import Results
 
 RUN_OF = {
@@ -110,27 +108,23 @@ class Study:
         lines = (self.run(name, seed) / "metrics.jsonl").read_text().splitlines()
         return [line for line in map(json.loads, lines) if line["stage"] == stage]
 
+    def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:
+        """By folder: what to train, and which agents are there once it is finished."""
+        return {
+            self.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
+            for seed in self.seeds
+            for name, config in run_configs(self.preset, seed).items()
+        }
 
-def train_missing(study: Study, cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
-    """Train the runs of a study that are not finished. Arguments, result and errors are those of `train_runs`."""
-    runs = {
-        study.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
-        for seed in study.seeds
-        for name, config in run_configs(study.preset, seed).items()
-    }
-    return train_runs(runs, cores, report, on)
-
-
-def work_done(study: Study) -> tuple[float, float]:
-    """How much of a study's training is done, and of how much: env steps, once for each side that learns."""
-    done = whole = 0.0
-    for seed in study.seeds:
-        for name, config in run_configs(study.preset, seed).items():
+    def work_done(self) -> tuple[float, float]:
+        """How much of its training is done, and of how much: env steps, once for each side that learns."""
+        done = whole = 0.0
+        for folder, (config, _) in self.trainings().items():
             stages = {"fixed-target": config.fixed_target.env_steps, "self-play": 2 * config.self_play.env_steps}
             work = stages if config.stages == "both" else {config.stages: stages[config.stages]}
-            stage, env_steps = last_metrics(study.run(name, seed) / "metrics.jsonl")
+            stage, env_steps = last_metrics(folder / "metrics.jsonl")
             before = list(work)[: list(work).index(stage)] if stage in work else []
             here = env_steps * (2 if stage == "self-play" else 1)
             done += min(sum(work.values()), sum(work[earlier] for earlier in before) + here)
             whole += sum(work.values())
-    return done, whole
+        return done, whole

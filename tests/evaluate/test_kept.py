@@ -51,7 +51,7 @@ def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
 def test_another_match_in_its_place_is_refused_and_stays(folder, other):
     path = match_file(folder, "pure-pursuit", "flee")
     before = path.read_bytes()
-    with pytest.raises(InvalidInput, match=r"folder of matches.*another match"):
+    with pytest.raises(InvalidInput, match="other players, rules, games or starts: choose another folder"):
         kept_match(folder, replace(MATCH, **other))
     assert path.read_bytes() == before
 

@@ -1,19 +1,21 @@
 """Training with disturbed robots: who meets whom, what of the gap is closed, and matches that are kept."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from apollonius.bodies.comparison import Comparison, Difference, Error
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import Match
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import load_config
-from studies import robust
-from studies.robust import Meeting, entrants, meetings
-from studies.robust_report import gap_table, outcomes, seeds_of, tracking, write_results
+from apollonius.learn.folder import create_run, load_config
+from studies.robust import Robust, kept_comparison
+from studies.robust_report import find, gap_table, outcomes, seeds_of, tracking
+from tests.studies.matches import NO_MATCH
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "robust.toml"
 PURSUERS, EVADERS = ["P", "P_stranger"], ["E", "E_stranger"]
@@ -26,14 +28,18 @@ def cells_of(table):
 
 def match(rules, bodies, captured=10):
     """A match of 100 games in which both sides fail in some by the rules, and in some with bodies."""
-    differences = {"rules": rules, "bodies": bodies}
-    error = {"speed": {"rms": 0.01}, "heading": {"rms": bodies}, "position": {"rms": 0.002}}
-    return {
-        "differences": dict.fromkeys(("pursuer fails", "evader fails"), differences),
-        "rules": {"outcomes": {"captured": captured, "no_result": 100 - captured}, "pursuer_win_rate": 0.5},
-        "bodies": {"outcomes": {"captured": captured + 20, "no_result": 80 - captured}, "pursuer_win_rate": 0.75},
-        "tracking": {"pursuer": error, "evader": error},
-    }
+    error = {"speed": Error(0.01, 0.0), "heading": Error(bodies, 0.0), "position": Error(0.002, 0.0)}
+    return Comparison(
+        rules=ended(captured, 0.5),
+        bodies=ended(captured + 20, 0.75),
+        differences=dict.fromkeys(("pursuer fails", "evader fails"), Difference(rules, bodies, 0.0, (0.0, 0.0))),
+        tracking={"pursuer": error, "evader": error},
+    )
+
+
+def ended(captured, win_rate):
+    outcomes = {"captured": captured, "no_result": 100 - captured}
+    return replace(NO_MATCH, games=100, outcomes=outcomes, pursuer_win_rate=win_rate)
 
 
 def test_of_a_gap_that_many_points_are_closed():
@@ -61,43 +67,42 @@ def test_of_a_gap_that_many_points_are_closed():
 
 
 def test_the_example_is_trained_with_every_seed_and_only_a_seeds_own_agents_meet(tmp_path):
-    config = load_config(EXAMPLE)
-    runs = {f"seed-{seed}": tmp_path / f"seed-{seed}" for seed in range(2)}
-    pursuers = entrants(config, runs, Role.PURSUER, "P_pool")
-    evaders = entrants(config, runs, Role.EVADER, "E_curriculum")
-    assert list(pursuers) == ["P_prioritised", "P_pool", "seed-0", "seed-1"]
-    assert evaders["seed-1"].endswith("seed-1/agents/E_curriculum.safetensors")
-    asked = meetings(tmp_path, config.game, pursuers, evaders, 10, 0)
-    assert len(asked) == 16 - 2
-    assert ("seed-0", "seed-1") not in asked
-    assert asked[("P_pool", "seed-1")].evader == evaders["seed-1"]
+    study = Robust(out=tmp_path, config=EXAMPLE, seeds=2)
+    assert [config.seed for config, _ in study.trainings().values()] == [0, 1]
+    everyone = study.matches
+    assert list(everyone.pursuers) == ["P_prioritised", "P_pool", "seed-0", "seed-1"]
+    assert everyone.evaders["seed-1"].endswith("seed-1/agents/E_curriculum.safetensors")
+    pairs = [(pursuer, evader) for pursuer in everyone.pursuers for evader in everyone.row(pursuer)]
+    assert len(pairs) == 16 - 2
+    assert ("seed-0", "seed-1") not in pairs
+    assert everyone.game == load_config(EXAMPLE).game
 
 
 @pytest.mark.parametrize("config", [RunConfig(), replace(load_config(EXAMPLE), self_play=RunConfig().self_play)])
-def test_trainings_without_a_pair_to_go_on_from_or_without_disturbance_are_refused(config):
+def test_trainings_without_a_pair_to_go_on_from_or_without_disturbance_are_refused(config, tmp_path):
+    create_run(config, tmp_path / "run")
     with pytest.raises(InvalidInput, match="must be a self-play that goes on from two agents"):
-        entrants(config, {}, Role.EVADER, "P_pool")
-
-
-def test_bad_numbers_are_refused_before_anything_is_written(tmp_path):
-    for options in (["--seeds", "0"], ["--games", "0"], ["--config", str(tmp_path / "none.toml")]):
-        with pytest.raises(InvalidInput, match=options[0]):
-            robust.main(["--out", str(tmp_path / "out"), *options])
-    assert not (tmp_path / "out").exists()
+        Robust(out=tmp_path, config=tmp_path / "run" / "config.toml").trainings()
 
 
 def test_a_match_is_kept_once_for_those_who_played_it(tmp_path):
     pytest.importorskip("mujoco")
-    meeting = Meeting(tmp_path / "matches" / "one.json", make_game("paper"), "pure-pursuit", "still", 3, 0)
-    assert not meeting.play(lambda: True)
-    assert not meeting.file.exists()
-    assert meeting.play(lambda: False)
-    comparison = meeting.comparison()
-    assert sum(comparison["bodies"]["outcomes"].values()) == sum(comparison["rules"]["outcomes"].values()) == 3
-    for other in (replace(meeting, seed=1), replace(meeting, games=4), replace(meeting, evader="flee")):
-        with pytest.raises(InvalidInput, match="this match is of others"):
-            other.comparison()
+    game = make_game("paper")
+    pursuer, still, flee = (
+        find_player(name, role, game)
+        for name, role in (("pure-pursuit", Role.PURSUER), ("still", Role.EVADER), ("flee", Role.EVADER))
+    )
+    match = Match(game, pursuer, still, 3)
+    comparison = kept_comparison(tmp_path, match)
+    (file,) = tmp_path.iterdir()
+    written = file.stat().st_mtime_ns
+    assert kept_comparison(tmp_path, match) == comparison
+    assert file.stat().st_mtime_ns == written
+    assert sum(comparison.bodies.outcomes.values()) == sum(comparison.rules.outcomes.values()) == 3
+    for other in ({"seed": 1}, {"games": 4}, {"evader": replace(flee, name="still")}):
+        with pytest.raises(InvalidInput, match="is of other players, rules, games or starts"):
+            kept_comparison(tmp_path, replace(match, **other))
     pairs = [("P", "E"), ("P", "s"), ("s", "E"), ("s", "s"), ("x", "E"), ("x", "y"), ("s", "y"), ("x", "s"), ("P", "y")]
-    written = write_results(tmp_path, dict.fromkeys(pairs, comparison), ["P", "x"], ["E", "y"])
-    assert (tmp_path / "robust.md").read_text() == written + "\n"
-    assert len(json.loads((tmp_path / "robust.json").read_text())) == len(pairs)
+    found = find(dict.fromkeys(pairs, comparison), ["P", "x"], ["E", "y"])
+    assert found.text.count("\n\n") == 3 - 1
+    assert len(found.data["matches"]) == len(pairs)

@@ -10,26 +10,27 @@ import pytest
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.record import to_dict
+from apollonius.errors import InvalidInput
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.trainings import train
-from studies import scheme_measures, schemes
-from studies.scheme_measures import Effort, entrants, everyone, judge_run
-from studies.scheme_report import write_results
+from apollonius.reproduce.finding import write_finding
+from studies import judgement, schemes
+from studies.judgement import Effort, judge_run
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
 
-EFFORT = Effort(response_env_steps=2 * CHUNK, games=12, rating_games=12)
+EFFORT = Effort(response_env_steps=2 * CHUNK, games=12)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def small():
     """Responses learn as little as everyone else, from random weights; quick players stand for the paper's agents."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scheme_measures, "QUICK", replace(DQN, replay_capacity=CHUNK))
-        patch.setattr(scheme_measures, "FIRST", dict.fromkeys(Role))
-        patch.setitem(scheme_measures.ZOO, Role.PURSUER, ("still",))
-        patch.setitem(scheme_measures.ZOO, Role.EVADER, ("random",))
+        patch.setattr(judgement, "QUICK", replace(DQN, replay_capacity=CHUNK))
+        patch.setattr(judgement, "FIRST", dict.fromkeys(Role))
+        patch.setitem(judgement.ZOO, Role.PURSUER, ("still",))
+        patch.setitem(judgement.ZOO, Role.EVADER, ("random",))
         yield
 
 
@@ -53,13 +54,18 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def judged(runs):
+def study(runs):
+    """Everything judged, and told."""
     out = runs[0].parents[1]
-    for run in runs:
-        assert judge_run(run, EFFORT, True, lambda: False)
-    for job in everyone(out, runs, EFFORT).jobs():
-        assert job.work(*job.arguments, lambda: False)
-    return out, write_results(out, runs, EFFORT)
+    asked = {"schemes": ("latest", "uniform"), "seeds": 1, "games": 12, "rating_games": 12}
+    study = schemes.Schemes(out=out, response_env_steps=EFFORT.response_env_steps, **asked)
+    assert study.effort == EFFORT
+    assert list(study.runs.values()) == runs
+    for jobs in study.jobs():
+        for job in jobs:
+            assert job.work(*job.arguments, lambda: False)
+    write_finding(study.finding(), out, "schemes")
+    return study
 
 
 def test_every_scheme_has_the_same_budget_and_start():
@@ -77,52 +83,64 @@ def test_every_scheme_has_the_same_budget_and_start():
 
 
 @pytest.mark.slow
-def test_a_judgement_that_was_stopped_goes_on(runs, judged):
+def test_a_judgement_that_was_stopped_goes_on(runs, study):
     run = runs[0]
-    whole = json.loads((run / "judged.json").read_text())
-    assert sorted(whole) == ["evader-100", "evader-50", "pursuer-100", "pursuer-50"]
-    responses = {path: path.stat().st_mtime_ns for path in run.glob("responses/*/*")}
-    assert len(responses) == 4
-    (run / "judged.json").write_text(json.dumps({name: whole[name] for name in sorted(whole)[:3]}))
+    files = {path: path.stat().st_mtime_ns for path in [*run.glob("judged/*"), *run.glob("responses/*/*")]}
+    names = ["evader-100", "evader-50", "pursuer-100", "pursuer-50"]
+    assert sorted(path.stem for path in files if path.suffix == ".json") == names
+    assert len(files) == 2 * len(names)
+    lost = run / "judged" / "pursuer-50.json"
+    before = json.loads(lost.read_text())
+    lost.unlink()
     assert not judge_run(run, EFFORT, True, lambda: True)
+    assert not lost.exists()
     assert judge_run(run, EFFORT, True, lambda: False)
-    assert json.loads((run / "judged.json").read_text()) == whole
-    assert {path: path.stat().st_mtime_ns for path in run.glob("responses/*/*")} == responses
+    assert json.loads(lost.read_text()) == before
+    assert {path: path.stat().st_mtime_ns for path in files if path != lost} == {
+        path: time for path, time in files.items() if path != lost
+    }
+    with pytest.raises(InvalidInput, match="is of other players, rules, games or starts"):
+        judge_run(run, replace(EFFORT, games=13), True, lambda: False)
 
 
 @pytest.mark.slow
-def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, judged):
+def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, study):
     for run in runs:
-        for name, loss in json.loads((run / "judged.json").read_text()).items():
-            assert loss["most"] == max(against["rate"] for against in loss["against"].values())
-            assert len(loss["against"]) == 2
-            header = load_agent(run / "responses" / name / "response-0.safetensors").header
-            assert header.role != name.split("-")[0]
-            assert header.training["env_steps"] == EFFORT.response_env_steps // (1 if name.endswith("-100") else 2)
+        for role in Role:
+            for percent in judgement.judged(run, role):
+                found = judgement.judgement(run, role, percent, EFFORT)
+                assert found.most == max(loss.rate for loss in found.against.values())
+                assert len(found.against) == 2
+                name = f"{role.name.lower()}-{percent}"
+                header = load_agent(run / "responses" / name / "response-0.safetensors").header
+                assert header.role != role.name.lower()
+                assert header.training["env_steps"] == EFFORT.response_env_steps // (1 if percent == 100 else 2)
 
 
 @pytest.mark.slow
-def test_every_last_agent_meets_every_other_once(runs, judged):
-    out, _ = judged
-    matches = {path: path.stat().st_mtime_ns for path in (out / "tournament").iterdir()}
+def test_every_last_agent_meets_every_other_once(runs, study):
+    everyone = study.matches
+    matches = {path: path.stat().st_mtime_ns for path in everyone.folder.iterdir()}
     assert len(matches) == (2 + 1) * (2 + 1)
-    assert list(entrants(runs, Role.PURSUER)) == ["latest/seed-0", "uniform/seed-0", "still"]
-    assert everyone(out, runs, EFFORT).jobs() == []
-    assert everyone(out, runs, EFFORT).tournament().ratings.evaders.shape == (3,)
-    assert {path: path.stat().st_mtime_ns for path in (out / "tournament").iterdir()} == matches
+    assert list(everyone.pursuers) == ["still", "latest/seed-0", "uniform/seed-0"]
+    assert everyone.jobs() == []
+    assert everyone.tournament().ratings.evaders.shape == (3,)
+    assert {path: path.stat().st_mtime_ns for path in everyone.folder.iterdir()} == matches
 
 
 @pytest.mark.slow
-def test_the_table_has_a_row_for_each_scheme_and_the_figure_is_drawn(runs, judged):
-    out, table = judged
-    assert (out / "schemes.md").read_text() == table + "\n"
-    found = json.loads((out / "schemes.json").read_text())["schemes"]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()]
+def test_the_table_has_a_row_for_each_scheme_and_the_figure_is_drawn(study):
+    found = json.loads((study.out / "schemes.json").read_text())["schemes"]
+    lines = [line for line in (study.out / "schemes.md").read_text().splitlines() if line.startswith("|")]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
     assert [row[0] for row in rows[2:]] == ["latest", "uniform"]
     assert len({len(row) for row in rows}) == 1
     for row in rows[2:]:
-        assert row[1] == f"{100 * found[row[0]]['pursuer'][0]['most']:.1f} %"
-        assert row[5] == f"{100 - 100 * found[row[0]]['pursuer'][0]['against']['random']['rate']:.1f} %"
-    elos = [found[scheme][side][0]["elo"] for scheme in found for side in ("pursuer", "evader")]
+        ((run,)) = found[row[0]]
+        against = run["judgements"]["pursuer"]["100"]["against"]
+        assert row[1] == f"{100 * max(loss['rate'] for loss in against.values()):.1f} %"
+        assert row[3] == f"{run['elo']['pursuer'][0]:.0f}"
+        assert row[5] == f"{100 - 100 * against['random']['rate']:.1f} %"
+    elos = [runs[0]["elo"][side] for runs in found.values() for side in ("pursuer", "evader")]
     assert np.isfinite(elos).all()
-    assert (out / "schemes.png").read_bytes().startswith(b"\x89PNG")
+    assert (study.out / "schemes.png").read_bytes().startswith(b"\x89PNG")

@@ -9,32 +9,27 @@ import pytest
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.evaluate.round_robin import RoundRobin, play_row
-from apollonius.game.types import Role
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from studies import smooth
-from studies.smooth_report import (
-    CONTINUOUS,
-    DISCRETE,
-    KINDS,
-    comparison,
-    kind_of,
-    pairings,
-    rows_of,
-    table,
-    turn_rates,
-    write_results,
-)
+from studies.smooth_report import CONTINUOUS, DISCRETE, comparison, find, kind_of, pairings, table, turn_rates
+from tests.studies.matches import NO_MATCH
 
 
 def match(wins, capture, changes):
-    return {
-        "pursuer_win_rate": wins,
-        "evader_undefeated_rate": 0.9 - wins,
-        "mean_capture_steps": capture,
-        "capture_steps_deviation": capture and capture / 2,
-        "pursuer_change": (changes, 2 * changes),
-        "evader_change": (0.0, 0.1),
-    }
+    return replace(
+        NO_MATCH,
+        pursuer_win_rate=wins,
+        evader_undefeated_rate=0.9 - wins,
+        mean_capture_steps=capture,
+        capture_steps_deviation=capture and capture / 2,
+        pursuer_change=(changes, 2 * changes),
+        evader_change=(0.0, 0.1),
+    )
+
+
+def flat(rows):
+    """Matches by pursuer and evader."""
+    return {(pursuer, evader): match for pursuer, row in rows.items() for evader, match in row.items()}
 
 
 def cells_of(table):
@@ -48,7 +43,7 @@ def test_a_table_has_a_row_for_each_pairing_and_means_over_seeds():
         "continuous seed-0": {"random": match(0.6, 100.0, 0.02), "continuous seed-2": match(0.4, 80.0, 0.01)},
         "continuous seed-1": {"random": match(0.8, 120.0, 0.04), "continuous seed-2": match(0.4, 80.0, 0.01)},
     }
-    lines = cells_of(table(pairings(rows), dt=0.1))
+    lines = cells_of(table(pairings(flat(rows)), dt=0.1))
     assert [line[:2] for line in lines] == [
         ["P_zoo", "random"], ["P_zoo", CONTINUOUS], [CONTINUOUS, "random"], [CONTINUOUS, CONTINUOUS],
     ]  # fmt: skip
@@ -77,7 +72,7 @@ def everyone_of(seeds):
 
 
 def test_kinds_are_compared_seed_by_seed():
-    lines = cells_of(comparison(pairings(everyone_of(seeds=2))))
+    lines = cells_of(comparison(pairings(flat(everyone_of(seeds=2)))))
     assert [line[:2] for line in lines] == [
         ["pursuer", "random"], ["pursuer", DISCRETE], ["pursuer", CONTINUOUS], ["evader", CONTINUOUS],
         ["evader", DISCRETE],
@@ -89,7 +84,7 @@ def test_kinds_are_compared_seed_by_seed():
 
 
 def test_who_was_trained_together_is_left_out_and_so_is_a_kind_that_has_met_no_stranger():
-    assert [line[:2] for line in cells_of(comparison(pairings(everyone_of(seeds=1))))] == [["pursuer", "random"]]
+    assert [line[:2] for line in cells_of(comparison(pairings(flat(everyone_of(seeds=1)))))] == [["pursuer", "random"]]
 
 
 def test_differences_are_between_agents_of_one_seed_whoever_met_first():
@@ -100,7 +95,7 @@ def test_differences_are_between_agents_of_one_seed_whoever_met_first():
             for kind in (CONTINUOUS, DISCRETE):
                 if pursuer != f"{kind} seed-{number}":
                     row[f"{kind} seed-{number}"] = match(number / 10, None, 0.1)
-    lines = cells_of(comparison(pairings(rows)))
+    lines = cells_of(comparison(pairings(flat(rows))))
     assert [line[4] for line in lines if line[0] == "evader"] == 2 * ["+0.0 ± 0.0"]
 
 
@@ -113,10 +108,11 @@ def test_everyone_trains_alike_but_for_seed_and_kind_and_meets_the_zoo(tmp_path)
     assert (one.seed, other.seed, one.learner, one.stages) == (0, 1, other.learner, "both")
     assert isinstance(discrete.learner, DQNConfig)
     assert replace(discrete, sac=one.sac) == one
-    found = smooth.entrants([tmp_path / kind / "seed-0" for kind in KINDS], Role.EVADER)
-    assert list(found) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
-    assert found["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
-    assert [kind_of(name) for name in found] == ["E_curriculum", "E_scratch", "random", CONTINUOUS, DISCRETE]
+    everyone = smooth.Smooth(out=tmp_path, seeds=1).matches
+    assert list(everyone.evaders) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
+    assert everyone.evaders["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
+    kinds = ["E_curriculum", "E_scratch", "random", CONTINUOUS, DISCRETE]
+    assert [kind_of(name) for name in everyone.evaders] == kinds
 
 
 def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default():
@@ -138,14 +134,16 @@ def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
     assert job.work(*job.arguments, lambda: False)
     assert everyone.jobs() == []
     assert kept.stat().st_mtime_ns == written_at
-    (row,) = rows_of(everyone.tournament()).values()
-    assert {name: match["games"] for name, match in row.items()} == {"still": 6, "random": 6}
+    assert {names: match.games for names, match in everyone.results().items()} == {
+        ("P_stage1", "still"): 6,
+        ("P_stage1", "random"): 6,
+    }
     # A discrete agent under a continuous name draws the figure as well.
-    rows = {"discrete seed-0": row, "continuous seed-0": row}
-    rows = {name: row | dict.fromkeys(rows, row["still"]) for name in rows}
-    written = write_results(tmp_path, rows, dict.fromkeys(rows, "P_stage1"), {"continuous seed-0": "still"})
-    assert (tmp_path / "smooth.md").read_text() == written + "\n"
-    assert (tmp_path / "smooth.png").stat().st_size > 10_000
+    names = dict.fromkeys(("discrete seed-0", "continuous seed-0"), "P_stage1")
+    both = replace(everyone, pursuers=names, evaders={"continuous seed-0": "still", "discrete seed-0": "still"})
+    found = find(tmp_path, both)
+    assert len(found.data["matches"]) == 4
+    assert (tmp_path / found.pictures[0]).stat().st_size > 10_000
 
 
 def test_turn_rates_are_read_from_either_kind_of_actions():

@@ -1,0 +1,96 @@
+"""How much the agents of a run lose: to responses that learn to beat them, and to the paper's agents."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from apollonius.arenas.record import to_dict
+from apollonius.catalogue import find_player
+from apollonius.evaluate.kept import kept_result
+from apollonius.exploit.attack import Attack, LossRate, judge_opponent
+from apollonius.exploit.responses import kept_response, train_response
+from apollonius.game.types import Role
+from apollonius.jobs import ShouldStop
+from apollonius.learn.folder import agent_file, load_config
+from apollonius.learn.learner_config import DQNConfig
+from studies.driver import LAST
+
+ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch")}
+"""The paper's agents of either side."""
+FIRST: dict[Role, str | None] = {role: names[0] for role, names in ZOO.items()}
+"""The agents that responses go on from."""
+QUICK = DQNConfig(averaging=3e-3, games=256, replay_capacity=262_144)
+"""How a response learns in some hundred thousand env steps: its weights are averaged over three hundred updates."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly runs are judged."""
+
+    response_env_steps: int = 500_000
+    """Training of a response to a final agent; responses to earlier ones get half."""
+    games: int = 500
+    """Games that judge a response, and in each match with an agent of the zoo."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How often an agent loses to each of its opponents, by their names."""
+
+    against: dict[str, LossRate]
+
+    @property
+    def most(self) -> float:
+        """The largest rate: near a lower bound of its exploitability, a little too large as the largest of several."""
+        return max(loss.rate for loss in self.against.values())
+
+
+def judge_run(run: Path, effort: Effort, whole_curve: bool, should_stop: ShouldStop) -> bool:
+    """Judge both agents of a run, each once. Returns False if it was stopped.
+
+    Args:
+        run: a finished run of self-play from a given pursuer.
+        whole_curve: judge all agents that were kept on the way, not the last ones only.
+    """
+    percents = kept_percents(run)
+    for percent in reversed(percents if whole_curve else percents[-1:]):
+        for role in Role:
+            if should_stop():
+                return False
+            judgement(run, role, percent, effort)
+    return True
+
+
+def kept_percents(run: Path) -> tuple[int, ...]:
+    """The percentages of a run's self-play at which its agents were kept."""
+    return load_config(run / "config.toml").self_play.snapshot_percents
+
+
+def judged(run: Path, role: Role) -> list[int]:
+    """The percentages of a run's self-play whose agents have been judged."""
+    return [percent for percent in kept_percents(run) if _file(run, role, percent).exists()]
+
+
+def judgement(run: Path, role: Role, percent: int, effort: Effort) -> Judgement:
+    """How often an agent loses to a response that learned to beat it, and to the paper's agents."""
+    attack = Attack(
+        role,
+        str(agent_file(run, LAST[role], percent)),
+        env_steps=effort.response_env_steps // (1 if percent == 100 else 2),
+        first=FIRST[Role.EVADER if role == Role.PURSUER else Role.PURSUER],
+        dqn=QUICK,
+    )
+
+    def judge() -> Judgement:
+        folder = run / "responses" / _file(run, role, percent).stem
+        train_response(attack, folder, seed=0)
+        against = {"response": judge_opponent(attack, kept_response(folder, 0), effort.games)}
+        for name in ZOO[attack.other]:
+            against[name] = judge_opponent(attack, find_player(name, attack.other).policy, effort.games)
+        return Judgement(against)
+
+    asked = attack.record | {"games": effort.games, "opponents": ZOO[attack.other], "dqn": to_dict(QUICK)}
+    return kept_result(_file(run, role, percent), asked, Judgement, judge)
+
+
+def _file(run: Path, role: Role, percent: int) -> Path:
+    return run / "judged" / f"{role.name.lower()}-{percent}.json"
