@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from apollonius.evaluate.regret import measure_regret as measure_regret
     from apollonius.game.arena import Arena as Arena
     from apollonius.game.arena import Disc as Disc
+    from apollonius.game.by_side import BySide as BySide
     from apollonius.game.dynamics import Unicycle as Unicycle
     from apollonius.game.game import Game as Game
     from apollonius.game.game import reset_batch as reset_batch
@@ -70,6 +71,7 @@ _HOMES = {
     "evaluate.match": ("Match", "StartFilter", "play_match", "record_game"),
     "evaluate.regret": ("measure_regret",),
     "game.arena": ("Arena", "Disc"),
+    "game.by_side": ("BySide",),
     "game.dynamics": ("Unicycle",),
     "game.game": ("Game", "reset_batch"),
     "game.polygon": ("Polygon",),

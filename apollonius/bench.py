@@ -16,6 +16,7 @@ from apollonius.agents.classical import Still
 from apollonius.agents.network import QNetwork
 from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
@@ -68,9 +69,9 @@ def bench_env(games: int, repeats: int = 20, report: Report = lambda done, total
     game = make_game("paper")
     start_key, word_key = jax.random.split(jax.random.key(0))
     starts = _draw(game, start_key, games)
-    player = solo(Uniform())
+    players = BySide(*[solo(Uniform())] * 2)
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    games_at_start = begin(first, player, player, jax.random.bits(word_key, (2, games), jnp.uint32))
+    games_at_start = begin(first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
     row = jax.tree.map(lambda leaf: leaf[:1], starts)
     carry = _step(game, games_at_start, row, jax.random.key(0))
 
@@ -189,10 +190,9 @@ class _Stepped(eqx.Module):
 
 
 def _step(game: Game, games: Games, starts: GameState, key: PRNGKeyArray) -> _Stepped:
-    player = solo(Uniform())
-    games, step = collect(game, player, player, games, starts, key, steps=1)
-    sides = (step.pursuer, step.evader)
-    returned = (*(side.next_observation for side in sides), *(side.reward for side in sides))
+    players = BySide(*[solo(Uniform())] * 2)
+    games, step = collect(game, players, games, starts, key, steps=1)
+    returned = (*(side.next_observation for side in step.sides), *(side.reward for side in step.sides))
     return _Stepped(games, (*returned, step.terminated, step.truncated))
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.pool import Pool
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
 from apollonius.rollout import Games, Transition, anew, begin, random_words, step_games
@@ -73,8 +74,7 @@ class _Ended(eqx.Module):
 
 def play_out(
     game: Game,
-    pursuer: Pool,
-    evader: Pool,
+    players: BySide[Pool],
     starts: GameState,
     key: PRNGKeyArray,
     slots: int | None = None,
@@ -87,6 +87,7 @@ def play_out(
     of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
 
     Args:
+        players: who plays either side.
         starts: initial states, leaves `[games]`.
         key: consumed.
         slots: rounded up to a power of 2. By default as many as are quickest: few for a CPU, since in the end only the
@@ -98,7 +99,7 @@ def play_out(
     total = len(rows.steps)
     side_by_side = 2 ** ((slots or _default_slots()) - 1).bit_length()
     window = side_by_side * _WINDOW
-    places = _zeros(lambda: _empty(game, pursuer, evader, key, watcher, _cut(rows, 0, side_by_side)))
+    places = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, side_by_side)))
     places.index[:] = _NOBODY
     results = _zeros(lambda: _no_results(watcher, total))
     begun, done, steps = 0, 0, 1
@@ -107,7 +108,7 @@ def play_out(
         count = min(window, total - begun)
         upcoming = _cut(rows, begun, window)
         numbers = (*map(np.int32, (begun, count, steps)), np.bool_(begun + count < total))
-        places, taken, ended = _advance(game, pursuer, evader, key, watcher, places, upcoming, *numbers)
+        places, taken, ended = _advance(game, players, key, watcher, places, upcoming, *numbers)
         begun += int(taken)
         new = int(ended.count)
         index = np.asarray(ended.index)[:new]
@@ -138,27 +139,28 @@ def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> Game
     return jax.vmap(lambda one: game.reset(jax.random.fold_in(key, one)))(index)
 
 
-def play_at_once(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray) -> Results:
+def play_at_once(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray) -> Results:
     """The same for a few games, all of them side by side, as a part of what is compiled.
 
     Args:
+        players: who plays either side.
         starts: initial states, leaves `[games]`.
         key: consumed.
     """
     games = starts.steps.shape[0]
-    places = _empty(game, pursuer, evader, key, None, starts)
+    places = _empty(game, players, key, None, starts)
     numbers = (jnp.asarray(number) for number in (0, games, jnp.iinfo(jnp.int32).max, False))
-    ended = _play(game, pursuer, evader, key, None, places, starts, *numbers)[2]
+    ended = _play(game, players, key, None, places, starts, *numbers)[2]
     order = jnp.argsort(ended.index[:games])
     return jax.tree.map(lambda leaf: leaf[order], ended.results)
 
 
 def _empty(
-    game: Game, pursuer: Pool, evader: Pool, key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
+    game: Game, players: BySide[Pool], key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
 ) -> _Places:
     """Places without a game, one for each of some starts."""
     nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = begin(starts, pursuer, evader, random_words(key, nobody, nobody))
+    games = begin(starts, players, random_words(key, nobody, nobody))
     return _Places(games, _no_results(watcher, len(nobody)).watched, nobody)
 
 
@@ -170,8 +172,7 @@ def _no_results(watcher: AbstractWatcher | None, games: int) -> Results:
 
 def _play(
     game: Game,
-    pursuer: Pool,
-    evader: Pool,
+    players: BySide[Pool],
     key: PRNGKeyArray,
     watcher: AbstractWatcher | None,
     places: _Places,
@@ -211,11 +212,11 @@ def _play(
         fresh = free & (upcoming < count)
         index = jnp.where(fresh, first + upcoming, places.index)
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
-        begun = begin(state, pursuer, evader, random_words(key, index, jnp.full(index.shape, -1)))
+        begun = begin(state, players, random_words(key, index, jnp.full(index.shape, -1)))
         games = jax.vmap(anew)(fresh, begun, places.games)
         watched = jax.vmap(anew, in_axes=(0, None, 0))(fresh, unwatched, places.watched)
 
-        games, transition = step_games(game, pursuer, evader, games, random_words(key, index, games.state.steps))
+        games, transition = step_games(game, players, games, random_words(key, index, games.state.steps))
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)

@@ -20,6 +20,7 @@ from apollonius.agents.pool import Pool
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import require
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import gears, is_continuous
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
@@ -48,10 +49,11 @@ class Trajectory(eqx.Module):
     outcome: Int[Array, ""]
 
 
-def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
+def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
     """The course of one of the games that `play_out` plays with the same arguments.
 
     Args:
+        players: who plays either side.
         starts: initial states, leaves `[games]`.
         key: consumed.
         index: which of the games.
@@ -59,7 +61,7 @@ def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGK
     # Cut on the host, where nothing is compiled for it.
     start = jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[index], starts))
     number = jax.device_put(np.array([index], np.int32))
-    actions = _actions(game, pursuer, evader, start, key, number, int(game.max_steps))
+    actions = _actions(game, players, start, key, number, int(game.max_steps))
     states, outcomes = jax.device_get(play_actions(game, start, actions))
     last = int(np.argmax(outcomes != Outcome.ONGOING))
     course = jax.tree.map(lambda leaf: leaf[: last + 2], states), np.asarray(actions)[: last + 1], outcomes[last]
@@ -68,16 +70,16 @@ def trace(game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGK
 
 @functools.partial(jax.jit, static_argnames="length")
 def _actions(
-    game: Game, pursuer: Pool, evader: Pool, start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
+    game: Game, players: BySide[Pool], start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
 ) -> Int[Array, "length 2"] | Float[Array, "length 2 2"]:
     """Both sides' actions in a game of `play_out`; it never stops."""
     state = jax.tree.map(lambda leaf: leaf[None], start)
-    games = begin(state, pursuer, evader, random_words(key, index, jnp.full(1, -1)))
+    games = begin(state, players, random_words(key, index, jnp.full(1, -1)))
 
     def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"] | Float[Array, "2 2"]]:
         words = random_words(key, index, games.state.steps)
-        after, transition = step_games(game, pursuer, evader, games, words)
-        return after, together(transition.pursuer.action[0], transition.evader.action[0])
+        after, transition = step_games(game, players, games, words)
+        return after, together(*transition.sides.map(lambda side: side.action[0]))
 
     return jax.lax.scan(one_step, games, None, length)[1]
 
@@ -152,13 +154,12 @@ class Replay:
 
 def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
     """States as rows of 8 numbers."""
-    return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
+    return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
 
 
 def as_state(row: Float32[Array, "8"], steps: Int[Array, ""]) -> GameState:
     """The state of a row of 8 numbers, and the number of steps played."""
-    pursuer, evader = (RobotState(*half) for half in (row[:4], row[4:]))
-    return GameState(pursuer, evader, steps)
+    return GameState.of_two(RobotState(*row[:4]), RobotState(*row[4:]), steps)
 
 
 def as_data(replay: Replay) -> dict[str, Any]:

@@ -13,15 +13,16 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
 from apollonius.agents.pool import Held, Pool, Seated
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, Role
+from apollonius.game.types import ROLES, GameState, Role
 from apollonius.words import fold_in, random_bits
 
 Players = Pool | Seated | Held
 """All who play one side of a batch of games."""
 
 
-class Side(eqx.Module):
+class Experience(eqx.Module):
     """One side's part of a batch of transitions; leaves start with the axes of the batch.
 
     `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
@@ -39,8 +40,7 @@ class Side(eqx.Module):
 class Transition(eqx.Module):
     """A batch of transitions. `next_observation` is what the step led to, also where the game then ended."""
 
-    pursuer: Side
-    evader: Side
+    sides: BySide[Experience]
     outcome: Int[Array, "*batch"]
     terminated: Bool[Array, "*batch"]
     truncated: Bool[Array, "*batch"]
@@ -58,21 +58,18 @@ class Games(eqx.Module):
     """A batch of games under way."""
 
     state: GameState
-    pursuer: Player
-    evader: Player
+    sides: BySide[Player]
 
 
 def begin(
     starts: GameState,
-    pursuer: Players,
-    evader: Players,
+    players: BySide[Players],
     words: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
 ) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    chasing, fleeing = words
-    chaser = fresh_player(pursuer.draw(chasing), chasing, disturbance)
-    return Games(starts, chaser, fresh_player(evader.draw(fleeing), fleeing, disturbance))
+    members = ROLES.map(lambda role: players[role].draw(words[role]))
+    return Games(starts, ROLES.map(lambda role: fresh_player(members[role], words[role], disturbance)))
 
 
 def fresh_player(member: Int[Array, " games"], words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
@@ -83,41 +80,39 @@ def fresh_player(member: Int[Array, " games"], words: UInt32[Array, " games"], d
 
 def step_games(
     game: Game,
-    pursuer: Players,
-    evader: Players,
+    players: BySide[Players],
     games: Games,
     words: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
-    both = ((Role.PURSUER, pursuer, games.pursuer), (Role.EVADER, evader, games.evader))
 
-    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> list[Float[Array, "games _"]]:
+    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> BySide[Float[Array, "games _"]]:
         blurs, looks = (0, 0, None), (0, None, None)
-        seen = [jax.vmap(blurred, in_axes=blurs)(state, words[role], disturbance) for role, *_ in both]
-        return [jax.vmap(game.observe, in_axes=looks)(seen[role], role, side.observation) for role, side, _ in both]
+        seen = ROLES.map(lambda role: jax.vmap(blurred, in_axes=blurs)(state, words[role], disturbance))
+        return ROLES.map(
+            lambda role: jax.vmap(game.observe, in_axes=looks)(seen[role], role, players[role].observation)
+        )
 
     seen = sees(games.state, words)
-    actions = [side.act(player.member, seen[role], words[role]) for role, side, player in both]
-    handicaps = games.pursuer.handicap, games.evader.handicap
-    after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(
-        game, games.state, handicaps, (actions[0], actions[1])
-    )
-    rewards, next_seen = (after.pursuer_reward, after.evader_reward), sees(after.state, ~words)
-    returns = [player.episode_return + rewards[role] for role, _, player in both]
-    sides = [
-        Side(seen[role], actions[role], rewards[role], next_seen[role], returns[role], player.member)
-        for role, _, player in both
-    ]
-    players = [Player(player.member, returns[role], handicaps[role]) for role, _, player in both]
-    transition = Transition(*sides, outcome=after.outcome, terminated=after.terminated, truncated=after.truncated)
-    return Games(after.state, *players), transition
+    actions = ROLES.map(lambda role: players[role].act(games.sides[role].member, seen[role], words[role]))
+    handicaps = games.sides.map(lambda side: side.handicap)
+    after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
+    next_seen = sees(after.state, ~words)
+    returns = ROLES.map(lambda role: games.sides[role].episode_return + after.reward[role])
+
+    def experience(role: Role) -> Experience:
+        made = seen[role], actions[role], after.reward[role], next_seen[role], returns[role]
+        return Experience(*made, games.sides[role].member)
+
+    transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
+    sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], handicaps[role]))
+    return Games(after.state, sides), transition
 
 
 def collect(
     game: Game,
-    pursuer: Players,
-    evader: Players,
+    players: BySide[Players],
     games: Games,
     starts: GameState,
     key: PRNGKeyArray,
@@ -127,6 +122,7 @@ def collect(
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
     Args:
+        players: who plays either side.
         starts: fresh initial states, leaves `[rows, games]`; a game that finishes at step t takes its own column of
             row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
         key: consumed.
@@ -137,20 +133,20 @@ def collect(
         The games as they then stand, and the transitions, leaves `[steps, games]`.
     """
     rows = jax.tree.leaves(starts)[0].shape[0]
-    batch = games.pursuer.member.shape[0]
+    batch = games.state.steps.shape[0]
 
     def draw(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
         """Words for the actions and for the next members of the pools; lone members need none of their own."""
-        kinds = 2 if pursuer.draws or evader.draws else 1
+        kinds = 2 if any(pool.draws for pool in players) else 1
         words = random_bits(step_key, (2 * kinds, batch))
         return words[:2], words[-2:]
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         words, fresh_words = draw(fold_in(key, step))
-        after, transition = step_games(game, pursuer, evader, games, words, disturbance)
+        after, transition = step_games(game, players, games, words, disturbance)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(fresh_state, pursuer, evader, fresh_words, disturbance)
+        fresh = begin(fresh_state, players, fresh_words, disturbance)
         return jax.vmap(anew)(over, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

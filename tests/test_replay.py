@@ -16,6 +16,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_games, record_game
+from apollonius.game.by_side import BySide
 from apollonius.game.game import judge, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -30,10 +31,10 @@ MATCH = Match(make_game("paper"), *PLAYERS, GAMES, seed=3)
 
 def test_a_trace_is_the_course_of_the_game_that_was_played_out():
     starts, key = reset_batch(GAME, jax.random.key(5), GAMES), jax.random.key(6)
-    players = solo(Uniform()), solo(Uniform())
-    results = play_out(GAME, *players, starts, key, slots=8)
+    players = BySide(solo(Uniform()), solo(Uniform()))
+    results = play_out(GAME, players, starts, key, slots=8)
     for index in range(0, GAMES, 6):
-        course = trace(GAME, *players, starts, key, index)
+        course = trace(GAME, players, starts, key, index)
         assert course.outcome == results.outcome[index]
         assert len(course.actions) == results.steps[index]
         np.testing.assert_array_equal(course.states.steps, np.arange(results.steps[index] + 1))

@@ -19,6 +19,7 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState, Role
@@ -57,12 +58,12 @@ def evaders(*actions):
 
 
 @jax.jit
-def played(game, pursuer, evader, starts, key):
+def played(game, players, starts, key):
     """Games that begin at row 0 of their starts, played on for a while."""
     word_key, play_key = jax.random.split(key)
     words = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
-    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), pursuer, evader, words)
-    return collect(game, pursuer, evader, games, starts, play_key, STEPS)
+    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, words)
+    return collect(game, players, games, starts, play_key, STEPS)
 
 
 def numpy(tree):
@@ -76,7 +77,9 @@ def random_starts():
 
 
 def random_play(seed=1):
-    return numpy(played(GAME, pursuers(8, 4, 6), evaders(RANDOM, RANDOM), random_starts(), jax.random.key(seed)))
+    return numpy(
+        played(GAME, BySide(pursuers(8, 4, 6), evaders(RANDOM, RANDOM)), random_starts(), jax.random.key(seed))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -102,10 +105,13 @@ def test_collect_is_stepping_and_starting_again_by_hand():
     returns = np.zeros((2, GAMES), np.float32)
     for t in range(STEPS):
         now = row(transitions, t)
-        after = numpy(step_many(GAME, state, now.pursuer.action, now.evader.action))
-        rewards = np.stack([after.pursuer_reward, after.evader_reward])
+        after = numpy(step_many(GAME, state, *(side.action for side in now.sides)))
+        rewards = np.stack([*after.reward])
         returns += rewards
-        for side, role, profile in ((now.pursuer, Role.PURSUER, "paper"), (now.evader, Role.EVADER, "encoded")):
+        for side, role, profile in (
+            (now.sides.pursuer, Role.PURSUER, "paper"),
+            (now.sides.evader, Role.EVADER, "encoded"),
+        ):
             np.testing.assert_allclose(side.observation, observe_many(GAME, state, role, profile), atol=1e-5)
             np.testing.assert_allclose(side.next_observation, observe_many(GAME, after.state, role, profile), atol=1e-5)
             np.testing.assert_allclose(side.reward, rewards[role], atol=1e-5)
@@ -122,7 +128,7 @@ def test_collect_is_stepping_and_starting_again_by_hand():
 
 
 def test_an_ended_game_keeps_its_true_last_observation_and_the_next_row_starts_afresh(transitions):
-    side, ended = transitions.pursuer, over(transitions)[:-1]
+    side, ended = transitions.sides.pursuer, over(transitions)[:-1]
     assert ended.sum() > 100
     continued = np.isclose(side.next_observation[:-1], side.observation[1:], atol=1e-5).all(axis=-1)
     np.testing.assert_array_equal(continued, ~ended)
@@ -148,12 +154,14 @@ def test_games_end_by_the_rules_or_are_cut_off_at_the_time_limit_alone(transitio
 
 
 def test_the_member_recorded_is_the_one_that_acted(transitions):
-    np.testing.assert_array_equal(np.array([8, 4, 6])[transitions.pursuer.member], transitions.pursuer.action)
+    np.testing.assert_array_equal(
+        np.array([8, 4, 6])[transitions.sides.pursuer.member], transitions.sides.pursuer.action
+    )
 
 
 @pytest.mark.parametrize("role", ["pursuer", "evader"])
 def test_a_member_plays_its_game_to_the_end_and_another_may_follow(role, transitions):
-    member, ended = getattr(transitions, role).member, over(transitions)[:-1]
+    member, ended = getattr(transitions.sides, role).member, over(transitions)[:-1]
     changed = member[1:] != member[:-1]
     assert not np.any(changed & ~ended)
     assert np.any(changed & ended)
@@ -161,13 +169,13 @@ def test_a_member_plays_its_game_to_the_end_and_another_may_follow(role, transit
 
 def new_members(transitions, role):
     """Members drawn for the games that began right after another had ended."""
-    return getattr(transitions, role).member[1:][over(transitions)[:-1]]
+    return getattr(transitions.sides, role).member[1:][over(transitions)[:-1]]
 
 
 def test_members_are_drawn_uniformly_and_independently():
     """Games of one step, so that each step draws new members."""
     blitz = replace(GAME, max_steps=1)
-    _, transitions = numpy(played(blitz, pursuers(8, 4, 6), evaders(1, 7), random_starts(), jax.random.key(2)))
+    _, transitions = numpy(played(blitz, BySide(pursuers(8, 4, 6), evaders(1, 7)), random_starts(), jax.random.key(2)))
     pairs = np.zeros((3, 2))
     np.add.at(pairs, (new_members(transitions, "pursuer"), new_members(transitions, "evader")), 1)
     assert pairs.sum() == (STEPS - 1) * GAMES
@@ -176,15 +184,17 @@ def test_members_are_drawn_uniformly_and_independently():
 
 def standing(pursuer, evader):
     """The same state over and over: pursuer and evader stand at two places [m] and face east."""
-    one = GameState(*(RobotState(*map(jnp.float32, (*place, 0, 0))) for place in (pursuer, evader)), jnp.asarray(0))
+    one = GameState.of_two(
+        *(RobotState(*map(jnp.float32, (*place, 0, 0))) for place in (pursuer, evader)), jnp.asarray(0)
+    )
     return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), one)
 
 
 def test_the_action_that_ends_a_game_does_not_choose_the_next_member():
     """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
     patient, doomed = replace(GAME, max_steps=1000), standing((4 - 1e-6, 1), (1, 1))
-    players = pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 1)
-    _, transitions = numpy(played(patient, *players, doomed, jax.random.key(3)))
+    players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 1))
+    _, transitions = numpy(played(patient, players, doomed, jax.random.key(3)))
     counts = np.bincount(new_members(transitions, "pursuer"), minlength=3)
     assert counts.sum() > 1000
     assert stats.chisquare(counts).pvalue > 1e-3
@@ -192,7 +202,7 @@ def test_the_action_that_ends_a_game_does_not_choose_the_next_member():
 
 def test_one_key_one_play_bit_for_bit_and_another_key_another():
     assert identical(random_play(seed=1), random_play(seed=1))
-    assert not np.array_equal(random_play(seed=1)[1].evader.action, random_play(seed=2)[1].evader.action)
+    assert not np.array_equal(random_play(seed=1)[1].sides.evader.action, random_play(seed=2)[1].sides.evader.action)
 
 
 def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
@@ -203,11 +213,11 @@ def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
 
 
 def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
-    return numpy(play_out(game, *players, row(starts, slice(count)), jax.random.key(seed), slots, **how))
+    return numpy(play_out(game, players, row(starts, slice(count)), jax.random.key(seed), slots, **how))
 
 
 def random_results(**how):
-    return played_out((pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), 0), **how)
+    return played_out(BySide(pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), 0), **how)
 
 
 @pytest.mark.parametrize("slots", [1, 1000])
@@ -255,18 +265,21 @@ def test_play_out_can_be_stopped_while_games_go_on():
 
 def test_however_many_short_games_there_are_the_length_of_a_chunk_can_be_counted():
     starts = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 2000, axis=0), row(random_starts(), 0))
-    sides = solo(Uniform()), solo(Uniform())
+    players = BySide(solo(Uniform()), solo(Uniform()))
     told = []
     results = play_out(
-        replace(GAME, max_steps=1), *sides, starts, jax.random.key(0), slots=4, report=lambda *n: told.append(n)
+        replace(GAME, max_steps=1), players, starts, jax.random.key(0), slots=4, report=lambda *n: told.append(n)
     )
     assert len(told) > 40, "each chunk may take twice the steps of the one before"
     assert set(np.unique(results.steps)) == {1}
 
 
 def test_games_go_the_same_as_a_part_of_what_is_compiled():
-    sides, starts = (pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), (0, slice(PLAYED_OUT)))
-    assert identical(numpy(jax.jit(play_at_once)(GAME, *sides, starts, jax.random.key(0))), random_results())
+    players, starts = (
+        BySide(pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)),
+        row(random_starts(), (0, slice(PLAYED_OUT))),
+    )
+    assert identical(numpy(jax.jit(play_at_once)(GAME, players, starts, jax.random.key(0))), random_results())
 
 
 def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts():
@@ -283,13 +296,13 @@ def test_every_start_is_played_once_and_reported_in_its_own_place():
     distances = (np.random.default_rng(0).permutation(GAMES) * 0.05 + 0.025).astype(np.float32)
     starts = eqx.tree_at(lambda state: state.evader.x, starts, 4 - distances)
     game = replace(GAME, evader=Unicycle(v_min=1.0, v_max=1.0), dt=0.05, max_steps=1000, capture_distance=0.1)
-    results = played_out((pursuers(1, 1, 1), evaders(4, 4)), starts, game)
+    results = played_out(BySide(pursuers(1, 1, 1), evaders(4, 4)), starts, game)
     assert np.all(results.outcome == Outcome.EVADER_OUT_OF_RANGE)
     np.testing.assert_array_equal(results.steps, np.ceil(distances / 0.05)[:PLAYED_OUT])
 
 
 def test_play_out_agrees_with_a_plain_loop():
-    results = played_out((pursuers(8, 8, 8), evaders(7, 7)), row(random_starts(), 0))
+    results = played_out(BySide(pursuers(8, 8, 8), evaders(7, 7)), row(random_starts(), 0))
     for index in range(12):
         state, outcome = row(random_starts(), (0, index)), Outcome.ONGOING
         while outcome == Outcome.ONGOING:
@@ -301,7 +314,7 @@ def test_play_out_agrees_with_a_plain_loop():
 def test_play_out_draws_members_uniformly():
     """One of the three pursuers stays before the wall, two drive into it."""
     game, doomed = replace(GAME, max_steps=2), row(standing((4 - 1e-6, 1), (1, 1)), 0)
-    players = pursuers(1, 7, 7), evaders(1, 1)
+    players = BySide(pursuers(1, 7, 7), evaders(1, 1))
     outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
     stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
     assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
@@ -314,15 +327,15 @@ def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
     @jax.jit
     def played_late(starts, key):
         words = jax.random.bits(key, (2, GAMES), jnp.uint32)
-        sides = pursuers(7), evaders(RANDOM)
-        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), *sides, words, disturbance)
-        return games, *collect(GAME, *sides, games, starts, key, STEPS, disturbance)
+        players = BySide(pursuers(7), evaders(RANDOM))
+        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, words, disturbance)
+        return games, *collect(GAME, players, games, starts, key, STEPS, disturbance)
 
     first, last, transitions = numpy(played_late(random_starts(), jax.random.key(3)))
-    at_rest = transitions.pursuer.next_observation[..., 2] == -1
-    delays = first.pursuer.handicap.delay
+    at_rest = transitions.sides.pursuer.next_observation[..., 2] == -1
+    delays = first.sides.pursuer.handicap.delay
     assert set(delays) == {0, 1, 2}
     np.testing.assert_array_equal(np.argmin(at_rest, axis=0), delays)
-    renewed = last.pursuer.handicap.delay[over(transitions).any(axis=0)]
+    renewed = last.sides.pursuer.handicap.delay[over(transitions).any(axis=0)]
     assert len(renewed) > 20
     assert np.any(renewed != delays[over(transitions).any(axis=0)])

@@ -121,15 +121,15 @@ def _step(
     told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], word: UInt32[Array, ""],
 ) -> Float[Array, " told"]:  # fmt: skip
     actions: list[Action] = list(given[1:].reshape(2, *shape))
-    state = GameState(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
+    state = GameState.of_two(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
     for role, player in players.items():
         actions[role] = player(game.observe(state, role, player.observation), word)
     after: Timestep = game.step(state, *actions)
     flags = [after.terminated, after.truncated, after.outcome]
-    return _tell(game, observation, after.state, [after.pursuer_reward, after.evader_reward, *flags])
+    return _tell(game, observation, after.state, [*after.reward, *flags])
 
 
 def _tell(game: Game, observation: str, state: GameState, rest: list[Array]) -> Float[Array, " told"]:
-    robots = jnp.stack(jax.tree.leaves((state.pursuer, state.evader)))
+    robots = jnp.stack(jax.tree.leaves(state.robots))
     seen = [game.observe(state, role, observation) for role in Role]
     return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])

@@ -85,7 +85,7 @@ def step_games(
     answer = sitting.answer(now.state, word)
     both = (action, answer) if sitting.role == Role.PURSUER else (answer, action)
     after = jax.vmap(sitting.game.step)(now.state, *both)
-    reward = after.pursuer_reward if sitting.role == Role.PURSUER else after.evader_reward
+    reward = after.reward[sitting.role]
     led_to = Standing(after.state, sitting.see(after.state))
     told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
     match sitting.autoreset_mode:

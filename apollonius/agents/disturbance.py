@@ -13,9 +13,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.errors import require
+from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.types import Action, GameState, Real, RobotState, Scalar, Timestep
+from apollonius.game.types import ROLES, Action, GameState, Real, RobotState, Role, Scalar, Timestep
 
 _HANDICAP, _NOISE = 1, 2
 """What a random word is used for besides the player's own use of it."""
@@ -103,10 +104,11 @@ def draw_handicap(word: UInt32[Array, ""], disturbance: Disturbance) -> Handicap
 
 
 def blurred(state: GameState, word: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
-    """A state as one side sees it: both robots with errors of their own, from a random word."""
+    """A state as one side sees it: all robots with errors of their own, from a random word."""
     if not disturbance.blurs:
         return state
-    errors = jax.random.normal(jax.random.fold_in(jax.random.key(word), _NOISE), (2, 4))
+    robots, sides = jax.tree.flatten(state.robots, is_leaf=lambda node: isinstance(node, RobotState))
+    errors = jax.random.normal(jax.random.fold_in(jax.random.key(word), _NOISE), (len(robots), 4))
 
     def seen(robot: RobotState, error: Float[Array, "4"]) -> RobotState:
         return RobotState(
@@ -116,16 +118,21 @@ def blurred(state: GameState, word: UInt32[Array, ""], disturbance: Disturbance)
             heading=wrap_angle(robot.heading + disturbance.heading_noise * error[3]),
         )
 
-    return replace(state, pursuer=seen(state.pursuer, errors[0]), evader=seen(state.evader, errors[1]))
+    return replace(state, robots=jax.tree.unflatten(sides, map(seen, robots, errors)))
 
 
 def step_disturbed(
-    game: Game, state: GameState, handicaps: tuple[Handicap | None, Handicap | None], actions: tuple[Action, Action]
-) -> tuple[Timestep, tuple[Handicap | None, Handicap | None]]:
+    game: Game, state: GameState, handicaps: BySide[Handicap | None], actions: BySide[Action]
+) -> tuple[Timestep, BySide[Handicap | None]]:
     """Where both sides' actions lead: by the rules or, with handicaps, by the controls that these make of them."""
-    pursuer, evader = handicaps
-    if pursuer is None or evader is None:
-        return game.step(state, *actions), handicaps
-    pursuer_controls, pursuer = pursuer.respond(game.pursuer, state.pursuer, actions[0], game.dt)
-    evader_controls, evader = evader.respond(game.evader, state.evader, actions[1], game.dt)
-    return game.step_controls(state, pursuer_controls, evader_controls), (pursuer, evader)
+    bodies, robots = one_each(game.bodies), one_each(state.robots)
+
+    def response(role: Role) -> tuple[tuple[Scalar, Scalar], Handicap | None]:
+        handicap = handicaps[role]
+        if handicap is None:
+            return bodies[role].controls(actions[role]), None
+        return handicap.respond(bodies[role], robots[role], actions[role], game.dt)
+
+    responses = ROLES.map(response)
+    after = game.step_controls(state, responses.map(lambda response: (response[0],)))
+    return after, responses.map(lambda response: response[1])

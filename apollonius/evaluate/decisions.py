@@ -13,7 +13,7 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Actions, Role
+from apollonius.game.types import ROLES, Actions, Role
 from apollonius.rollout import begin, collect
 
 _GAMES = 100
@@ -56,17 +56,17 @@ def _play(
     game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
 ) -> tuple[Float[Array, "decisions 8"], Float[Array, "decisions size"], Actions]:
     start_key, word_key, play_key = jax.random.split(key, 3)
-    sides = (player, solo(Uniform())) if role == Role.PURSUER else (solo(Uniform()), player)
+    players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    games = begin(first, *sides, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
+    games = begin(first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
     def step(games, row):
         fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
-        after, moves = collect(game, *sides, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
-        state, side = games.state, moves.pursuer if role == Role.PURSUER else moves.evader
-        robots = (state.pursuer, state.evader) if role == Role.PURSUER else (state.evader, state.pursuer)
-        return after, (jnp.stack(jax.tree.leaves(robots), axis=-1), side.observation[0], side.action[0])
+        after, moves = collect(game, players, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
+        robots, side = games.state.robots, moves.sides[role]
+        own_first = jax.tree.leaves((robots[role], robots[role.other]))
+        return after, (jnp.stack(own_first, axis=-1), side.observation[0], side.action[0])
 
     kept = jax.lax.scan(step, games, jnp.arange(rows))[1]
     states, seen, actions = (leaf.reshape(rows * _GAMES, *leaf.shape[2:]) for leaf in kept)

@@ -13,6 +13,7 @@ from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import GameState, Outcome, Role
@@ -133,8 +134,8 @@ def play_match(match: Match, slots: int | None = None, report: Report = lambda d
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    players = solo(match.pursuer.policy), solo(match.evader.policy)
-    return play_out(match.game, *players, *begin(match), slots=slots, watcher=Changes(), report=report)
+    players = BySide(solo(match.pursuer.policy), solo(match.evader.policy))
+    return play_out(match.game, players, *begin(match), slots=slots, watcher=Changes(), report=report)
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
@@ -147,7 +148,7 @@ def replay_game(match: Match, index: int) -> Trajectory:
         InvalidInput: when there is no such game, and as `play_match`.
     """
     require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
-    return trace(match.game, solo(match.pursuer.policy), solo(match.evader.policy), *begin(match), index)
+    return trace(match.game, BySide(solo(match.pursuer.policy), solo(match.evader.policy)), *begin(match), index)
 
 
 def worst_first(results: Results) -> list[int]:

@@ -15,6 +15,7 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, distance, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.limits import GAMES, SEED, TARGETS
@@ -101,7 +102,7 @@ def _starts(game: Game, target: tuple[float, float], key: PRNGKeyArray, games: i
     """
     still = RobotState(*(jnp.asarray(number, jnp.float32) for number in (*target, 0.0, 0.0)))
     drawn = _reset_batch(game, key, games=4 * games + 64)
-    starts = jax.vmap(lambda state: GameState(state.pursuer, still, state.steps))(drawn)
+    starts = jax.vmap(lambda state: GameState.of_two(state.pursuer, still, state.steps))(drawn)
     chosen = np.flatnonzero(jax.vmap(distance)(starts) >= game.starts.separation)[:games]
     require(
         len(chosen) == games, "starts.separation", game.starts.separation,
@@ -115,7 +116,7 @@ def _play(
 ) -> dict[str, np.ndarray]:
     """Both players' games against one target, as columns."""
     both = {"agent": pursuer, "table": TablePolicy(reach)}
-    results = {name: play_out(game, solo(policy), solo(Still()), starts, key) for name, policy in both.items()}
+    results = {name: play_out(game, BySide(solo(policy), solo(Still())), starts, key) for name, policy in both.items()}
     columns = {f"{name}_outcome": np.asarray(result.outcome) for name, result in results.items()}
     columns |= {f"{name}_seconds": np.asarray(result.steps) * float(game.dt) for name, result in results.items()}
     columns["predicted"] = np.asarray(_predict(reach, starts.pursuer))

@@ -30,7 +30,7 @@ class Changes(AbstractWatcher):
 
     def follow(self, known: Course, transition: Transition) -> Course:
         """One step more."""
-        now = jnp.stack([jnp.stack(gears(side.action)) for side in (transition.pursuer, transition.evader)])
+        now = jnp.stack([jnp.stack(gears(side.action)) for side in transition.sides])
         change = jnp.where(known.steps > 0, jnp.abs(now - known.gears), 0.0)
         return Course(now, known.changes + change, known.steps + 1)
 

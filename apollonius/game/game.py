@@ -7,12 +7,13 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.observation import observe
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
-from apollonius.game.types import Action, GameState, Outcome, Real, Role, Scalar, Timestep
+from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.game.validation import check_game
 
 
@@ -47,41 +48,43 @@ class Game(eqx.Module):
     def __check_init__(self) -> None:
         check_game(self)
 
+    @property
+    def bodies(self) -> BySide[tuple[Unicycle, ...]]:
+        """The limits of every robot of either side."""
+        return BySide((self.pursuer,), (self.evader,))
+
     def reset(self, key: PRNGKeyArray) -> GameState:
         """An initial state from the game's distribution of starts. The key is consumed."""
         return self.starts.draw(key, self.arena, self.pursuer, self.evader)
 
     def step(self, state: GameState, pursuer_action: Action, evader_action: Action) -> Timestep:
         """Both robots hold their actions for `dt`; then the rules judge the step."""
-        return self.step_controls(state, self.pursuer.controls(pursuer_action), self.evader.controls(evader_action))
+        pursuer, evader = self.pursuer.controls(pursuer_action), self.evader.controls(evader_action)
+        return self.step_controls(state, BySide((pursuer,), (evader,)))
 
-    def step_controls(
-        self, state: GameState, pursuer_controls: tuple[Scalar, Scalar], evader_controls: tuple[Scalar, Scalar]
-    ) -> Timestep:
-        """Both robots hold their controls (u1 [m/s^2], u2 [rad/s], within their limits) for `dt`."""
-        after = GameState(
-            pursuer=self.pursuer.move(state.pursuer, *pursuer_controls, self.dt),
-            evader=self.evader.move(state.evader, *evader_controls, self.dt),
-            steps=state.steps + 1,
-        )
+    def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
+        """All robots hold their controls (u1 [m/s^2], u2 [rad/s], within their limits) for `dt`."""
+
+        def moved(role: Role) -> tuple[RobotState, ...]:
+            robots = zip(self.bodies[role], state.robots[role], controls[role], strict=True)
+            return tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
+
+        after = GameState(ROLES.map(moved), state.steps + 1)
         outcome = judge(self, state, after)
-        pursuer_reward, evader_reward = self.reward(outcome, distance(state), distance(after))
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
             state=after,
             outcome=outcome,
-            pursuer_reward=pursuer_reward,
-            evader_reward=evader_reward,
+            reward=self.reward(outcome, distance(state), distance(after)),
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
 
     def observe(self, state: GameState, role: Role, profile: str) -> Float[Array, " size"]:
         """What one side sees, in the named observation profile (Eq. 6, 7)."""
-        pursuer, evader = (self.pursuer, state.pursuer), (self.evader, state.evader)
-        own, opponent = (pursuer, evader) if role == Role.PURSUER else (evader, pursuer)
-        return observe(profile, self.arena, *own, *opponent)
+        bodies, robots = one_each(self.bodies), one_each(state.robots)
+        return observe(profile, self.arena, bodies[role], robots[role], bodies[role.other], robots[role.other])
 
 
 def distance(state: GameState) -> Scalar:

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from apollonius.game.by_side import BySide
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Outcome, Real, Scalar
 
@@ -32,10 +33,8 @@ class Reward(eqx.Module):
         """Whether outliving the time limit is the evader's win (and so terminal) rather than a truncation."""
         return self.profile == "zero-sum"
 
-    def __call__(
-        self, outcome: Int[Array, ""], distance_before: Scalar, distance_after: Scalar
-    ) -> tuple[Scalar, Scalar]:
-        """The pursuer's and the evader's reward for one step.
+    def __call__(self, outcome: Int[Array, ""], distance_before: Scalar, distance_after: Scalar) -> BySide[Scalar]:
+        """Either side's reward for one step.
 
         Args:
             outcome: how the game stands after the step.
@@ -47,7 +46,7 @@ class Reward(eqx.Module):
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
-            return win - loss, loss - win
+            return BySide(win - loss, loss - win)
         both = outcome == Outcome.BOTH_FAILED
         pursuer_failed = both | (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
         evader_failed = both | (outcome == Outcome.EVADER_HIT_OBSTACLE) | (outcome == Outcome.EVADER_OUT_OF_RANGE)
@@ -56,4 +55,4 @@ class Reward(eqx.Module):
         prize = jnp.where(captured, self.capture, -self.capture)
         pursuer = jnp.where(captured | reached, prize, jnp.where(pursuer_failed, -self.failure, closing))
         evader = jnp.where(captured | reached, -prize, jnp.where(evader_failed, -self.failure, -closing))
-        return pursuer, evader
+        return BySide(pursuer, evader)

@@ -48,7 +48,7 @@ class Starts(eqx.Module):
         )
         headings = jax.random.uniform(heading_key, (2,), minval=-jnp.pi, maxval=jnp.pi)
         v_pursuer, v_evader = self._speeds(speed_key, pursuer, evader)
-        return GameState(
+        return GameState.of_two(
             pursuer=RobotState(px, py, v_pursuer, headings[0]),
             evader=RobotState(ex, ey, v_evader, headings[1]),
             steps=jnp.zeros((), jnp.int32),

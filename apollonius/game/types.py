@@ -5,6 +5,8 @@ from enum import IntEnum
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
+from apollonius.game.by_side import BySide, one_each
+
 Scalar = Float[Array, ""]
 """A traced real number; its unit is in the docstring of whatever holds it."""
 
@@ -28,6 +30,15 @@ class Role(IntEnum):
 
     PURSUER = 0
     EVADER = 1
+
+    @property
+    def other(self) -> "Role":
+        """The opponents' side."""
+        return Role(1 - self)
+
+
+ROLES = BySide(Role.PURSUER, Role.EVADER)
+"""Both sides; `ROLES.map` makes something for each."""
 
 
 class Outcome(IntEnum):
@@ -61,11 +72,25 @@ class RobotState(eqx.Module):
 
 
 class GameState(eqx.Module):
-    """Both robots, and the number of control steps played since the start."""
+    """The robots of both sides, and the number of control steps played since the start."""
 
-    pursuer: RobotState
-    evader: RobotState
+    robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
+
+    @classmethod
+    def of_two(cls, pursuer: RobotState, evader: RobotState, steps: Int[Array, ""]) -> "GameState":
+        """The state of a game of two robots."""
+        return cls(BySide((pursuer,), (evader,)), steps)
+
+    @property
+    def pursuer(self) -> RobotState:
+        """The pursuer of a game of two robots."""
+        return one_each(self.robots).pursuer
+
+    @property
+    def evader(self) -> RobotState:
+        """The evader of a game of two robots."""
+        return one_each(self.robots).evader
 
 
 class Timestep(eqx.Module):
@@ -77,7 +102,6 @@ class Timestep(eqx.Module):
 
     state: GameState
     outcome: Int[Array, ""]
-    pursuer_reward: Scalar
-    evader_reward: Scalar
+    reward: BySide[Scalar]
     terminated: Bool[Array, ""]
     truncated: Bool[Array, ""]

@@ -7,6 +7,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.pool import solo
 from apollonius.agents.trained import at_best
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Scalar
@@ -43,7 +44,7 @@ def play_missing(
 
         def play() -> Scalar:
             chasing, fleeing = at_best(version(pursuers, row)), at_best(version(evaders, column))
-            results = play_at_once(game, solo(chasing), solo(fleeing), starts, play_key)
+            results = play_at_once(game, BySide(solo(chasing), solo(fleeing)), starts, play_key)
             return jnp.mean(pursuer_wins(results.outcome).astype(jnp.float32))
 
         # One match after the other, so that pairs which are not there take no time.

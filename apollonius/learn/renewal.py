@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Scalar
+from apollonius.game.types import ROLES, Scalar
 from apollonius.learn import opponents, payoffs
 from apollonius.learn.algorithm import algorithm_of
 from apollonius.learn.replay import cut
@@ -103,11 +103,8 @@ def reseat(plan: Plan, game: Game, state: TrainState, mixtures: tuple[Mixture, M
         )
 
     words = jax.random.bits(jax.random.fold_in(start_key, 1), (2, plan.learner.games), jnp.uint32)
-    pursuers, evaders = (
-        fresh_player(side.member, word, plan.stage.disturbance)
-        for side, word in zip((state.games.pursuer, state.games.evader), words, strict=True)
-    )
-    games = jax.vmap(anew)(seated, Games(fresh, pursuers, evaders), state.games)
+    players = ROLES.map(lambda role: fresh_player(state.games.sides[role].member, words[role], plan.stage.disturbance))
+    games = jax.vmap(anew)(seated, Games(fresh, players), state.games)
     chasing, fleeing = mixtures or (None, None)
     return replace(
         state,

@@ -21,6 +21,7 @@ from apollonius.agents.trained import at_best, load_network
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
+from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import Outcome, Role
@@ -169,7 +170,7 @@ class Run:
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
         starts = _reset_batch(self.config.game, start_key, games=games)
         evader = self.evaders if train.evader is None else solo(at_best(train.evader.learner.average))
-        results = play_out(self.config.game, solo(at_best(_pursuer(train))), evader, starts, play_key)
+        results = play_out(self.config.game, BySide(solo(at_best(_pursuer(train))), evader), starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
         if stage != FIXED_TARGET:

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Held, Pool, Seated
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, Role, Scalar
 from apollonius.learn import opponents, replay
@@ -19,7 +20,7 @@ from apollonius.learn.algorithm import Learner, Moment, algorithm_of
 from apollonius.learn.schedule import linear
 from apollonius.learn.seats import against_learner
 from apollonius.learn.state import Learning, Plan, TrainState, players
-from apollonius.rollout import Players, Side, Transition, collect
+from apollonius.rollout import Players, Transition, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one of them."""
@@ -74,7 +75,7 @@ def _iterate(
     pursuers = _explorers(plan, Role.PURSUER, state, players(plan, Role.PURSUER, state.pursuer, pursuer, amounts[0]))
     evaders = _explorers(plan, Role.EVADER, state, players(plan, Role.EVADER, state.evader, evader, amounts[1]))
     steps, disturbance = plan.learner.steps_per_iteration, plan.stage.disturbance
-    games, transitions = collect(game, pursuers, evaders, state.games, starts, play_key, steps, disturbance)
+    games, transitions = collect(game, BySide(pursuers, evaders), state.games, starts, play_key, steps, disturbance)
     env_steps = state.env_steps + plan.learner.env_steps_per_iteration
     pursuer_side, pursuer_loss = _learn(plan, game, state, transitions, Role.PURSUER, env_steps, pursuer_key)
     evader_side, evader_loss = _learn(plan, game, state, transitions, Role.EVADER, env_steps, evader_key)
@@ -91,8 +92,8 @@ def _iterate(
     )
     return after, Metrics(
         outcomes=jnp.stack([jnp.sum((ended & (transitions.outcome == o)).astype(jnp.int32)) for o in Outcome]),
-        pursuer_return=jnp.sum(jnp.where(ended, transitions.pursuer.episode_return, 0.0)),
-        evader_return=jnp.sum(jnp.where(ended, transitions.evader.episode_return, 0.0)),
+        pursuer_return=jnp.sum(jnp.where(ended, transitions.sides.pursuer.episode_return, 0.0)),
+        evader_return=jnp.sum(jnp.where(ended, transitions.sides.evader.episode_return, 0.0)),
         pursuer_loss=pursuer_loss,
         evader_loss=evader_loss,
         updates=_updates(after) - _updates(state),
@@ -130,7 +131,7 @@ def _learn(
     if side is None:
         return None, jnp.zeros(())
     config, algorithm = plan.learner, algorithm_of(plan.learner)
-    part: Side = transitions.pursuer if role == Role.PURSUER else transitions.evader
+    part = transitions.sides[role]
     memory = replay.add(
         side.replay,
         replay.Row(

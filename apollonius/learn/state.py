@@ -10,6 +10,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Role, Scalar
@@ -122,7 +123,7 @@ def start(
     chaser, pursuers = _side(plan, Role.PURSUER, pursuer)
     runner, evaders = _side(plan, Role.EVADER, evader)
     return TrainState(
-        games=begin(reset_batch(game, start_key, games), pursuers, evaders, words, plan.stage.disturbance),
+        games=begin(reset_batch(game, start_key, games), BySide(pursuers, evaders), words, plan.stage.disturbance),
         pursuer=chaser,
         evader=runner,
         key=train_key,

@@ -74,7 +74,7 @@ def slice_values(
         @jax.vmap
         def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
             robots = (RobotState(own_x, own_y, speed, heading), opponent)
-            state = GameState(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
+            state = GameState.of_two(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
             values = player.values(game.observe(state, role, player.observation))
             return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
 

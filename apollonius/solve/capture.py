@@ -1,5 +1,6 @@
 """Captures while actions are held: which of a robot's actions decide the game by one, whatever the other robot does."""
 
+from dataclasses import replace
 from math import ceil
 
 import equinox as eqx
@@ -88,7 +89,7 @@ def _steps_to_capture(
     def steps(mine: RobotState, theirs: RobotState, x: Scalar, y: Scalar) -> UInt8[Array, ""]:
         def captured(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Bool[Array, ""]:
             start, end = (
-                GameState(*contest.pair(one, RobotState(other.x + x, other.y + y, other.v, other.heading)), nothing)
+                GameState.of_two(*contest.pair(one, replace(other, x=other.x + x, y=other.y + y)), nothing)
                 for one, other in (before, after)
             )
             return is_captured(start, end, contest.game.capture_distance)

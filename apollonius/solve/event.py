@@ -19,7 +19,7 @@ def first_event(game: Game, pursuer: RobotState, evader: RobotState) -> tuple[Bo
     start = jnp.zeros((), jnp.int32)
 
     def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Int[Array, ""]:
-        return judge(game, GameState(*before, start), GameState(*after, start))
+        return judge(game, GameState.of_two(*before, start), GameState.of_two(*after, start))
 
     outcomes = jax.vmap(one_step)(*zip(ends(pursuer), ends(evader), strict=True))
     over = outcomes != Outcome.ONGOING
@@ -59,7 +59,8 @@ def first_events(
 
     def together(pursuer: Alone, evader: Alone) -> Int[Array, ""]:
         before, after = (
-            GameState(*robots, step) for robots in ((pursuer.before, evader.before), (pursuer.after, evader.after))
+            GameState.of_two(*robots, step)
+            for robots in ((pursuer.before, evader.before), (pursuer.after, evader.after))
         )
         return decide(
             captured=is_captured(before, after, game.capture_distance),

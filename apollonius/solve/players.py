@@ -141,7 +141,11 @@ class ResponsePolicy(AbstractLookahead):
 
         def judged(before: Pair, after: Pair) -> Int[Array, ""]:
             step = jnp.zeros((), jnp.int32)
-            return judge(contest.game, GameState(*contest.pair(*before), step), GameState(*contest.pair(*after), step))
+            return judge(
+                contest.game,
+                GameState.of_two(*contest.pair(*before), step),
+                GameState.of_two(*contest.pair(*after), step),
+            )
 
         # By action, course and game, games last: along them the processor takes several at a time.
         of_courses = jax.vmap(jax.vmap(moved), (None, 0, 0))
@@ -220,6 +224,6 @@ def answer_of(
     contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState, word: UInt32[Array, ""]
 ) -> Action:
     """The action that the opponent takes, from the states of this side's robot and of its own."""
-    state = GameState(*contest.pair(own, other), steps=jnp.zeros((), jnp.int32))
+    state = GameState.of_two(*contest.pair(own, other), steps=jnp.zeros((), jnp.int32))
     seen = contest.game.observe(state, Role(1 - contest.role), opponent.observation)
     return opponent(seen, word)

@@ -26,7 +26,7 @@ class OneStart(Starts):
 
     def draw(self, key, arena, pursuer, evader):
         places = [RobotState(*(jnp.float32(number) for number in place)) for place in ((0.2, 5, 0, 3.1), (7, 7, 0, 0))]
-        return GameState(*places, jnp.int32(0))
+        return GameState.of_two(*places, jnp.int32(0))
 
 
 GAME = Game(arena=make_game("paper").arena, max_steps=13, starts=OneStart())

@@ -35,7 +35,7 @@ def test_a_game_goes_as_the_rules_say(role):
         action, still = jnp.int32(6 + turn % 2), jnp.int32(4)
         seen, reward, terminated, truncated, info = env.step(int(action))
         after = step(state, *((action, still) if role == Role.PURSUER else (still, action)))
-        rewards = (after.pursuer_reward, after.evader_reward)
+        rewards = tuple(after.reward)
         np.testing.assert_allclose(seen, game.observe(after.state, role, "encoded"), atol=1e-4)
         assert reward == pytest.approx(float(rewards[role]), abs=1e-4)
         assert (terminated, truncated) == (bool(after.terminated), bool(after.truncated))

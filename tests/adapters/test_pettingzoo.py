@@ -60,7 +60,7 @@ def test_a_game_goes_as_the_rules_say(env):
         pursuer, evader = rng.integers(3, 9), rng.integers(9)
         seen, rewards, terminations, truncations, infos = env.step({"pursuer_0": pursuer, "evader_0": evader})
         after = step(state, jnp.int32(pursuer), jnp.int32(evader))
-        expected = {"pursuer_0": after.pursuer_reward, "evader_0": after.evader_reward}
+        expected = {"pursuer_0": after.reward.pursuer, "evader_0": after.reward.evader}
         assert rewards == pytest.approx({agent: float(reward) for agent, reward in expected.items()}, abs=1e-4)
         assert terminations == dict.fromkeys(AGENTS, bool(after.terminated))
         assert truncations == dict.fromkeys(AGENTS, False)

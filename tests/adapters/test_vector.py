@@ -58,7 +58,7 @@ def test_every_game_goes_as_the_rules_say(course):
     @jax.vmap
     def follow(seen, action):
         evader, pursuer = both_states("encoded", PAPER.arena, PAPER.evader, PAPER.pursuer, seen)
-        after = PAPER.step(GameState(pursuer, evader, jnp.int32(0)), jnp.int32(1), action)
+        after = PAPER.step(GameState.of_two(pursuer, evader, jnp.int32(0)), jnp.int32(1), action)
         return PAPER.observe(after.state, Role.EVADER, "encoded"), after
 
     ended = 0
@@ -68,7 +68,7 @@ def test_every_game_goes_as_the_rules_say(course):
         np.testing.assert_allclose(led_to, expected, atol=1e-4)
         sure = np.asarray(after.terminated) == terminated  # but for a touch within rounding of one
         assert sure.mean() > 0.98
-        np.testing.assert_allclose(rewards[sure], np.asarray(after.evader_reward)[sure], atol=1e-3)
+        np.testing.assert_allclose(rewards[sure], np.asarray(after.reward.evader)[sure], atol=1e-3)
         ended += terminated.sum()
     assert ended > GAMES
 

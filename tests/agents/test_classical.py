@@ -173,7 +173,7 @@ def play(game, evader, start, steps):
 @pytest.mark.parametrize("pursuer_y", [0.5, 9.5])
 def test_circle_drives_around_the_nearest_disc_away_from_the_pursuer(pursuer_y):
     game = make_game("one-large")
-    states = play(game, "circle", GameState(robot(3.4, pursuer_y), robot(3.4, 5.0), jnp.int32(0)), 400)
+    states = play(game, "circle", GameState.of_two(robot(3.4, pursuer_y), robot(3.4, 5.0), jnp.int32(0)), 400)
     x, y = states[100:, 4] - 5, states[100:, 5] - 5
     clearance = np.hypot(x, y) - 1.0
     assert np.all(np.abs(clearance - 0.6) < 0.15)

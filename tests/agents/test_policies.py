@@ -86,7 +86,7 @@ def play_still(v, steps):
     start = RobotState(*jnp.array([1.0, 5.0, v, 0.5]))
     action = Still()(NOTHING, WORDS[0])
     move = jax.jit(lambda state: game.step(state, action, action).state)
-    state = GameState(start, start, jnp.asarray(0))
+    state = GameState.of_two(start, start, jnp.asarray(0))
     for _ in range(steps):
         state = move(state)
     return start, state.evader

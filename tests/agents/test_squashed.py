@@ -104,7 +104,7 @@ def robot(x, y, v=0.0, heading=0.0):
 
 
 def guarded_action(own, gears):
-    state = GameState(own, robot(1.0, 1.0), jnp.asarray(0))
+    state = GameState.of_two(own, robot(1.0, 1.0), jnp.asarray(0))
     player = shielded(Wants(gears), Game(), Role.PURSUER)
     return eqx.filter_jit(player)(Game().observe(state, Role.PURSUER, "paper"), WORDS[0])
 

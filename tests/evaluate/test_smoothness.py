@@ -13,6 +13,7 @@ from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import begin, count, play_games, play_match, replay_game
 from apollonius.evaluate.smoothness import mean_change
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.playout import play_out
 from tests.matches import a_match
@@ -71,7 +72,7 @@ def test_the_spread_of_capture_times_is_that_of_the_captured_games():
 def test_a_match_is_the_same_whether_it_is_watched_or_not():
     match = a_match(GAME, Uniform(), WILD, 30)
     starts, key = begin(match)
-    bare = play_out(GAME, solo(Uniform()), solo(WILD), starts, key, slots=8)
+    bare = play_out(GAME, BySide(solo(Uniform()), solo(WILD)), starts, key, slots=8)
     watched = play_games(match, slots=8)
     assert bare.watched is None
     np.testing.assert_array_equal(bare.outcome, watched.outcome)

@@ -28,7 +28,7 @@ reset_many = jax.jit(reset_batch, static_argnames="games")
 
 def to_state(pursuer, evader, steps):
     robots = [RobotState(*jnp.asarray(robot, jnp.float32)) for robot in (pursuer, evader)]
-    return GameState(*robots, jnp.asarray(steps))
+    return GameState.of_two(*robots, jnp.asarray(steps))
 
 
 def random_game(rng, profile):
@@ -91,8 +91,8 @@ def test_a_step_is_what_the_numpy_twin_says(profile):
     same(ours.outcome, outcomes)
     same(ours.terminated, [twin.terminated for twin in twins])
     same(ours.truncated, [twin.truncated for twin in twins])
-    same(ours.pursuer_reward, [twin.pursuer_reward for twin in twins], atol=2e-5)
-    same(ours.evader_reward, [twin.evader_reward for twin in twins], atol=2e-5)
+    same(ours.reward.pursuer, [twin.pursuer_reward for twin in twins], atol=2e-5)
+    same(ours.reward.evader, [twin.evader_reward for twin in twins], atol=2e-5)
     same(ours.state.steps, [twin.steps for twin in twins])
     for role in ("pursuer", "evader"):
         robot, expected = getattr(ours.state, role), np.array([getattr(twin, role) for twin in twins])
@@ -145,7 +145,7 @@ def test_a_mirrored_arena_gives_the_mirrored_game(state, pursuer_action, evader_
         *(jnp.asarray(mirrored_action(action)) for action in (pursuer_action, evader_action)),
     )
     assert Outcome(int(mirrored.outcome)).name == twin.outcome
-    assert mirrored.pursuer_reward == pytest.approx(twin.pursuer_reward, abs=2e-5)
+    assert mirrored.reward.pursuer == pytest.approx(twin.pursuer_reward, abs=2e-5)
     for robot, original in ((mirrored.state.pursuer, twin.pursuer), (mirrored.state.evader, twin.evader)):
         x, y, v, heading = mirrored_robot(original)
         assert (robot.x, robot.y, robot.v) == pytest.approx((x, y, v), abs=2e-5)

@@ -28,7 +28,7 @@ def robot(x, y, v, heading):
 
 
 def state(pursuer, evader):
-    return GameState(robot(*pursuer), robot(*evader), jnp.asarray(0))
+    return GameState.of_two(robot(*pursuer), robot(*evader), jnp.asarray(0))
 
 
 PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)
@@ -66,7 +66,7 @@ def random_states(count):
     x, y, heading = (rng.uniform(*limits, (2, count)) for limits in ((0, 8), (-2, 2), (-np.pi, np.pi)))
     v = rng.uniform([[-0.5], [0.0]], [[1.5], [2.0]], (2, count))
     pursuers, evaders = (jax.vmap(robot)(*numbers) for numbers in zip(x, y, v, heading, strict=True))
-    return jax.vmap(GameState)(pursuers, evaders, jnp.zeros(count, jnp.int32))
+    return jax.vmap(GameState.of_two)(pursuers, evaders, jnp.zeros(count, jnp.int32))
 
 
 @pytest.mark.parametrize("profile", OBSERVATION_SIZES)

@@ -82,7 +82,7 @@ def test_a_territory_that_was_never_reached_is_no_outcome_to_report():
 
 def positions(pursuer, evader):
     robots = [RobotState(*jnp.asarray([*place, 0, 0], jnp.float32)) for place in (pursuer, evader)]
-    return GameState(*robots, jnp.asarray(0))
+    return GameState.of_two(*robots, jnp.asarray(0))
 
 
 def test_robots_that_pass_each_other_within_a_step_are_captured():

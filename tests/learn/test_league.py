@@ -51,7 +51,7 @@ def test_games_of_an_exploiter_are_counted_for_no_version():
 def test_an_exploiter_learns_from_games_with_the_other_sides_learner_only(played, role):
     """In which the other side's member is 0, the player at large."""
     games = played[-1].games
-    met = (games.evader if role == Role.PURSUER else games.pursuer).member
+    met = games.sides[role.other].member
     first, count = against_learner(CONFIG, role, GAMES)
     among = (first + np.arange(count)) % GAMES
     assert np.flatnonzero(met == 0).tolist() == sorted(among)

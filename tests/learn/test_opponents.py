@@ -15,6 +15,7 @@ from apollonius.agents.network import make_network
 from apollonius.agents.pool import Seated, solo, stack
 from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
+from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import opponents
@@ -217,13 +218,13 @@ def test_no_opponent_changes_within_a_game(played):
     seated = np.arange(GAMES) < 4 * SEAT_GAMES
     assert before.games.state.steps[seated].max() > 0
     assert after.games.state.steps[seated].tolist() == [0] * seated.sum()
-    assert after.games.pursuer.episode_return[seated].tolist() == [0] * seated.sum()
+    assert after.games.sides.pursuer.episode_return[seated].tolist() == [0] * seated.sum()
     assert same(*(jax.tree.map(lambda leaf: leaf[~seated], state.games) for state in (before, after))), (
         "games at large go on"
     )
     for one, other in pairwise(played[:4]):
         assert same(one.pursuer.archive.seated, other.pursuer.archive.seated)
-    members = [state.games.evader.member.tolist() for state in played]
+    members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
 
@@ -231,7 +232,7 @@ def test_robots_of_games_that_begin_anew_are_new_ones_too():
     _, before, after, _ = play(CONFIG, 2, renewed=(1,), disturbance=Disturbance(delay=2, turn_time=0.5))
     seated = np.arange(GAMES) < 4 * SEAT_GAMES
     for side in ("pursuer", "evader"):
-        old, new = (getattr(state.games, side).handicap for state in (before, after))
+        old, new = (getattr(state.games.sides, side).handicap for state in (before, after))
         assert np.array_equal(np.asarray(old.turn_time != new.turn_time), seated)
         assert same(*(jax.tree.map(lambda leaf: leaf[~seated], handicap) for handicap in (old, new)))
         assert not np.asarray(new.pending)[seated].any(), "a robot at rest has no commands to come"
@@ -245,10 +246,10 @@ def test_an_opponents_number_is_in_every_transition_of_a_game(played):
         for role, side in ((Role.PURSUER, state.pursuer), (Role.EVADER, state.evader))
     )
     starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(GAME, jax.random.key(1), GAMES))
-    _, transitions = collect(GAME, pursuers, evaders, state.games, starts, jax.random.key(2), 200)
+    _, transitions = collect(GAME, BySide(pursuers, evaders), state.games, starts, jax.random.key(2), 200)
     assert (transitions.terminated | transitions.truncated).sum(axis=0).min() > 1
     seats = [1] * 8 + [2] * 8
-    for side, expected in ((transitions.pursuer, seats + [0] * 48), (transitions.evader, [0] * 16 + seats + [0] * 32)):
+    for side, expected in zip(transitions.sides, (seats + [0] * 48, [0] * 16 + seats + [0] * 32), strict=True):
         assert (side.member == jnp.asarray(expected)[None]).all()
 
 

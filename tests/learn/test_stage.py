@@ -95,11 +95,11 @@ def test_disturbed_robots_play_the_same_game_otherwise(stage):
     first, after = play_stage(seed=0, chunks=1, plan=disturbed)
     assert identical(first.learner.network, stage[0].learner.network)
     assert identical(first.state.games.state, stage[0].state.games.state)
-    handicap = first.state.games.pursuer.handicap
+    handicap = first.state.games.sides.pursuer.handicap
     assert set(handicap.delay) == {0, 1}
     assert np.ptp(handicap.turn_time) > 0.3
     assert share_equal(after.seen.observation, stage[1].seen.observation) < 0.5
-    assert stage[0].state.games.pursuer.handicap is None
+    assert stage[0].state.games.sides.pursuer.handicap is None
 
 
 def play_from(env_steps, key=0, game=GAME):
@@ -200,9 +200,9 @@ def test_play_explores_as_scheduled_and_then_is_greedy(stage):
 class CountingGame(Game):
     """A game that counts how often its rules are traced."""
 
-    def step(self, state, pursuer_action, evader_action):
+    def step_controls(self, state, controls):
         traces.append("step")
-        return super().step(state, pursuer_action, evader_action)
+        return super().step_controls(state, controls)
 
 
 traces = []

@@ -9,6 +9,7 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.pool import solo
+from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -21,11 +22,11 @@ GAMES, LIMIT, GAMMA = 8, 5, 0.9
 def targets(profile, role):
     """Transitions of games in which nobody moves until the time limit, as Q-learning is given them."""
     game = replace(make_game(profile), max_steps=LIMIT)
-    still, words = solo(Still()), jnp.zeros((2, GAMES), jnp.uint32)
+    still, words = BySide(solo(Still()), solo(Still())), jnp.zeros((2, GAMES), jnp.uint32)
     starts = reset_batch(game, jax.random.key(0), GAMES)
     rows = jax.tree.map(lambda leaf: leaf[None], starts)
-    _, played = collect(game, still, still, begin(starts, still, still, words), rows, jax.random.key(1), 4 * LIMIT)
-    part = played.pursuer if role == Role.PURSUER else played.evader
+    _, played = collect(game, still, begin(starts, still, words), rows, jax.random.key(1), 4 * LIMIT)
+    part = played.sides[role]
     assert set(np.unique(played.outcome[LIMIT - 1 :: LIMIT])) == {Outcome.NO_RESULT}
     memory = replay.add(
         replay.init(4 * LIMIT, GAMES, part.observation.shape[-1], replay.DISCRETE),

@@ -30,7 +30,7 @@ def test_every_cell_has_the_networks_values_there(network, role):
     for row, column in ((0, 0), (2, 5), (7, 1)):
         own = RobotState(*map(jnp.float32, (found.x[column], found.y[row], *OWN)))
         pursuer, evader = (own, OPPONENT) if role == Role.PURSUER else (OPPONENT, own)
-        observation = game.observe(GameState(pursuer, evader, jnp.int32(0)), role, network.observation)
+        observation = game.observe(GameState.of_two(pursuer, evader, jnp.int32(0)), role, network.observation)
         np.testing.assert_allclose(found.values[row, column], network(observation), atol=1e-5)
 
 

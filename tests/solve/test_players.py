@@ -89,7 +89,7 @@ def test_at_nodes_the_response_promises_what_its_table_says(catcher):
     own, still = own[played], still[played]
 
     def state(own, other):
-        return GameState(GRID.node(*own), GRID.node(*other), jnp.zeros((), jnp.int32))
+        return GameState.of_two(GRID.node(*own), GRID.node(*other), jnp.zeros((), jnp.int32))
 
     pairs = (tuple(jnp.asarray(index) for index in np.unravel_index(nodes, GRID.shape)) for nodes in (own, still))
     promised = player.best_worth(jax.vmap(state)(*pairs))

@@ -13,6 +13,7 @@ from apollonius.agents.classical import Still
 from apollonius.agents.pool import solo
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
@@ -43,7 +44,7 @@ def starts():
     """Starts at rest, the target standing where it is solved for."""
     drawn = jax.jit(reset_batch, static_argnames="games")(SMALL, jax.random.key(0), games=1200)
     target = RobotState(*(jnp.float32(number) for number in (*TARGET, 0, 0)))
-    states = jax.vmap(lambda state: GameState(state.pursuer, target, state.steps))(drawn)
+    states = jax.vmap(lambda state: GameState.of_two(state.pursuer, target, state.steps))(drawn)
     far = np.hypot(drawn.pursuer.x - TARGET[0], drawn.pursuer.y - TARGET[1]) > 0.5
     return jax.tree.map(lambda leaf: leaf[np.flatnonzero(far)[:1000]], states)
 
@@ -60,7 +61,7 @@ def test_the_table_is_that_of_brute_force():
 
 
 def test_the_table_captures_when_it_said_it_would(reach, starts):
-    results = play_out(SMALL, solo(TablePolicy(reach)), solo(Still()), starts, jax.random.key(0))
+    results = play_out(SMALL, BySide(solo(TablePolicy(reach)), solo(Still())), starts, jax.random.key(0))
     captured = np.asarray(results.outcome) == Outcome.CAPTURED
     assert np.mean(captured) >= 0.995
     predicted = np.asarray(jax.jit(jax.vmap(reach.seconds))(starts.pursuer))

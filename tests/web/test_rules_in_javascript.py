@@ -18,6 +18,7 @@ from apollonius.agents.trained import ZOO
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
@@ -51,12 +52,12 @@ def visited(game, pursuer, evader, games, steps):
     """States that a batch of games passes through before they end, as rows of 8 numbers."""
     key = jax.random.key(7)
     words = jax.random.bits(key, (steps, 2, games), jnp.uint32)
-    pools = solo(pursuer.policy), solo(evader.policy)
-    start = begin(reset_batch(game, key, games), *pools, words[0])
+    players = BySide(solo(pursuer.policy), solo(evader.policy))
+    start = begin(reset_batch(game, key, games), players, words[0])
 
     def one_step(carry, words):
         games, going = carry
-        after, transition = step_games(game, *pools, games, words)
+        after, transition = step_games(game, players, games, words)
         return (after, going & ~transition.terminated), (games.state, going)
 
     first = (start, jnp.ones(games, bool))

@@ -1,0 +1,49 @@
+"""One value for each side of the game, so that what holds for both is written once."""
+
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+import equinox as eqx
+
+from apollonius.errors import require
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+U = TypeVar("U")
+
+
+class BySide(eqx.Module, Generic[T_co]):
+    """One value for each side, indexed by `Role`: `values[role]`, and `values[role.other]` for the opponent's.
+
+    What a side has for each of its robots is a tuple: `BySide[tuple[RobotState, ...]]`.
+    """
+
+    pursuer: T_co
+    evader: T_co
+
+    def __getitem__(self, role: int) -> T_co:
+        """The value of one side, a `Role`."""
+        return (self.pursuer, self.evader)[role]
+
+    def __iter__(self) -> Iterator[T_co]:
+        """The pursuer's value, then the evader's."""
+        return iter((self.pursuer, self.evader))
+
+    def map(self, function: Callable[[T_co], U]) -> "BySide[U]":
+        """What a function makes of either side's value."""
+        return BySide(function(self.pursuer), function(self.evader))
+
+    def swap(self) -> "BySide[T_co]":
+        """Each side with the other's value."""
+        return BySide(self.evader, self.pursuer)
+
+
+def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
+    """The values of the two robots of a game of two: what can only be said of two comes by here.
+
+    Raises:
+        InvalidInput: when a side has more robots, or none.
+    """
+    counts = " v ".join(str(len(side)) for side in robots)
+    require(counts == "1 v 1", "robots", counts, "1 v 1: this is known for games of two robots only")
+    return robots.map(lambda side: side[0])

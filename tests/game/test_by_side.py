@@ -1,0 +1,38 @@
+"""One value for each side: by role, by both at once, and where only two robots will do."""
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from apollonius.errors import InvalidInput
+from apollonius.game.by_side import BySide, one_each
+from apollonius.game.presets import make_game
+from apollonius.game.types import ROLES, GameState, RobotState, Role
+
+
+def test_values_are_indexed_by_role_mapped_and_swapped():
+    values = BySide(3, "a")
+    assert (values[Role.PURSUER], values[Role.EVADER]) == (3, "a") == tuple(values)
+    assert values[Role.PURSUER.other] == values.swap()[Role.PURSUER] == "a"
+    assert values.map(str) == BySide("3", "a")
+    assert ROLES.map(lambda role: role.other) == ROLES.swap()
+
+
+def test_both_values_are_leaves_the_pursuers_first():
+    more = jax.vmap(lambda values: values.map(lambda x: x + 1))(BySide(jnp.arange(2), jnp.zeros(2)))
+    assert [leaf.tolist() for leaf in jax.tree.leaves(more)] == [[1, 2], [1, 1]]
+
+
+def test_what_is_of_two_robots_only_refuses_more_in_one_line():
+    """A second pursuer moves by the same rules; how a game of three stands is not known."""
+    assert one_each(BySide(("p",), ("e",))) == BySide("p", "e")
+    game = make_game("paper")
+    state = game.reset(jax.random.key(0))
+    third = RobotState(*(jnp.ones(()) for _ in range(4)))
+    crowd = GameState(BySide((state.pursuer, third), (state.evader,)), state.steps)
+    assert (crowd.robots.pursuer[0], crowd.robots.evader) == (state.pursuer, (state.evader,))
+    for asked in (lambda: crowd.pursuer, lambda: game.observe(crowd, Role.EVADER, "paper")):
+        with pytest.raises(
+            InvalidInput, match=r"^robots = 2 v 1 is not possible: it must be 1 v 1: .+ two robots only.$"
+        ):
+            asked()
