@@ -1,5 +1,7 @@
 // Draws a recorded game on a canvas and plays it. A game is the data of a replay file; its states are rows of
-// x, y [m], v [m/s], heading [rad] of the pursuer, then of the evader. Needs nothing else.
+// x, y [m], v [m/s], heading [rad] of the pursuer, then of the evader. Needs `arena.js` of the web page.
+
+import { circle, drawArena, drawTrail, path } from "./arena.js";
 
 const MARK_SECONDS = 5; // between two dots on a trail
 const MARGIN = 30; // pixels around the arena, for its scale
@@ -46,28 +48,24 @@ export function drawGame(context, width, height, replay, step, colours) {
   const { game, states } = replay;
   const at = projection(game.arena, width, height);
   context.clearRect(0, 0, width, height);
-  drawArena(context, game.arena, at, colours);
+  drawScale(context, game.arena, at, colours);
+  drawArena(context, game.arena, at, colours, 2);
   const state = stateAt(states, step);
   const sides = [
     { column: 0, colour: colours.pursuer, letter: "P", dash: [] },
     { column: 4, colour: colours.evader, letter: "E", dash: [6, 4] },
   ];
-  for (const side of sides) drawTrail(context, at, replay, step, state, side);
+  for (const side of sides) drawSide(context, at, replay, step, state, side);
   context.strokeStyle = colours.pursuer;
   context.lineWidth = 1;
   context.setLineDash([2, 3]);
-  circle(context, at.x(state[0]), at.y(state[1]), game.capture_distance * at.scale);
-  context.stroke();
+  circle(context, at.x(state[0]), at.y(state[1]), game.capture_distance * at.scale).stroke();
   context.setLineDash([]);
   for (const side of sides) drawRobot(context, at, state, side, colours);
 }
 
-function circle(context, x, y, radius) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-}
-
-function drawArena(context, arena, at, colours) {
+/** Figures along the edges, lines between them, and what of an arena is not shown. */
+function drawScale(context, arena, at, colours) {
   const [left, right, top, bottom] = [at.x(arena.x_min), at.x(arena.x_max), at.y(arena.y_max), at.y(arena.y_min)];
   context.font = "12px system-ui, sans-serif";
   context.fillStyle = colours.quiet;
@@ -76,69 +74,29 @@ function drawArena(context, arena, at, colours) {
   context.textAlign = "center";
   context.textBaseline = "top";
   for (let metres = Math.ceil(arena.x_min / TICK) * TICK; metres <= arena.x_max; metres += TICK) {
-    line(context, at.x(metres), top, at.x(metres), bottom);
+    path(context, [[at.x(metres), top], [at.x(metres), bottom]]).stroke();
     context.fillText(metres + (metres + TICK > arena.x_max ? " m" : ""), at.x(metres), bottom + 7);
   }
   context.textAlign = "right";
   context.textBaseline = "middle";
   for (let metres = Math.ceil(arena.y_min / TICK) * TICK; metres <= arena.y_max; metres += TICK) {
-    line(context, left, at.y(metres), right, at.y(metres));
+    path(context, [[left, at.y(metres)], [right, at.y(metres)]]).stroke();
     context.fillText(metres, left - 7, at.y(metres));
-  }
-  context.fillStyle = colours.obstacle;
-  for (const disc of arena.discs) {
-    circle(context, at.x(disc.x), at.y(disc.y), disc.radius * at.scale);
-    context.fill();
-  }
-  for (const { vertices } of arena.polygons ?? []) {
-    context.beginPath();
-    for (const [x, y] of vertices) context.lineTo(at.x(x), at.y(y));
-    context.fill();
-  }
-  if (arena.territory) {
-    context.strokeStyle = colours.evader;
-    context.lineWidth = 2;
-    circle(context, at.x(arena.territory.x), at.y(arena.territory.y), arena.territory.radius * at.scale);
-    context.stroke();
   }
   if (arena.map) {
     context.textAlign = "left";
-    context.fillStyle = colours.quiet;
     context.fillText("the occupancy map of this arena is not shown here", left + 6, top + 12);
   }
-  context.strokeStyle = colours.ink;
-  context.lineWidth = 2;
-  context.strokeRect(left, top, right - left, bottom - top);
 }
 
-function line(context, fromX, fromY, toX, toY) {
-  context.beginPath();
-  context.moveTo(fromX, fromY);
-  context.lineTo(toX, toY);
-  context.stroke();
-}
-
-function drawTrail(context, at, replay, step, state, { column, colour, dash }) {
+/** A trail up to a step, with a dot every few seconds. */
+function drawSide(context, at, replay, step, state, { column, colour, dash }) {
   const { states, game } = replay;
-  const [startX, startY] = [at.x(states[0][column]), at.y(states[0][column + 1])];
-  context.strokeStyle = context.fillStyle = colour;
-  context.lineWidth = 2;
-  context.setLineDash(dash);
-  context.beginPath();
-  context.moveTo(startX, startY);
-  for (let index = 1; index <= step; index++) {
-    context.lineTo(at.x(states[index][column]), at.y(states[index][column + 1]));
-  }
-  context.lineTo(at.x(state[column]), at.y(state[column + 1]));
-  context.stroke();
-  context.setLineDash([]);
-  circle(context, startX, startY, 5);
-  context.stroke();
+  const driven = [...states.slice(0, Math.floor(step) + 1), state];
+  const trail = driven.map((there) => [at.x(there[column]), at.y(there[column + 1])]);
+  drawTrail(context, trail, colour, 2, 5, dash);
   const every = Math.round(MARK_SECONDS / game.dt);
-  for (let index = every; index <= step; index += every) {
-    circle(context, at.x(states[index][column]), at.y(states[index][column + 1]), 3.5);
-    context.fill();
-  }
+  for (let index = every; index <= step; index += every) circle(context, ...trail[index], 3.5).fill();
 }
 
 function drawRobot(context, at, state, { column, colour, letter }, colours) {
@@ -146,9 +104,9 @@ function drawRobot(context, at, state, { column, colour, letter }, colours) {
   const heading = state[column + 3];
   context.fillStyle = context.strokeStyle = colour;
   context.lineWidth = 3;
-  line(context, x, y, x + 2 * ROBOT * Math.cos(heading), y - 2 * ROBOT * Math.sin(heading));
-  circle(context, x, y, ROBOT);
-  context.fill();
+  const nose = [x + 2 * ROBOT * Math.cos(heading), y - 2 * ROBOT * Math.sin(heading)];
+  path(context, [[x, y], nose]).stroke();
+  circle(context, x, y, ROBOT).fill();
   context.fillStyle = colours.paper;
   context.font = `bold ${ROBOT + 3}px system-ui, sans-serif`;
   context.textAlign = "center";

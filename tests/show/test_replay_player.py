@@ -3,9 +3,10 @@
 import json
 import shutil
 import subprocess
-from importlib.resources import files
 
 import pytest
+
+from apollonius.show.report.page import replay_script
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="needs node")
 
@@ -24,7 +25,7 @@ const context = new Proxy({}, {
 
 def run(tmp_path, script):
     """What a script prints that knows the player's functions."""
-    (tmp_path / "replay.mjs").write_text(files("apollonius.show").joinpath("replay.js").read_text())
+    (tmp_path / "replay.mjs").write_text(replay_script())
     head = 'import * as player from "./replay.mjs";\nconst game = ' + json.dumps(GAME) + ";\n"
     (tmp_path / "test.mjs").write_text(head + script)
     done = subprocess.run(["node", "test.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)

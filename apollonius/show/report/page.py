@@ -1,6 +1,7 @@
 """The page of a report: what stands on it, and the one HTML file that it becomes."""
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -111,8 +112,8 @@ def render(page: Page) -> str:
         bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in page.matches)],
         light=palette.LIGHT,
         dark=palette.DARK,
-        style=_source("report/page.css"),
-        player=_source("replay.js"),
+        style=Markup(files("apollonius.show").joinpath("report/page.css").read_text()),
+        player=replay_script(),
     )
 
 
@@ -129,6 +130,7 @@ def _markdown(text: str) -> Markup:
     return Markup(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
 
 
-def _source(name: str) -> Markup:
-    """A style sheet or script of this package, to stand in the page as it is."""
-    return Markup(files("apollonius.show").joinpath(name).read_text())
+def replay_script() -> Markup:
+    """The player of games as one script: a page that has no files beside it can import none."""
+    shared, own = files("apollonius.web") / "page" / "arena.js", files("apollonius.show") / "replay.js"
+    return Markup(shared.read_text() + re.sub(r"^import .*\n", "", own.read_text(), flags=re.MULTILINE))

@@ -1,9 +1,11 @@
-// The arena from above on a canvas: walls, obstacles, trails, robots. Lengths are in metres, y points up.
+// A match under way on a canvas: the arena, trails, robots. Lengths are in metres, y points up.
 
+import { circle, drawArena, drawTrail, path } from "./arena.js";
 import { EVADER, PURSUER, wrapAngle } from "./rules.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const MARGIN = 0.25; // around the walls [m]
+const METRES = { scale: 1, x: (metres) => metres, y: (metres) => metres }; // the canvas has been scaled to them
 
 /** A state between two others, `share` of the way from the first to the second. */
 export function between(before, after, share) {
@@ -41,40 +43,19 @@ export function draw(canvas, game, states, now, colours, steered = []) {
 
   context.fillStyle = colours.paper;
   context.fillRect(arena.x_min, arena.y_min, width, height);
-  context.fillStyle = colours.obstacle;
-  for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
-  for (const { vertices } of arena.polygons) {
-    context.beginPath();
-    for (const [x, y] of vertices) context.lineTo(x, y);
-    context.fill();
-  }
-  if (arena.territory) {
-    context.strokeStyle = colours.evader;
-    context.lineWidth = 0.05;
-    circle(context, arena.territory.x, arena.territory.y, arena.territory.radius).stroke();
-  }
-  context.strokeStyle = colours.ink;
-  context.lineWidth = 0.05;
-  context.strokeRect(arena.x_min, arena.y_min, width, height);
-
+  drawArena(context, arena, METRES, colours, 0.05);
   for (const role of [PURSUER, EVADER]) {
-    context.strokeStyle = context.fillStyle = colours[role];
-    context.lineWidth = 0.035;
-    context.beginPath();
-    for (const state of states) context.lineTo(state[role].x, state[role].y);
-    context.stroke();
-    const start = states[0][role];
-    circle(context, start.x, start.y, 0.08).stroke();
+    const trail = states.map((state) => [state[role].x, state[role].y]);
+    drawTrail(context, trail, colours[role], 0.035, 0.08);
   }
   for (const role of steered) drawWayToRest(context, game[role], now[role], colours[role]);
   drawPursuer(context, now.pursuer, Math.max(game.pursuer.radius, ROBOT), game.capture_distance, colours);
   drawEvader(context, now.evader, Math.max(game.evader.radius, ROBOT), colours);
 }
 
-function circle(context, x, y, radius) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  return context;
+/** What lies so far ahead of a robot, or at an angle to it. */
+function ahead(robot, length, angle = 0) {
+  return [robot.x + length * Math.cos(robot.heading + angle), robot.y + length * Math.sin(robot.heading + angle)];
 }
 
 function drawWayToRest(context, body, robot, colour) {
@@ -82,10 +63,7 @@ function drawWayToRest(context, body, robot, colour) {
   context.strokeStyle = colour;
   context.lineWidth = 0.03;
   context.setLineDash([0.08, 0.1]);
-  context.beginPath();
-  context.moveTo(robot.x, robot.y);
-  context.lineTo(robot.x + reach * Math.cos(robot.heading), robot.y + reach * Math.sin(robot.heading));
-  context.stroke();
+  path(context, [[robot.x, robot.y], ahead(robot, reach)]).stroke();
   context.setLineDash([]);
 }
 
@@ -94,16 +72,8 @@ function drawPursuer(context, robot, radius, reach, colours) {
   context.strokeStyle = context.fillStyle = colours.pursuer;
   context.lineWidth = 0.02;
   circle(context, robot.x, robot.y, reach).stroke();
-  const corner = (angle, length) => [
-    robot.x + length * Math.cos(robot.heading + angle),
-    robot.y + length * Math.sin(robot.heading + angle),
-  ];
-  context.beginPath();
-  context.moveTo(...corner(0, 1.4 * radius));
-  context.lineTo(...corner(2.4, 1.2 * radius));
-  context.lineTo(...corner(Math.PI, 0.4 * radius));
-  context.lineTo(...corner(-2.4, 1.2 * radius));
-  context.fill();
+  const corners = [[1.4, 0], [1.2, 2.4], [0.4, Math.PI], [1.2, -2.4]];
+  path(context, corners.map(([length, angle]) => ahead(robot, length * radius, angle))).fill();
 }
 
 /** A disc with a nose. */
@@ -111,8 +81,5 @@ function drawEvader(context, robot, radius, colours) {
   context.strokeStyle = context.fillStyle = colours.evader;
   circle(context, robot.x, robot.y, 0.8 * radius).fill();
   context.lineWidth = 0.06;
-  context.beginPath();
-  context.moveTo(robot.x, robot.y);
-  context.lineTo(robot.x + 1.7 * radius * Math.cos(robot.heading), robot.y + 1.7 * radius * Math.sin(robot.heading));
-  context.stroke();
+  path(context, [[robot.x, robot.y], ahead(robot, 1.7 * radius)]).stroke();
 }
