@@ -42,10 +42,10 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
-    kind = next((kind for kind in KINDS if kind.knows(name)), None)
-    if kind is None:
-        raise unknown(name, *KINDS)
-    return kind.find(name, role, game)
+    for kind in KINDS:
+        if name.endswith(kind.suffix) and (found := kind.find(name, role, game)):
+            return found
+    raise unknown(name, *KINDS)
 
 
 def player_names(role: Role, game: Game) -> list[str]:

@@ -85,11 +85,6 @@ def _softmax(logits: Float[np.ndarray, " options"]) -> Float[np.ndarray, " optio
     return weights / weights.sum()
 
 
-def gain_by_leaving(payoff: Float[np.ndarray, "rows columns"], mixed: Equilibrium) -> float:
-    """What both sides together could gain by answering the other's mixture with their best option: 0 in equilibrium."""
-    return float(np.max(payoff @ mixed.columns) - np.min(mixed.rows @ payoff))
-
-
 def broadest_equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
     """The minimax mixtures of highest entropy: where several are optimal, the one that favours nobody without need.
 

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from apollonius.matrix_game import broadest_equilibrium, equilibrium, gain_by_leaving, hedge
+from apollonius.matrix_game import broadest_equilibrium, equilibrium, hedge
 
 ROCK_PAPER_SCISSORS = [[0, -1, 1], [1, 0, -1], [-1, 1, 0]]
+
+
+def gain_by_leaving(payoff, mixed):
+    """What both sides together could gain by answering the other's mixture with their best option."""
+    return float(np.max(payoff @ mixed.columns) - np.min(mixed.rows @ payoff))
 
 
 def random_games(count, most=12):

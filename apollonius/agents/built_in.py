@@ -42,12 +42,10 @@ class BuiltIn(AbstractKind):
         policy, sides = PLAYERS[name]
         return role in sides and (not issubclass(policy, AbstractClassical) or policy.fits(game))
 
-    def knows(self, name: str) -> bool:
-        """Whether it is one of them."""
-        return name in PLAYERS
-
-    def find(self, name: str, role: Role, game: Game | None) -> Named:
+    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
         """The player, made for the game if it has to know it."""
+        if name not in PLAYERS:
+            return None
         policy, sides = PLAYERS[name]
         side, only = role.name.lower(), sides[0].name.lower()
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only")

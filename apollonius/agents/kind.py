@@ -27,6 +27,8 @@ class Named:
 class AbstractKind(ABC):
     """Players of one kind, by name. It is registered in `apollonius.catalogue.KINDS`."""
 
+    suffix: str = ""
+    """How all names end that can be of this kind."""
     looks: str = ""
     """How the names of those look that `names` does not list."""
 
@@ -39,12 +41,8 @@ class AbstractKind(ABC):
         return True
 
     @abstractmethod
-    def knows(self, name: str) -> bool:
-        """Whether a name looks like one of this kind's."""
-
-    @abstractmethod
-    def find(self, name: str, role: Role, game: Game | None) -> Named:
-        """The player of a name that this kind knows.
+    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
+        """The player of this name; None where the name is none of this kind's.
 
         Args:
             role: the side it is to play.

@@ -55,12 +55,10 @@ class Trained(AbstractKind):
         """Whether one of the zoo was trained for the side; it plays any game."""
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
-    def knows(self, name: str) -> bool:
-        """Whether it is in the zoo or could be a file."""
-        return _file_of(name) is not None
-
-    def find(self, name: str, role: Role, game: Game | None) -> Named:
+    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
         """The agent, greedy or the middle of its distribution."""
+        if _file_of(name) is None:
+            return None
         agent, path = _find_for(name, role)
         return Named(name if name.startswith(_FROM_ZOO) else called(path), at_best(agent.network), agent.header)
 

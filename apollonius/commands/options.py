@@ -11,7 +11,7 @@ from apollonius.errors import InvalidInput, require
 from apollonius.limits import GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
-    from apollonius.evaluate.match import Match, StartFilter
+    from apollonius.evaluate.match import Match
     from apollonius.game.game import Game
     from apollonius.game.types import Role
     from apollonius.solve.grid import Grid
@@ -66,42 +66,17 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
 
 
 def requested_match(options: argparse.Namespace) -> "Match":
-    """The match of two players that are named, of `options.games`.
-
-    Raises:
-        InvalidInput: for a game or player there is not.
-    """
-    from apollonius.catalogue import find_player
+    """The match of two players that are named, of `options.games`; errors as those of `Match.of_names`."""
     from apollonius.evaluate.match import Match
-    from apollonius.game.types import Role
 
-    game = requested_game(options)
-    pursuer = find_player(options.pursuer, Role.PURSUER, game)
-    evader = find_player(options.evader, Role.EVADER, game)
-    return Match(game, pursuer, evader, options.games, options.seed, requested_starts(options))
+    asked = options.game, options.pursuer, options.evader, options.games, options.seed, options.starts
+    return Match.of_names(*asked)
 
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     """What was asked for, for programs."""
     names = {"pursuer": match.pursuer.name, "evader": match.evader.name}
     return names | {"game": options.game, "starts": options.starts, "seed": match.seed}
-
-
-def requested_game(options: argparse.Namespace) -> "Game":
-    """The named game with the wanted initial speeds; `viable` starts are drawn from `moving` ones."""
-    from dataclasses import replace
-
-    from apollonius.arenas.file import find_game
-
-    game = find_game(options.game)
-    return replace(game, starts=replace(game.starts, speed="rest" if options.starts == "rest" else "moving"))
-
-
-def requested_starts(options: argparse.Namespace) -> "StartFilter":
-    """Which of that game's starts are wanted."""
-    from apollonius.evaluate.match import StartFilter
-
-    return StartFilter.VIABLE if options.starts == "viable" else StartFilter.ALL
 
 
 def check_records(options: argparse.Namespace, most: int, bound: str) -> None:

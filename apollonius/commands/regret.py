@@ -11,7 +11,6 @@ from apollonius.commands.options import (
     add_grid_options,
     add_record_options,
     check_records,
-    requested_game,
     requested_grid,
 )
 from apollonius.commands.values import count, existing_file, named
@@ -51,8 +50,11 @@ def add_regret(subparsers: Any) -> None:
 
 def run_regret(options: argparse.Namespace) -> int:
     """Measure and print."""
+    from apollonius.arenas.file import find_game
+    from apollonius.evaluate.match import starting
+
     require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
-    game = requested_game(options)
+    game, _ = starting(find_game(options.game), options.starts)
     if options.tables:
         return _run_card(options, game)
     for name in ("role", "response_games", "record"):

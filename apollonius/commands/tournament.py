@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_game, requested_starts
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots
 from apollonius.commands.values import count, named, new_file, new_folder
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
@@ -43,16 +43,17 @@ def add_tournament(subparsers: Any) -> None:
 
 def run_tournament(options: argparse.Namespace) -> int:
     """Play all matches and print the table."""
+    from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
     from apollonius.evaluate.cycles import cycles
-    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.match import MatchResult, starting
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
     from apollonius.terminal import tournament_table
 
     if options.plot:
         _drawing()
-    game = requested_game(options)
+    game, starts = starting(find_game(options.game), options.starts)
     pursuers, evaders = (
         [find_player(name, role, game) for name in names or player_names(role, game)]
         for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
@@ -72,7 +73,7 @@ def run_tournament(options: argparse.Namespace) -> int:
         options.games,
         options.seed,
         tell,
-        requested_starts(options),
+        starts,
         options.keep,
         options.display.report,
     )

@@ -1,6 +1,6 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -10,6 +10,8 @@ from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import solo
+from apollonius.arenas.file import find_game
+from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
@@ -76,6 +78,20 @@ class Match:
         GAMES.require("games", self.games)
         SEED.require("seed", self.seed)
 
+    @classmethod
+    def of_names(cls, game: str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str = "rest") -> "Match":
+        """The match of a game and two players that are named, or whose files are.
+
+        Args:
+            starts: as of `starting`.
+
+        Raises:
+            InvalidInput: as `find_game` and `find_player`, and as a match.
+        """
+        rules, which = starting(find_game(game), starts)
+        chasing, fleeing = find_player(pursuer, Role.PURSUER, rules), find_player(evader, Role.EVADER, rules)
+        return cls(rules, chasing, fleeing, games, seed, which)
+
     def player(self, role: Role) -> Named:
         """Who plays a side."""
         return self.pursuer if role == Role.PURSUER else self.evader
@@ -117,6 +133,19 @@ class MatchResult:
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON-like data."""
         return asdict(self)
+
+
+def starting(game: Game, starts: str) -> tuple[Game, StartFilter]:
+    """A game with the starts that a word asks for, and which of them are played.
+
+    Args:
+        starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
+    """
+    speed = "rest" if starts == "rest" else "moving"
+    which = StartFilter.VIABLE if starts == "viable" else StartFilter.ALL
+    if game.starts.speed != speed:
+        game = replace(game, starts=replace(game.starts, speed=speed))
+    return game, which
 
 
 def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:

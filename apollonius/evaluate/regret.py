@@ -16,16 +16,15 @@ from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, distance, reset_batch
+from apollonius.game.game import Game, distance
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.limits import GAMES, SEED, TARGETS
-from apollonius.playout import play_out
+from apollonius.playout import draw_starts, play_out
 from apollonius.solve.reach import Chase, Reach, solve_reach
 from apollonius.solve.table_policy import TablePolicy
 
 _WORST = 10
 """Games that a result lists."""
-_reset_batch = jax.jit(reset_batch, static_argnames="games")
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def measure_regret(
     require(games % targets == 0, "games", games, f"a multiple of the {targets} targets")
     SEED.require("seed", seed)
     target_key, start_key, play_key = jax.random.split(jax.random.key(seed), 3)
-    places = _reset_batch(game, target_key, games=targets).evader
+    places = draw_starts(game, target_key, targets).evader
     parts: list[dict[str, np.ndarray]] = []
     for index, place in enumerate(zip(places.x.tolist(), places.y.tolist(), strict=True)):
         reach, _ = solve_reach(chase, place)
@@ -101,7 +100,7 @@ def _starts(game: Game, target: tuple[float, float], key: PRNGKeyArray, games: i
         InvalidInput: when that leaves hardly any.
     """
     still = RobotState(*(jnp.asarray(number, jnp.float32) for number in (*target, 0.0, 0.0)))
-    drawn = _reset_batch(game, key, games=4 * games + 64)
+    drawn = draw_starts(game, key, 4 * games + 64)
     starts = jax.vmap(lambda state: GameState.of_two(state.pursuer, still, state.steps))(drawn)
     chosen = np.flatnonzero(jax.vmap(distance)(starts) >= game.starts.separation)[:games]
     require(

@@ -51,8 +51,8 @@ class OccupancyMap(eqx.Module):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest occupied cell, rather too short than too long; negative inside."""
-        column, right = _beside((x - self.x) / self.cell, self.field.shape[1])
-        row, up = _beside((y - self.y) / self.cell, self.field.shape[0])
+        column, right = beside((x - self.x) / self.cell, self.field.shape[1])
+        row, up = beside((y - self.y) / self.cell, self.field.shape[0])
         below = (1 - right) * self.field[row, column] + right * self.field[row, column + 1]
         above = (1 - right) * self.field[row + 1, column] + right * self.field[row + 1, column + 1]
         return (1 - up) * below + up * above - _ROUNDING * self.cell
@@ -75,7 +75,7 @@ class OccupancyMap(eqx.Module):
         return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) <= 0
 
 
-def _beside(position: Scalar, corners: int) -> tuple[Int[Array, ""], Scalar]:
+def beside(position: Scalar, corners: int) -> tuple[Int[Array, ""], Scalar]:
     """The corner before a place along one axis, and how far the place is on the way to the next; at most the ends."""
     inside = jnp.clip(position, 0.0, corners - 1.0)
     before = jnp.clip(jnp.floor(inside), 0.0, corners - 2.0)

@@ -22,7 +22,6 @@ from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
-from apollonius.game.game import reset_batch
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.algorithm import require_fitting
@@ -35,14 +34,13 @@ from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan, TrainState
-from apollonius.playout import play_out
+from apollonius.playout import draw_starts, play_out
 
 FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
 _EVALUATION_SEED = 20_200
 """Seed of the evaluation games inside training, the same for all runs; the judge uses others."""
-_reset_batch = jax.jit(reset_batch, static_argnames="games")
 
 
 class Saved(eqx.Module):
@@ -168,7 +166,7 @@ class Run:
         """
         games = plan.stage.evaluation_games
         start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
-        starts = _reset_batch(self.config.game, start_key, games=games)
+        starts = draw_starts(self.config.game, start_key, games)
         evader = self.evaders if train.evader is None else solo(at_best(train.evader.learner.average))
         results = play_out(self.config.game, BySide(solo(at_best(_pursuer(train))), evader), starts, play_key)
         outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))

@@ -29,7 +29,7 @@ _STARTS_PER_CHUNK = 4096
 class Metrics(eqx.Module):
     """Sums over a chunk: finished games by outcome, returns of both sides, losses of the updates made."""
 
-    outcomes: Int[Array, "9"]
+    outcomes: Int[Array, " outcomes"]
     pursuer_return: Scalar
     evader_return: Scalar
     pursuer_loss: Scalar

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.occupancy import beside
 from apollonius.game.types import Real, RobotState, Scalar
 
 AXES = ("x", "y", "v", "heading")
@@ -67,14 +68,14 @@ class Grid(eqx.Module):
     def corners(self, robot: RobotState) -> tuple[Int[Array, "16"], Float[Array, "16"]]:
         """The nodes around a state, numbered as they lie in a table, and their shares; beyond the ends, the ends'."""
         dx, dy, dv, dheading = self.spacing
-        beside = (
+        axes = (
             _between((robot.v - self.low[2]) / dv, self.counts[2]),
             _around(robot.heading / dheading, self.counts[3]),
             _between((robot.x - self.low[0]) / dx, self.counts[0]),
             _between((robot.y - self.low[1]) / dy, self.counts[1]),
         )
         node, share = jnp.zeros(1, jnp.int32), jnp.ones(1, jnp.float32)
-        for (nodes, shares), count in zip(beside, self.shape, strict=True):
+        for (nodes, shares), count in zip(axes, self.shape, strict=True):
             node = (node[:, None] * count + jnp.stack(nodes)[None]).reshape(-1)
             share = (share[:, None] * jnp.stack(shares)[None]).reshape(-1)
         return node, share
@@ -101,10 +102,8 @@ Beside = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
 
 
 def _between(position: Scalar, count: int) -> Beside:
-    inside = jnp.clip(position, 0.0, count - 1.0)
-    lower = jnp.clip(jnp.floor(inside), 0.0, count - 2.0)
-    index = lower.astype(jnp.int32)
-    return (index, index + 1), (1 - (inside - lower), inside - lower)
+    index, share = beside(position, count)
+    return (index, index + 1), (1 - share, share)
 
 
 def _around(position: Scalar, count: int) -> Beside:

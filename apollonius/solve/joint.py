@@ -75,11 +75,6 @@ def refreshed(
     return after, residual
 
 
-def as_matrix(table: Shaped[Array, "tiles moving lanes"]) -> Shaped[Array, "moving waiting"]:
-    """The table by the nodes of the robot that moves, and of the one that waits."""
-    return jnp.swapaxes(table, 0, 1).reshape(table.shape[1], -1)
-
-
 def interpolate(
     table: Shaped[Array, "tiles moving lanes"],
     moving: tuple[Grid, RobotState],

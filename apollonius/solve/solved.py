@@ -23,11 +23,8 @@ _PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
 class Solved(AbstractKind):
     """The players of solved games' files."""
 
+    suffix = SUFFIX
     looks = "a .npz file of a solved game"
-
-    def knows(self, name: str) -> bool:
-        """Whether it is the name of such a file."""
-        return name.endswith(SUFFIX)
 
     def find(self, name: str, role: Role, game: Game | None) -> Named:
         """The player of the file, called after it."""

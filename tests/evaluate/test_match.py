@@ -36,7 +36,7 @@ def starts(monkeypatch):
     """The starts of every match from here on, in a list; no game is played."""
     seen = []
 
-    def record(game, pursuer, evader, starts, key, **how):
+    def record(game, players, starts, key, **how):
         seen.append(jax.tree.map(np.asarray, starts))
         return Results(jnp.full(GAMES, Outcome.NO_RESULT), jnp.ones(GAMES, jnp.int32))
 

@@ -11,8 +11,8 @@ from apollonius.arenas.record import to_dict
 from apollonius.game.presets import make_game
 from apollonius.show.solution import _of_a_game, _of_reach, _of_safety, save_solution_maps
 from apollonius.solve.grid import make_grid
-from apollonius.solve.joint import as_matrix
 from apollonius.solve.store import Problem, Solution
+from tests.solve.small import as_matrix
 
 GAME = make_game("one-large")
 COUNTS = [5, 4, 3, 4]

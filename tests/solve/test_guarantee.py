@@ -14,10 +14,10 @@ from apollonius.game.types import RobotState, Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
-from apollonius.solve.joint import as_matrix, interpolate
+from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
 from tests.oracle import numpy_duel as oracle
-from tests.solve.small import BODY, SMALL
+from tests.solve.small import BODY, SMALL, as_matrix
 
 HOLD = 5
 CRAMPED = Game(pursuer=BODY, evader=BODY, arena=Arena(x_max=1.6, y_max=1.2), capture_distance=0.25, starts=SMALL.starts)

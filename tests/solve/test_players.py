@@ -16,11 +16,10 @@ from apollonius.game.types import GameState, Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import TOLERANCE, guarantee, make_duel, solve_duel
-from apollonius.solve.joint import as_matrix
 from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from tests.matches import a_match
-from tests.solve.small import SMALL
+from tests.solve.small import SMALL, as_matrix
 
 pytestmark = pytest.mark.slow
 

@@ -19,9 +19,9 @@ from apollonius.game.types import Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
-from apollonius.solve.joint import as_matrix
 from apollonius.solve.motion import HORIZON
 from tests.oracle.numpy_air3d import Cars, least_distance
+from tests.solve.small import as_matrix
 
 CAPTURE = 5.0
 """Capture distance [m], and the radius of the faster car's circle: equal, as in Mitchell, Bayen and Tomlin (2005)."""
