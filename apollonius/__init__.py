@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from apollonius.game.types import Outcome as Outcome
     from apollonius.game.types import RobotState as RobotState
     from apollonius.game.types import Role as Role
+    from apollonius.observe.registry import find_observation as find_observation
+    from apollonius.observe.view import look as look
     from apollonius.playout import play_at_once as play_at_once
     from apollonius.playout import play_out as play_out
     from apollonius.replay import load_replay as load_replay
@@ -79,6 +81,8 @@ _HOMES = {
     "game.reward": ("Reward",),
     "game.starts": ("Starts",),
     "game.types": ("GameState", "Outcome", "RobotState", "Role"),
+    "observe.registry": ("find_observation",),
+    "observe.view": ("look",),
     "playout": ("play_at_once", "play_out"),
     "replay": ("load_replay", "save_replay"),
     "rollout": ("collect",),

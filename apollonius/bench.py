@@ -18,7 +18,6 @@ from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState
 from apollonius.learn import dqn
@@ -30,6 +29,7 @@ from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage import play_and_learn
 from apollonius.learn.state import Plan
 from apollonius.limits import BENCHED_GAMES
+from apollonius.observe.registry import find_observation
 from apollonius.playout import Report
 from apollonius.rollout import Games, begin, collect
 from apollonius.words import fold_in
@@ -149,7 +149,7 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
     is the same, the compiler computes only once.
     """
     learner = dqn.init(config, jax.random.key(0))
-    size = OBSERVATION_SIZES[config.observation]
+    size = find_observation(config.observation).size
     observation, after = jax.random.normal(jax.random.key(1), (2, _BARE_BATCHES, config.batch, size))
     flat = observation[:, :, 0]
     batches = jax.vmap(Batch)(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
@@ -168,7 +168,7 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
 def _bare_acting(config: DQNConfig) -> Callable[[int], Any]:
     """`_BARE_MOVES` times the best actions in all games, by a network that is given observations."""
     network = dqn.init(config, jax.random.key(0)).network
-    size = OBSERVATION_SIZES[config.observation]
+    size = find_observation(config.observation).size
     observations = jax.random.normal(jax.random.key(1), (_BARE_BATCHES, config.games, size))
 
     @jax.jit

@@ -16,6 +16,7 @@ from apollonius.agents.pool import Held, Pool, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, GameState, Role
+from apollonius.observe.view import Views
 from apollonius.words import fold_in, random_bits
 
 Players = Pool | Seated | Held
@@ -26,7 +27,8 @@ class Experience(eqx.Module):
     """One side's part of a batch of transitions; leaves start with the axes of the batch.
 
     `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
-    side's pool that acted; it is the same for all transitions of a game.
+    side's pool that acted; it is the same for all transitions of a game. An observation is the numbers that the players
+    read: of those that read the view itself there are none.
     """
 
     observation: Float[Array, "*batch size"]
@@ -87,12 +89,9 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
 
-    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> BySide[Float[Array, "games _"]]:
-        blurs, looks = (0, 0, None), (0, None, None)
-        seen = ROLES.map(lambda role: jax.vmap(blurred, in_axes=blurs)(state, words[role], disturbance))
-        return ROLES.map(
-            lambda role: jax.vmap(game.observe, in_axes=looks)(seen[role], role, players[role].observation)
-        )
+    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> BySide[Any]:
+        seen = ROLES.map(lambda role: jax.vmap(blurred, in_axes=(0, 0, None))(state, words[role], disturbance))
+        return ROLES.map(lambda role: players[role].observation.together(Views(game, seen[role], role)))
 
     seen = sees(games.state, words)
     actions = ROLES.map(lambda role: players[role].act(games.sides[role].member, seen[role], words[role]))
@@ -101,8 +100,11 @@ def step_games(
     next_seen = sees(after.state, ~words)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + after.reward[role])
 
+    def numbers(seen: Any) -> Float[Array, "games _"]:
+        return jnp.zeros((words.shape[1], 0)) if isinstance(seen, Views) else seen
+
     def experience(role: Role) -> Experience:
-        made = seen[role], actions[role], after.reward[role], next_seen[role], returns[role]
+        made = numbers(seen[role]), actions[role], after.reward[role], numbers(next_seen[role]), returns[role]
         return Experience(*made, games.sides[role].member)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)

@@ -28,6 +28,7 @@ from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.observe.view import look
 from apollonius.replay import as_state
 
 STATES = 10_000
@@ -45,7 +46,7 @@ def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
     @jax.jit
     def play(state):
         rows = state if role == Role.PURSUER else jnp.roll(state, 4)
-        seen = game.observe(as_state(rows, jnp.asarray(0)), role, player.observation)
+        seen = player.observation(look(game, as_state(rows, jnp.asarray(0)), role))
         action = player(seen, jnp.uint32(0))
         body = game.pursuer if role == Role.PURSUER else game.evader
         said = [] if is_continuous(action) else [action.astype(jnp.float32)]

@@ -18,6 +18,7 @@ import apollonius
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
+from apollonius.observe.view import Views
 from apollonius.solve.players import ResponsePolicy
 from apollonius.solve.solved import table_player
 
@@ -27,14 +28,14 @@ _RUNS = 5
 def microseconds(game: apollonius.Game, player: AbstractPolicy, role: Role, games: int) -> float:
     """Median CPU time of one decision among so many [us]; the first run, which compiles, does not count."""
     states = reset_batch(game, jax.random.key(0), games)
-    seen = jax.vmap(lambda state: game.observe(state, role, player.observation))(states)
+    views = Views(game, states, role)
     words = jax.random.bits(jax.random.key(1), (games,))
-    decide = jax.jit(jax.vmap(player))
-    jax.block_until_ready(decide(seen, words))
+    decide = jax.jit(player.together)
+    jax.block_until_ready(decide(views, words))
     taken = []
     for _ in range(_RUNS):
         begun = time.process_time()
-        jax.block_until_ready(decide(seen, words))
+        jax.block_until_ready(decide(views, words))
         taken.append(time.process_time() - begun)
     return median(taken) / games * 1e6
 

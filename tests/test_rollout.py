@@ -23,6 +23,10 @@ from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.observe.encoded import ENCODED
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.paper import PAPER
+from apollonius.observe.registry import observe
 from apollonius.playout import draw_starts, play_at_once, play_out
 from apollonius.rollout import begin, collect
 
@@ -33,14 +37,14 @@ PLAYED_OUT = 37
 
 step_one = jax.jit(Game.step)
 step_many = jax.jit(jax.vmap(Game.step, in_axes=(None, 0, 0, 0)))
-observe_many = jax.jit(jax.vmap(Game.observe, in_axes=(None, 0, None, None)), static_argnames=("role", "profile"))
+observe_many = jax.jit(jax.vmap(observe, in_axes=(None, 0, None, None)), static_argnames=("role", "name"))
 
 
 class Scripted(AbstractPolicy):
     """Plays one action always, or a random one if that is negative."""
 
     action: Array
-    observation: str = eqx.field(static=True, default="paper")
+    observation: AbstractObservation = eqx.field(static=True, default=PAPER)
 
     def __call__(self, observation, word):
         return jnp.where(self.action < 0, uniform_action(word), self.action)
@@ -50,11 +54,11 @@ RANDOM = -1
 
 
 def pursuers(*actions):
-    return stack([Scripted(jnp.asarray(action), "paper") for action in actions])
+    return stack([Scripted(jnp.asarray(action), PAPER) for action in actions])
 
 
 def evaders(*actions):
-    return stack([Scripted(jnp.asarray(action), "encoded") for action in actions])
+    return stack([Scripted(jnp.asarray(action), ENCODED) for action in actions])
 
 
 @jax.jit

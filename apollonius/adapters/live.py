@@ -11,8 +11,9 @@ from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import Game
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Action, GameState, Outcome, RobotState, Role, Timestep
+from apollonius.observe.registry import find_observation, observe
+from apollonius.observe.view import look
 
 _ROBOTS = slice(0, 8)
 """In what a step tells: x, y, v, heading of the pursuer, then of the evader. Both observations follow, then ..."""
@@ -30,7 +31,7 @@ class LiveGame:
 
     Args:
         game: the rules.
-        observation: profile of what both sides see (`apollonius.game.observation`).
+        observation: name of what both sides see (`apollonius.observe.registry`).
         inside: the player of each side that is not played from outside.
         actions: kind of the actions from outside, `discrete` or `continuous`.
     """
@@ -45,7 +46,7 @@ class LiveGame:
         self._space = action_space(actions)
         self.idle = np.zeros(self._space.shape or ())
         """What stands for the action of a side that is played from inside."""
-        size = OBSERVATION_SIZES[observation]
+        size = find_observation(observation).size
         self.game = game
         self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
         # The game is a constant of both functions.
@@ -123,7 +124,7 @@ def _step(
     actions: list[Action] = list(given[1:].reshape(2, *shape))
     state = GameState.of_two(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
     for role, player in players.items():
-        actions[role] = player(game.observe(state, role, player.observation), word)
+        actions[role] = player(player.observation(look(game, state, role)), word)
     after: Timestep = game.step(state, *actions)
     flags = [after.terminated, after.truncated, after.outcome]
     return _tell(game, observation, after.state, [*after.reward, *flags])
@@ -131,5 +132,5 @@ def _step(
 
 def _tell(game: Game, observation: str, state: GameState, rest: list[Array]) -> Float[Array, " told"]:
     robots = jnp.stack(jax.tree.leaves(state.robots))
-    seen = [game.observe(state, role, observation) for role in Role]
+    seen = [observe(game, state, role, observation) for role in Role]
     return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])

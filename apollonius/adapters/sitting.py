@@ -12,6 +12,8 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import Game
 from apollonius.game.types import Actions, GameState, Outcome, Role
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.view import Views
 
 Tree = TypeVar("Tree")
 SPARE = 4
@@ -27,7 +29,7 @@ class Sitting:
     Attributes:
         game: the rules.
         role: the side from outside.
-        observation: profile of what it sees.
+        observation: what it sees.
         opponent: plays the other side.
         num_envs: number of games.
         autoreset_mode: when a game that has ended begins again.
@@ -35,22 +37,20 @@ class Sitting:
 
     game: Game
     role: Role
-    observation: str
+    observation: AbstractObservation
     opponent: AbstractPolicy
     num_envs: int
     autoreset_mode: AutoresetMode
 
     def see(self, state: GameState) -> Float[Array, "games size"]:
         """What the side from outside sees."""
-        return jax.vmap(lambda one: self.game.observe(one, self.role, self.observation))(state)
+        return self.observation.together(Views(self.game, state, self.role))
 
     def answer(self, state: GameState, word: UInt32[Array, ""]) -> Actions:
         """What the opponent does."""
         words = jax.random.bits(jax.random.key(word), (self.num_envs,), jnp.uint32)
-        other = Role(1 - self.role)
-        return jax.vmap(
-            lambda one, bits: self.opponent(self.game.observe(one, other, self.opponent.observation), bits)
-        )(state, words)
+        views = Views(self.game, state, Role(1 - self.role))
+        return views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), words)
 
 
 class Standing(eqx.Module):

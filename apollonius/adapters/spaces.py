@@ -6,21 +6,20 @@ import gymnasium
 import numpy as np
 
 from apollonius.errors import require
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS
+from apollonius.observe.registry import find_observation
 
 ACTIONS = ("discrete", "continuous")
 """Kinds of actions."""
 
 
-def observation_space(profile: str) -> gymnasium.spaces.Box:
+def observation_space(observation: str) -> gymnasium.spaces.Box:
     """Every number is within 2 of 0, unless a robot leaves the walls by more than half the arena in one step.
 
     Raises:
-        InvalidInput: for an unknown profile.
+        InvalidInput: for an unknown observation.
     """
-    require(profile in OBSERVATION_SIZES, "observation", profile, f"one of {', '.join(OBSERVATION_SIZES)}")
-    return gymnasium.spaces.Box(-2.0, 2.0, (OBSERVATION_SIZES[profile],), np.float32)
+    return gymnasium.spaces.Box(-2.0, 2.0, (find_observation(observation).size,), np.float32)
 
 
 ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.Box

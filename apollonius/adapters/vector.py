@@ -17,6 +17,7 @@ from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.observe.registry import find_observation
 
 _MODES = {mode.value: mode for mode in AutoresetMode}
 """By the names that Gymnasium's `make_vec` takes."""
@@ -72,7 +73,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         player = find_player(opponent, Role(1 - role), game).policy
         self._mode = mode
         # The game is a constant of what is compiled.
-        sitting = Sitting(game, role, observation, player, num_envs, mode)
+        sitting = Sitting(game, role, find_observation(observation), player, num_envs, mode)
         self._draw, self._step, self._renew = (
             Compiled(draw_starts, sitting),
             Compiled(step_games, sitting),

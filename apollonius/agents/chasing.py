@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from apollonius.agents.classical import AbstractSteering, direction, separation
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.observe.view import View
 
 
 class PurePursuit(AbstractSteering):
@@ -13,9 +14,10 @@ class PurePursuit(AbstractSteering):
     The way there is the arc of Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm" (1992).
     """
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Straight at the opponent."""
-        return direction(own, opponent), arc_speed(self.body, own, opponent)
+        own, opponent = seen.own.state, seen.opponent.state
+        return direction(own, opponent), arc_speed(seen.own.body, own, opponent)
 
 
 class ProportionalNavigation(AbstractSteering):
@@ -31,8 +33,9 @@ class ProportionalNavigation(AbstractSteering):
     gain: Real = 3.0
     cone: Real = 0.8
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """The heading that the law leads to within one step."""
+        own, opponent = seen.own.state, seen.opponent.state
         x, y = opponent.x - own.x, opponent.y - own.y
         vx = opponent.v * jnp.cos(opponent.heading) - own.v * jnp.cos(own.heading)
         vy = opponent.v * jnp.sin(opponent.heading) - own.v * jnp.sin(own.heading)
@@ -40,7 +43,7 @@ class ProportionalNavigation(AbstractSteering):
         sight = direction(own, opponent)
         ahead = jnp.abs(wrap_angle(sight - own.heading)) < self.cone
         heading = jnp.where(ahead, own.heading + self.gain * sight_rate * self.dt, sight)
-        return heading, arc_speed(self.body, own, opponent)
+        return heading, arc_speed(seen.own.body, own, opponent)
 
 
 class Intercept(AbstractSteering):
@@ -51,12 +54,13 @@ class Intercept(AbstractSteering):
     opponent's motion across the line of sight. An opponent that crosses faster than that is led by a right angle.
     """
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """The line of sight, and on top of it the lead."""
+        body, own, opponent = seen.own.body, seen.own.state, seen.opponent.state
         sight = direction(own, opponent)
         across = opponent.v * jnp.sin(opponent.heading - sight)
-        lead = jnp.arcsin(jnp.clip(across / self.body.v_max, -1.0, 1.0))
-        return sight + lead, arc_speed(self.body, own, opponent)
+        lead = jnp.arcsin(jnp.clip(across / body.v_max, -1.0, 1.0))
+        return sight + lead, arc_speed(body, own, opponent)
 
 
 def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:

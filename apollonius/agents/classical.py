@@ -8,11 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, AbstractValued
-from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.observation import both_states
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.paper import PAPER
+from apollonius.observe.view import Robot, View
 
 BRAKE_STRAIGHT = 1
 """Index of the action (u1 = -u1_max, u2 = 0)."""
@@ -22,27 +23,21 @@ class Still(AbstractPolicy):
     """Brakes straight ahead and then stays: the stationary evader of stage 1 (Algorithm 1)."""
 
     @property
-    def observation(self) -> str:
-        """It does not look; the paper's observation is the cheapest."""
-        return "paper"
+    def observation(self) -> AbstractObservation:
+        """It does not look; whoever collects its transitions has the paper's observation."""
+        return PAPER
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32)
 
 
 class AbstractClassical(AbstractValued):
-    """A player that knows the game, reads both robots' states from what it sees, and follows a rule.
+    """A player that reads the view and follows a rule.
 
     Attributes:
-        arena: walls and obstacles.
-        body: its own robot.
-        opponent_body: the other one.
         dt: how long controls are held [s].
     """
 
-    arena: Arena
-    body: Unicycle
-    opponent_body: Unicycle
     dt: Real
 
     @classmethod
@@ -62,38 +57,29 @@ class AbstractClassical(AbstractValued):
         Raises:
             InvalidInput: when its rule does not fit the game.
         """
-        bodies = (game.pursuer, game.evader)
-        return cls(game.arena, bodies[role], bodies[1 - role], game.dt, **rule)
-
-    @property
-    def observation(self) -> str:
-        """Both states, and nothing that would have to be computed from them."""
-        return "paper"
-
-    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        """How well the rule is followed by each of the nine actions."""
-        return self.judge(*both_states(self.observation, self.arena, self.body, self.opponent_body, observation))
+        return cls(game.dt, **rule)
 
     @abstractmethod
-    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+    def values(self, seen: View) -> Float[Array, "9"]:
         """How well the rule is followed by each of the nine actions: the higher the better."""
 
-    def hold(self, robot: RobotState, action: Int[Array, ""]) -> RobotState:
-        """Its own robot after one step."""
-        return self.body.move(robot, *self.body.controls(action), self.dt)
+    def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:
+        """A robot after one step."""
+        return robot.body.move(robot.state, *robot.body.controls(action), self.dt)
 
 
 class AbstractSteering(AbstractClassical):
     """A player whose rule is a course: a heading and a speed to have."""
 
-    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+    def values(self, seen: View) -> Float[Array, "9"]:
         """Minus how far heading and speed are from the course after each action, in steps of full turn and thrust.
 
         So a gear is used only while more than half a step is missing, and a course once held is held quietly.
         """
-        heading, speed = self.course(own, opponent)
-        turn = jnp.maximum(self.body.u2_max * self.dt, 1e-6)
-        thrust = jnp.maximum(self.body.u1_max * self.dt, 1e-6)
+        own = seen.own
+        heading, speed = self.course(seen)
+        turn = jnp.maximum(own.body.u2_max * self.dt, 1e-6)
+        thrust = jnp.maximum(own.body.u1_max * self.dt, 1e-6)
 
         def value(action: Int[Array, ""]) -> Scalar:
             after = self.hold(own, action)
@@ -102,7 +88,7 @@ class AbstractSteering(AbstractClassical):
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
 
     @abstractmethod
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """The heading [rad] and the speed [m/s] it would have now."""
 
 

@@ -12,6 +12,7 @@ from apollonius.agents.classical import AbstractClassical, AbstractSteering, dir
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
+from apollonius.observe.view import Robot, View
 
 _HORIZON = 4.0
 """How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
@@ -23,9 +24,9 @@ class Flee(AbstractSteering):
     Egorov, "Multi-Agent Deep Reinforcement Learning" (2016). It minds neither walls nor obstacles.
     """
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Straight away from the opponent, at top speed."""
-        return direction(opponent, own), jnp.asarray(self.body.v_max, jnp.float32)
+        return direction(seen.opponent.state, seen.own.state), jnp.asarray(seen.own.body.v_max, jnp.float32)
 
 
 class FleeAware(AbstractClassical):
@@ -49,17 +50,17 @@ class FleeAware(AbstractClassical):
         """The player of one side of a game: it looks 4 s ahead."""
         return super().for_side(game, role, steps=ceil(_HORIZON / game.dt), **rule)
 
-    def judge(self, own: RobotState, opponent: RobotState) -> Float[Array, "9"]:
+    def values(self, seen: View) -> Float[Array, "9"]:
         """Distance and room in metres; where the room runs out, how late it does, below all ways on which it lasts."""
-        coast = jnp.zeros(())
-        pursuer = self.opponent_body.move(opponent, coast, coast, self.steps * self.dt)
+        coast, body = jnp.zeros(()), seen.own.body
+        pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
 
         def value(action: Int[Array, ""]) -> Scalar:
             def one_step(robot: RobotState, _: None) -> tuple[RobotState, Scalar]:
-                after = self.hold(robot, action)
-                return after, self.arena.clearance_along(robot, after) - self.body.radius
+                after = self.hold(Robot(body, robot), action)
+                return after, seen.arena.clearance_along(robot, after) - body.radius
 
-            end, rooms = jax.lax.scan(one_step, own, None, self.steps)
+            end, rooms = jax.lax.scan(one_step, seen.own.state, None, self.steps)
             room = jnp.min(rooms)
             lasts = separation(end, pursuer) + self.caution * jnp.minimum(room, 1.0)
             runs_out = jnp.argmax(rooms <= self.margin).astype(jnp.float32) - self.steps
@@ -99,15 +100,16 @@ class Circle(AbstractSteering):
         require(cls.fits(game), "obstacles", "none", "one at least for 'circle', which drives around it")
         return super().for_side(game, role, **rule)
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Along the orbit, as fast as the turn still to be made allows."""
-        distance, (out_x, out_y) = jax.value_and_grad(self.arena.to_obstacles, argnums=(0, 1))(own.x, own.y)
-        away = direction(opponent, own)
+        body, own = seen.own.body, seen.own.state
+        distance, (out_x, out_y) = jax.value_and_grad(seen.arena.to_obstacles, argnums=(0, 1))(own.x, own.y)
+        away = direction(seen.opponent.state, own)
         left_x, left_y = -out_y, out_x
         leads_away = left_x * jnp.cos(away) + left_y * jnp.sin(away)
         drives = left_x * jnp.cos(own.heading) + left_y * jnp.sin(own.heading)
         side = jnp.where(leads_away + self.habit * drives >= 0, 1.0, -1.0)
         outwards = jnp.arctan2(out_y, out_x)
         # Counter-clockwise around the obstacle is a quarter turn left of outwards; inwards is half a turn.
-        heading = outwards + side * (jnp.pi / 2 + jnp.arctan(self.gain * (distance - self.body.radius - self.height)))
-        return heading, facing_speed(self.body, own, heading)
+        heading = outwards + side * (jnp.pi / 2 + jnp.arctan(self.gain * (distance - body.radius - self.height)))
+        return heading, facing_speed(body, own, heading)

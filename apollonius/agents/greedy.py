@@ -8,6 +8,7 @@ from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractPolicy, AbstractValued
 from apollonius.agents.uniform import uniform_action
 from apollonius.game.types import Scalar
+from apollonius.observe.observation import AbstractObservation
 
 
 class Greedy(AbstractValued):
@@ -16,25 +17,23 @@ class Greedy(AbstractValued):
     network: QNetwork
 
     @property
-    def observation(self) -> str:
-        """The network's observation profile."""
+    def observation(self) -> AbstractObservation:
+        """What the network reads."""
         return self.network.observation
 
-    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+    def values(self, seen: Float[Array, " size"]) -> Float[Array, "9"]:
         """The network's action values."""
-        return self.network(observation)
+        return self.network(seen)
 
-    def together(
-        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
-    ) -> Int[Array, " games"]:
+    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The best action for each observation."""
-        return jnp.argmax(self.weigh_together(observations, words), axis=-1).astype(jnp.int32)
+        return jnp.argmax(self.weigh_together(seen, words), axis=-1).astype(jnp.int32)
 
     def weigh_together(
-        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
+        self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]
     ) -> Float[Array, "games 9"]:
         """The network's action values for each observation."""
-        return self.network.together(observations)
+        return self.network.together(seen)
 
 
 class EpsilonGreedy(AbstractPolicy):
@@ -44,18 +43,16 @@ class EpsilonGreedy(AbstractPolicy):
     epsilon: Scalar
 
     @property
-    def observation(self) -> str:
-        """The network's observation profile."""
+    def observation(self) -> AbstractObservation:
+        """What the network reads."""
         return self.network.observation
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return self._explore(self.network(observation), word)
+    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+        return self._explore(self.network(seen), word)
 
-    def together(
-        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
-    ) -> Int[Array, " games"]:
+    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The action for each observation."""
-        return jax.vmap(self._explore)(self.network.together(observations), words)
+        return jax.vmap(self._explore)(self.network.together(seen), words)
 
     def _explore(self, values: Float[Array, "9"], word: UInt32[Array, ""]) -> Int[Array, ""]:
         best = jnp.argmax(values).astype(jnp.int32)

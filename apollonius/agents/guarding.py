@@ -10,6 +10,7 @@ from apollonius.agents.classical import AbstractClassical, AbstractSteering, dir
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.observe.view import View
 
 _EQUAL = 1e-3
 """Squares of speeds that differ by less than this share are equal: the circle of Apollonius is then a line."""
@@ -79,12 +80,12 @@ class Territory(AbstractSteering):
         require(cls.fits(game), "arena.territory", "none", bound)
         return super().for_side(game, role, guards=role == Role.PURSUER, **rule)
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Straight there, as fast as the way can be driven."""
-        goal = self.arena.territory
+        goal, own = seen.arena.territory, seen.own.state
         assert goal is not None, "it fits the game"
-        ends = [((robot.x, robot.y), body.v_max) for robot, body in ((own, self.body), (opponent, self.opponent_body))]
+        ends = [((robot.state.x, robot.state.y), robot.body.v_max) for robot in seen.robots]
         (pursuer, fast), (evader, slow) = ends if self.guards else ends[::-1]
         x, y = nearest_reach(evader, pursuer, slow / fast, (jnp.float32(goal.x), jnp.float32(goal.y)))
         target = RobotState(x, y, own.v, own.heading)
-        return direction(own, target), arc_speed(self.body, own, target)
+        return direction(own, target), arc_speed(seen.own.body, own, target)

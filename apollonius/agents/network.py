@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.registry import find_observation
 
 Layers = tuple[eqx.nn.Linear, ...]
 """Fully connected layers with ReLU between them (section III-D of the paper: four hidden layers of 256 units)."""
@@ -20,10 +21,10 @@ class QNetwork(eqx.Module):
     """The value of each of the 9 actions (Fig. 3)."""
 
     layers: Layers
-    observation: str = eqx.field(static=True)
+    observation: AbstractObservation = eqx.field(static=True)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        """The values of the 9 actions for one observation in the network's profile."""
+        """The values of the 9 actions for one observation."""
         return apply(self.layers, observation)
 
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
@@ -42,10 +43,10 @@ class GaussianActor(eqx.Module):
     """
 
     layers: Layers
-    observation: str = eqx.field(static=True)
+    observation: AbstractObservation = eqx.field(static=True)
 
     def __call__(self, observation: Float[Array, " size"]) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-        """Means and standard deviations for one observation in the network's profile."""
+        """Means and standard deviations for one observation."""
         mean, spread = jnp.split(apply(self.layers, observation), 2)
         return mean, _deviation(spread)
 
@@ -160,13 +161,15 @@ def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) ->
     """A network with random weights. The key is consumed.
 
     Args:
-        observation: profile of the observation it reads.
+        observation: name of the observation it reads.
         width: units of each hidden layer.
         depth: number of hidden layers.
     """
-    return QNetwork(make_layers([OBSERVATION_SIZES[observation], *[width] * depth, NUM_ACTIONS], key), observation)
+    reads = find_observation(observation)
+    return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads)
 
 
 def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:
     """The same for pairs of gears."""
-    return GaussianActor(make_layers([OBSERVATION_SIZES[observation], *[width] * depth, 4], key), observation)
+    reads = find_observation(observation)
+    return GaussianActor(make_layers([reads.size, *[width] * depth, 4], key), reads)

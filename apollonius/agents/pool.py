@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.types import Actions
+from apollonius.observe.observation import Whole
 
 
 class Pool(eqx.Module):
@@ -25,8 +26,8 @@ class Pool(eqx.Module):
     size: int = eqx.field(static=True, default=1)
 
     @property
-    def observation(self) -> str:
-        """Profile of the observation that all members expect."""
+    def observation(self) -> Whole:
+        """What all members read of a view."""
         return self.members.observation
 
     @property
@@ -43,13 +44,13 @@ class Pool(eqx.Module):
     def act(
         self,
         member: Int[Array, " games"],
-        observation: Float[Array, "games size"],
+        seen: Any,
         word: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by the member of this pool that it meets."""
         if self.size == 1:
-            return jax.tree.map(lambda leaf: leaf[0], self.members).together(observation, word)
-        everyone = jax.vmap(lambda policy: policy.together(observation, word), axis_size=self.size)(self.members)
+            return jax.tree.map(lambda leaf: leaf[0], self.members).together(seen, word)
+        everyone = jax.vmap(lambda policy: policy.together(seen, word), axis_size=self.size)(self.members)
         theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
         return jnp.take_along_axis(everyone, theirs, axis=0)[0]
 
@@ -75,8 +76,8 @@ class Seated(eqx.Module):
     games: int = eqx.field(static=True)
 
     @property
-    def observation(self) -> str:
-        """Profile of the observation that all of them expect."""
+    def observation(self) -> Whole:
+        """What all of them read of a view."""
         return self.at_large.observation
 
     @property
@@ -92,18 +93,18 @@ class Seated(eqx.Module):
     def act(
         self,
         member: Int[Array, " games"],
-        observation: Float[Array, "games size"],
+        seen: Float[Array, "games size"],
         word: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by the player whose it is."""
         end = self.first + self.seats * self.games
         seats = (self.seats, self.games)
-        others = jax.vmap(lambda policy, seen, words: jax.vmap(policy)(seen, words))(
+        others = jax.vmap(lambda policy, *given: jax.vmap(policy)(*given))(
             self.seated,
-            observation[self.first : end].reshape(*seats, -1),
+            seen[self.first : end].reshape(*seats, -1),
             word[self.first : end].reshape(seats),
         )
-        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (observation, word)]
+        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (seen, word)]
         own = jax.vmap(self.at_large)(*beside)
         return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
 
@@ -120,8 +121,8 @@ class Held(eqx.Module):
     words: UInt32[Array, " games"]
 
     @property
-    def observation(self) -> str:
-        """Profile of the observation that all of them expect."""
+    def observation(self) -> Whole:
+        """What all of them read of a view."""
         return self.players.observation
 
     @property
@@ -136,11 +137,11 @@ class Held(eqx.Module):
     def act(
         self,
         member: Int[Array, " games"],
-        observation: Float[Array, "games size"],
+        seen: Any,
         word: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by its own word."""
-        return self.players.act(member, observation, self.words)
+        return self.players.act(member, seen, self.words)
 
 
 def solo(policy: AbstractPolicy) -> Pool:

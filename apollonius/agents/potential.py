@@ -8,7 +8,8 @@ import jax.numpy as jnp
 
 from apollonius.agents.classical import AbstractClassical, AbstractSteering, facing_speed
 from apollonius.game.game import Game
-from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.game.types import Real, Role, Scalar
+from apollonius.observe.view import View
 
 
 class PotentialField(AbstractSteering):
@@ -35,19 +36,21 @@ class PotentialField(AbstractSteering):
         """The player of one side of a game: the pursuer chases."""
         return super().for_side(game, role, chases=role == Role.PURSUER, **rule)
 
-    def course(self, own: RobotState, opponent: RobotState) -> tuple[Scalar, Scalar]:
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
         """Along the force, as fast as the turn still to be made and the room to stop in allow."""
-        slope_x, slope_y = jax.grad(self.potential, argnums=(0, 1))(own.x, own.y, opponent)
+        body, own = seen.own.body, seen.own.state
+        slope_x, slope_y = jax.grad(self.potential, argnums=(0, 1))(own.x, own.y, seen)
         heading = jnp.arctan2(-slope_y, -slope_x)
-        room = jnp.maximum(self.arena.clearance(own.x, own.y) - self.body.radius, 0.0)
-        stopping = jnp.sqrt(2 * self.body.u1_max * room)
-        return heading, jnp.minimum(facing_speed(self.body, own, heading), stopping)
+        room = jnp.maximum(seen.arena.clearance(own.x, own.y) - body.radius, 0.0)
+        stopping = jnp.sqrt(2 * body.u1_max * room)
+        return heading, jnp.minimum(facing_speed(body, own, heading), stopping)
 
-    def potential(self, x: Scalar, y: Scalar, opponent: RobotState) -> Scalar:
-        """The potential [m] at a place."""
+    def potential(self, x: Scalar, y: Scalar, seen: View) -> Scalar:
+        """The potential [m] that the robot would have at a place."""
+        opponent = seen.opponent.state
         distance = jnp.hypot(x - opponent.x, y - opponent.y)
         total = distance if self.chases else -distance
-        for clearance in self.arena.clearances(x, y):
-            room = jnp.maximum(clearance - self.body.radius, 1e-3)
+        for clearance in seen.arena.clearances(x, y):
+            room = jnp.maximum(clearance - seen.own.body.radius, 1e-3)
             total = total + self.strength / 2 * jnp.maximum(1 / room - 1 / self.reach, 0.0) ** 2
         return total

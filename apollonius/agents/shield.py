@@ -11,17 +11,17 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, acts_continuously
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game
 from apollonius.game.nearby import Edges, Surroundings, surroundings
-from apollonius.game.observation import own_state
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
+from apollonius.observe.view import View, Views
 
 MARGIN = 1e-3
-"""Room [m] that must be left: many times what is lost when a state is read from an observation."""
+"""Room [m] that must be left: many times what rounding can make of it."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _HELD_BACK = 8
@@ -129,25 +129,26 @@ class Shielded(AbstractPolicy):
     backup: Backup
 
     @property
-    def observation(self) -> str:
-        """What the player behind the shield sees."""
-        return self.policy.observation
+    def continuous(self) -> bool:
+        """Whether those of the player behind the shield are."""
+        return self.policy.continuous
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Action:
-        own, weighed = self._own(observation), self.policy.weigh(observation, word)
+    def __call__(self, seen: View, word: UInt32[Array, ""]) -> Action:
+        own, weighed = seen.own.state, self.policy.weigh(self.policy.observation(seen), word)
         wanted = self._wanted(weighed)
         keeps = self.backup.room_after(own, wanted) > MARGIN
         room = jax.vmap(self.backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
         return jnp.where(keeps, wanted, self._instead(weighed, room))
 
-    def together(self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Actions:
-        """The actions for the observations of many games.
+    def together(self, seen: Views, words: UInt32[Array, " games"]) -> Actions:
+        """The actions for the views in many games.
 
         Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
         a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
         is then read from memory in a row.
         """
-        own, weighed = jax.vmap(self._own)(observations), self.policy.weigh_together(observations, words)
+        own = seen.each(lambda view: view.own.state)
+        weighed = self.policy.weigh_together(self.policy.observation.together(seen), words)
         wanted = jax.vmap(self._wanted)(weighed)
         held_back = ~(jax.vmap(self.backup.room_after)(own, wanted) > MARGIN)
         games = held_back.shape[0]
@@ -165,19 +166,16 @@ class Shielded(AbstractPolicy):
         count = jnp.sum(held_back, dtype=jnp.int32)
         return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1]
 
-    def _own(self, observation: Float[Array, " size"]) -> RobotState:
-        return own_state(self.observation, self.backup.arena, self.backup.body, observation)
-
     def _wanted(self, weighed: Any) -> Action:
         """What the player behind the shield would do."""
-        return weighed if acts_continuously(self.policy) else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
+        return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
     def _instead(self, weighed: Any, room: Float[Array, "9"]) -> Action:
         """What it does where that is not allowed, by the room that each of the nine actions leaves."""
         allowed = room > MARGIN
         among = self.policy.choose(weighed, allowed)
         safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
-        return jnp.stack(gears(safest)) if acts_continuously(self.policy) else safest
+        return jnp.stack(gears(safest)) if self.policy.continuous else safest
 
 
 def brakes(game: Game, role: Role) -> Backup:

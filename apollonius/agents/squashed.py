@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, UInt32
 from apollonius.agents.network import GaussianActor
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.game.types import Scalar
+from apollonius.observe.observation import AbstractObservation
 
 
 class SquashedMean(AbstractContinuous):
@@ -15,12 +16,12 @@ class SquashedMean(AbstractContinuous):
     network: GaussianActor
 
     @property
-    def observation(self) -> str:
-        """The network's observation profile."""
+    def observation(self) -> AbstractObservation:
+        """What the network reads."""
         return self.network.observation
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
-        return jnp.tanh(self.network(observation)[0])
+    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+        return jnp.tanh(self.network(seen)[0])
 
 
 class SquashedGaussian(AbstractContinuous):
@@ -30,18 +31,16 @@ class SquashedGaussian(AbstractContinuous):
     spread: Scalar
 
     @property
-    def observation(self) -> str:
-        """The network's observation profile."""
+    def observation(self) -> AbstractObservation:
+        """What the network reads."""
         return self.network.observation
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
-        return self._sample(*self.network(observation), word)
+    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+        return self._sample(*self.network(seen), word)
 
-    def together(
-        self, observations: Float[Array, "games size"], words: UInt32[Array, " games"]
-    ) -> Float[Array, "games 2"]:
+    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Float[Array, "games 2"]:
         """The two gears for each observation."""
-        return jax.vmap(self._sample)(*self.network.together(observations), words)
+        return jax.vmap(self._sample)(*self.network.together(seen), words)
 
     def _sample(
         self, mean: Float[Array, "2"], deviation: Float[Array, "2"], word: UInt32[Array, ""]

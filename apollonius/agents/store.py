@@ -18,8 +18,8 @@ from apollonius.arenas.record import from_dict
 from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
 from apollonius.document import parse_json, write_atomically
 from apollonius.errors import InvalidInput, require, shown
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.observe.registry import OBSERVATIONS
 
 FORMAT = "apollonius-agent"
 FORMAT_VERSION = 1
@@ -34,7 +34,7 @@ class AgentHeader:
     role: str
     """The side it plays: `pursuer` or `evader`."""
     observation: str
-    """Profile of the observation its network reads."""
+    """Name of the observation its network reads."""
     observation_size: int
     """Numbers in that observation."""
     width: int
@@ -70,8 +70,8 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
     """An agent from a network, with a header that fits it."""
     header = AgentHeader(
         role=role.name.lower(),
-        observation=network.observation,
-        observation_size=OBSERVATION_SIZES[network.observation],
+        observation=network.observation.name,
+        observation_size=network.observation.size,
         width=network.layers[0].out_features if isinstance(network.layers[0].out_features, int) else 1,
         depth=len(network.layers) - 1,
         game=game,
@@ -143,9 +143,9 @@ def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
             f"'{path}' has a network of the kind {shown(header.network)}, this program reads {', '.join(_MAKE)}: "
             "update it."
         )
-    size = OBSERVATION_SIZES.get(header.observation)
-    if size != header.observation_size:
-        known = ", ".join(f"{name} ({size})" for name, size in OBSERVATION_SIZES.items())
+    reads = OBSERVATIONS.get(header.observation)
+    if reads is None or reads.size != header.observation_size:
+        known = ", ".join(f"{name} ({one.size})" for name, one in OBSERVATIONS.items())
         made_for = f"{shown(header.observation)} ({shown(header.observation_size)} numbers)"
         raise InvalidInput(
             f"'{path}' was made for the observation {made_for}; this program has {known}: train it again."

@@ -5,6 +5,8 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.types import NUM_ACTIONS
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.paper import PAPER
 
 
 def uniform_action(word: UInt32[Array, ""]) -> Int[Array, ""]:
@@ -16,9 +18,9 @@ class Uniform(AbstractPolicy):
     """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
 
     @property
-    def observation(self) -> str:
-        """It does not look; the paper's observation is the cheapest."""
-        return "paper"
+    def observation(self) -> AbstractObservation:
+        """It does not look; whoever collects its transitions has the paper's observation."""
+        return PAPER
 
-    def __call__(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
         return uniform_action(word)

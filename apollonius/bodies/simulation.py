@@ -15,6 +15,7 @@ from apollonius.evaluate.match import Match, begin
 from apollonius.game.game import Game, judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
+from apollonius.observe.view import Views
 from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state, together
 from apollonius.rollout import random_words
@@ -144,9 +145,8 @@ def _choose(
 ) -> Choice:
     state = jax.vmap(as_state)(rows, length)
     words = random_words(key, jnp.arange(rows.shape[0]), length)
-    sees = jax.vmap(game.observe, in_axes=(0, None, None))
     actions = [
-        pool.act(members[role], sees(state, role, pool.observation), words[role])
+        pool.act(members[role], pool.observation.together(Views(game, state, role)), words[role])
         for role, pool in ((Role.PURSUER, pursuer), (Role.EVADER, evader))
     ]
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]

@@ -3,13 +3,12 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide, one_each
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.observation import observe
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
@@ -80,11 +79,6 @@ class Game(eqx.Module):
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
-
-    def observe(self, state: GameState, role: Role, profile: str) -> Float[Array, " size"]:
-        """What one side sees, in the named observation profile (Eq. 6, 7)."""
-        bodies, robots = one_each(self.bodies), one_each(state.robots)
-        return observe(profile, self.arena, bodies[role], robots[role], bodies[role.other], robots[role.other])
 
 
 def distance(state: GameState) -> Scalar:

@@ -81,7 +81,7 @@ def require_fitting(network: Network, config: LearnerConfig, name: str, value: o
     Raises:
         InvalidInput: naming both kinds.
     """
-    made_for = (network.observation, len(network.layers) - 1, network.layers[0].out_features)
+    made_for = (network.observation.name, len(network.layers) - 1, network.layers[0].out_features)
     wanted = (config.observation, config.depth, config.width)
     bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
     require(made_for == wanted, name, value, bound)

@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass
 from math import log
-from typing import Literal
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.errors import require, require_positive
 from apollonius.limits import BENCHED_GAMES, TRANSITIONS
+from apollonius.observe.registry import find_observation
 
 
 @dataclass(frozen=True)
 class LearnerConfig:
     """What all algorithms share. Intervals are in environment steps: one step of one game."""
 
-    observation: Literal["paper", "encoded"] = "encoded"
-    """What the network reads: the 8 numbers of Eq. 7, or the encoded profile."""
+    observation: str = "encoded"
+    """What the network reads (`apollonius.observe`): `paper`, the 8 numbers of Eq. 7, or `encoded`."""
     width: int = 256
     """Units of each hidden layer (Fig. 3)."""
     depth: int = 4
@@ -44,6 +44,7 @@ class LearnerConfig:
     """Env steps before the first update."""
 
     def __post_init__(self) -> None:
+        find_observation(self.observation)
         require_positive(
             self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
         )

@@ -12,10 +12,10 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import GaussianActor, Layers, apply_to_batch, make_actor, make_layers
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.replay import Batch
+from apollonius.observe.registry import find_observation
 
 Gears = Float[Array, "batch 2"]
 
@@ -59,7 +59,7 @@ def init(config: SACConfig, key: PRNGKeyArray) -> Learner:
 
 def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> Learner:
     """A learner that goes on from a copy of an actor; its critics begin from random weights. The key is consumed."""
-    sizes = [OBSERVATION_SIZES[config.observation] + 2, *[config.width] * config.depth, 1]
+    sizes = [find_observation(config.observation).size + 2, *[config.width] * config.depth, 1]
     critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
     return _fresh(actor, critics, jnp.log(config.first_temperature))
 

@@ -12,7 +12,6 @@ from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.observation import OBSERVATION_SIZES
 from apollonius.game.types import Role, Scalar
 from apollonius.learn import opponents, replay
 from apollonius.learn.algorithm import Learner, algorithm_of
@@ -20,6 +19,7 @@ from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.payoffs import Payoffs, nothing_played
 from apollonius.learn.scheme import OpponentConfig
+from apollonius.observe.registry import find_observation
 from apollonius.rollout import Games, begin
 
 DEVICES = "devices"
@@ -147,7 +147,7 @@ def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None
     if isinstance(side, Pool):
         return None, side
     algorithm = algorithm_of(plan.learner)
-    size = OBSERVATION_SIZES[plan.learner.observation]
+    size = find_observation(plan.learner.observation).size
     archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
     exploiter = algorithm.branch(side) if plan.opponents.has_exploiters else None
     memory = replay.init(plan.learner.rows, plan.learner.games, size, algorithm.action)

@@ -19,6 +19,7 @@ from apollonius.agents.policy import AbstractValued
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.view import look
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
 from apollonius.solve.players import AbstractLookahead
@@ -75,7 +76,7 @@ def slice_values(
         def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
             robots = (RobotState(own_x, own_y, speed, heading), opponent)
             state = GameState.of_two(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
-            values = player.values(game.observe(state, role, player.observation))
+            values = player.values(player.observation(look(game, state, role)))
             return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
 
         return cell(jnp.asarray(x))

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, Int, Shaped, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, AbstractValued, acts_by_chance
 from apollonius.game.game import judge
-from apollonius.game.observation import both_states
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState, Role
+from apollonius.observe.view import View, look
 from apollonius.solve.contest import Contest
 from apollonius.solve.event import first_events
 from apollonius.solve.joint import interpolate
@@ -36,18 +36,13 @@ class AbstractLookahead(AbstractValued):
     contest: Contest
     table: Shaped[Array, "tiles moving lanes"]
 
-    @property
-    def observation(self) -> str:
-        """The profile that tells both robots' states with the least arithmetic."""
-        return "paper"
-
-    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+    def values(self, seen: View) -> Float[Array, "9"]:
         """What the nine actions are worth."""
-        return self._worths_seen(observation, jnp.zeros((), jnp.uint32))
+        return self.weigh(seen, jnp.zeros((), jnp.uint32))
 
-    def weigh(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "9"]:
+    def weigh(self, seen: View, word: UInt32[Array, ""]) -> Float[Array, "9"]:
         """What they are worth against one who acts by chance, as by this word."""
-        return self._worths_seen(observation, word)
+        return _worths_in_one(self, seen.own.state, seen.opponent.state, word)
 
     def best_worth(self, states: GameState) -> Float[Array, " games"]:
         """What its side is sure of in several states of the game, leaves `[games]`."""
@@ -61,13 +56,6 @@ class AbstractLookahead(AbstractValued):
             own, other: the robots, leaves `[games]`.
             words: random bits for each game, of which a player makes use that acts by chance.
         """
-
-    def _worths_seen(self, observation: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "9"]:
-        """The same from what is seen in one game."""
-        game = self.contest.game
-        bodies = (game.pursuer, game.evader) if self.contest.role == Role.PURSUER else (game.evader, game.pursuer)
-        robots = both_states(self.observation, game.arena, *bodies, observation)
-        return _worths_in_one(self, *robots, word)
 
 
 @custom_vmap
@@ -133,7 +121,7 @@ class ResponsePolicy(AbstractLookahead):
         Of an opponent that acts by chance it is the mean over `COURSES`, the same ones for each action.
         """
         contest, (motion, other_motion), (grid, other_grid) = self.contest, self.contest.motions, self.contest.grids
-        words = _words_of_courses(words, motion.steps, COURSES if acts_by_chance(self.opponent) else 1)
+        words = _words_of_courses(words, motion.steps, COURSES if answers_by_chance(contest, self.opponent) else 1)
         mine = _every_hold(motion, own)
 
         def moved(own: RobotState, other: RobotState, word: UInt32[Array, ""]) -> RobotState:
@@ -224,6 +212,15 @@ def answer_of(
     contest: Contest, opponent: AbstractPolicy, own: RobotState, other: RobotState, word: UInt32[Array, ""]
 ) -> Action:
     """The action that the opponent takes, from the states of this side's robot and of its own."""
+    return opponent(opponent.observation(_view_of_other(contest, own, other)), word)
+
+
+def answers_by_chance(contest: Contest, opponent: AbstractPolicy) -> bool:
+    """Whether the random word can matter to what the opponent takes."""
+    place = RobotState(*[jnp.zeros(())] * 4)
+    return acts_by_chance(opponent, _view_of_other(contest, place, place))
+
+
+def _view_of_other(contest: Contest, own: RobotState, other: RobotState) -> View:
     state = GameState.of_two(*contest.pair(own, other), steps=jnp.zeros((), jnp.int32))
-    seen = contest.game.observe(state, Role(1 - contest.role), opponent.observation)
-    return opponent(seen, word)
+    return look(contest.game, state, contest.role.other)

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt8, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, acts_by_chance
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Answers, Decided, decisive
@@ -34,7 +34,7 @@ from apollonius.solve.image import greatest, total
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
 from apollonius.solve.motion import worth_after
-from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy, answer_of
+from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy, answer_of, answers_by_chance
 from apollonius.solve.side import Side
 
 BYTES_PER_PAIR = 3 * 4 + 2
@@ -65,7 +65,7 @@ def make_response(contest: Contest, opponent: AbstractPolicy) -> Response:
     Raises:
         InvalidInput: as `make_duel`.
     """
-    draws = COURSES if acts_by_chance(opponent) else 1
+    draws = COURSES if answers_by_chance(contest, opponent) else 1
     own, other = make_sides(contest, BYTES_PER_PAIR + draws)
     answers = _answers(contest, opponent, draws)
     return Response(contest, own, other, answers, decisive(contest, own, other, answers))

@@ -3,7 +3,7 @@
 from jaxtyping import Array, Float
 
 from apollonius.agents.policy import AbstractValued
-from apollonius.game.observation import own_state
+from apollonius.observe.view import View
 from apollonius.solve.reach import Reach
 
 
@@ -12,12 +12,6 @@ class TablePolicy(AbstractValued):
 
     reach: Reach
 
-    @property
-    def observation(self) -> str:
-        """The profile that tells the robot's own state with the least arithmetic."""
-        return "paper"
-
-    def values(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
+    def values(self, seen: View) -> Float[Array, "9"]:
         """What the nine actions are worth."""
-        motion = self.reach.motion
-        return self.reach.action_values(own_state(self.observation, motion.arena, motion.body, observation))
+        return self.reach.action_values(seen.own.state)

@@ -16,6 +16,7 @@ from apollonius.errors import InvalidInput
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
+from apollonius.observe.registry import observe
 
 PAPER = make_game("paper")
 SHORT = Game(arena=PAPER.arena, max_steps=3)
@@ -56,7 +57,7 @@ def test_a_game_goes_as_the_rules_say(env):
     rng = np.random.default_rng(0)
     for _ in range(400):
         for agent, role in AGENTS.items():
-            np.testing.assert_allclose(seen[agent], PAPER.observe(state, role, "encoded"), atol=1e-4)
+            np.testing.assert_allclose(seen[agent], observe(PAPER, state, role, "encoded"), atol=1e-4)
         pursuer, evader = rng.integers(3, 9), rng.integers(9)
         seen, rewards, terminations, truncations, infos = env.step({"pursuer_0": pursuer, "evader_0": evader})
         after = step(state, jnp.int32(pursuer), jnp.int32(evader))

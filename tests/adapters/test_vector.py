@@ -13,9 +13,9 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 import apollonius.adapters.gymnasium  # noqa: F401 (registers the environments)
 from apollonius.adapters.vector import ManyGames
 from apollonius.errors import InvalidInput
-from apollonius.game.observation import both_states
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, Outcome, Role
+from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.observe.registry import observe
 
 PAPER = make_game("paper")
 GAMES = 64
@@ -57,9 +57,12 @@ def test_every_game_goes_as_the_rules_say(course):
     @jax.jit
     @jax.vmap
     def follow(seen, action):
-        evader, pursuer = both_states("encoded", PAPER.arena, PAPER.evader, PAPER.pursuer, seen)
+        evader, pursuer = (
+            RobotState(5 * (x + 1), 5 * (y + 1), 0.6 * (v + 1), jnp.arctan2(sin, cos))
+            for x, y, v, cos, sin in (seen[:5], seen[5:10])
+        )
         after = PAPER.step(GameState.of_two(pursuer, evader, jnp.int32(0)), jnp.int32(1), action)
-        return PAPER.observe(after.state, Role.EVADER, "encoded"), after
+        return observe(PAPER, after.state, Role.EVADER, "encoded"), after
 
     ended = 0
     for seen, actions, (now, rewards, terminated, _, infos) in course:

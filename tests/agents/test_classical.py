@@ -22,6 +22,7 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.view import Views, look
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -46,8 +47,13 @@ def random_pairs(seed, count=50):
             yield pair[:4], pair[4:]
 
 
-def course_of(player, own, opponent):
-    return (float(number) for number in player.course(robot(*own), robot(*opponent)))
+def view(game, role, own, opponent):
+    robots = (own, opponent) if role == Role.PURSUER else (opponent, own)
+    return look(game, GameState.of_two(*robots, jnp.int32(0)), role)
+
+
+def course_of(player, own, opponent, game=OPEN, role=Role.PURSUER):
+    return (float(number) for number in player.course(view(game, role, robot(*own), robot(*opponent))))
 
 
 def same_direction(first, second, within=1e-4):
@@ -56,7 +62,7 @@ def same_direction(first, second, within=1e-4):
 
 def test_gears_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
     player = PurePursuit.for_side(OPEN, Role.PURSUER)
-    judge = jax.jit(player.judge)
+    judge = jax.jit(player.values)
     body, dt = OPEN.pursuer, OPEN.dt
     for own, opponent in random_pairs(0, 20):
         heading, speed = course_of(player, own, opponent)
@@ -64,12 +70,12 @@ def test_gears_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
         turned = [own[3] + gear * body.u2_max * dt for gear in (-1, 0, 1)]
         thrust = int(np.argmin([abs(speed - value) for value in v]))
         turn = int(np.argmin([abs((heading - value + pi) % (2 * pi) - pi) for value in turned]))
-        assert int(jnp.argmax(judge(robot(*own), robot(*opponent)))) == 3 * thrust + turn
+        assert int(jnp.argmax(judge(view(OPEN, Role.PURSUER, robot(*own), robot(*opponent))))) == 3 * thrust + turn
 
 
 def test_a_course_that_is_held_is_held_without_any_gear():
     player = Flee.for_side(OPEN, Role.EVADER)
-    assert int(jnp.argmax(player.judge(robot(10, 10, 1.0, 0.02), robot(5, 10)))) == 4
+    assert int(jnp.argmax(player.values(view(OPEN, Role.EVADER, robot(10, 10, 1.0, 0.02), robot(5, 10))))) == 4
 
 
 def test_a_chaser_is_never_too_fast_for_the_circle_through_its_target():
@@ -93,7 +99,7 @@ def test_pure_pursuit_heads_for_the_opponent_and_flee_away_from_it():
         sight = atan2(opponent[1] - own[1], opponent[0] - own[0])
         heading, _ = course_of(PurePursuit.for_side(OPEN, Role.PURSUER), own, opponent)
         assert same_direction(heading, sight)
-        heading, speed = course_of(Flee.for_side(OPEN, Role.EVADER), own, opponent)
+        heading, speed = course_of(Flee.for_side(OPEN, Role.EVADER), own, opponent, role=Role.EVADER)
         assert same_direction(heading, sight + pi)
         assert speed == OPEN.evader.v_max
 
@@ -114,7 +120,7 @@ def test_intercept_heads_for_the_circle_of_apollonius():
 
 def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
     fast = replace(OPEN, evader=Unicycle(v_max=5.0))
-    heading, _ = course_of(Intercept.for_side(fast, Role.PURSUER), (5, 5, 0, 0), (10, 5, 5.0, pi / 2))
+    heading, _ = course_of(Intercept.for_side(fast, Role.PURSUER), (5, 5, 0, 0), (10, 5, 5.0, pi / 2), fast)
     assert same_direction(heading, pi / 2)
 
 
@@ -142,15 +148,16 @@ def test_the_potentials_force_is_khatibs(chases):
     role = Role.PURSUER if chases else Role.EVADER
     body = (game.pursuer, game.evader)[role]
     player = PotentialField.for_side(game, role)
-    x, y, opponent = 5.0, 7.0, robot(9, 4)
+    x, y = 5.0, 7.0
+    seen = view(game, role, robot(x, y), robot(9, 4))
     push = {(0, -1): 10 - y, (0, 1): y - 5 - 1.0}  # the upper wall and the disc; the others are out of reach
     force = np.array([9 - x, 4 - y]) / hypot(9 - x, 4 - y) * (1 if chases else -1)
     for away, clearance in push.items():
         room = clearance - body.radius
         force += np.array(away) * max(0.2 * (1 / room - 1 / 2.0) / room**2, 0)
-    slope = jax.grad(player.potential, argnums=(0, 1))(jnp.float32(x), jnp.float32(y), opponent)
+    slope = jax.grad(player.potential, argnums=(0, 1))(jnp.float32(x), jnp.float32(y), seen)
     np.testing.assert_allclose([-slope[0], -slope[1]], force, atol=1e-5)
-    heading, _ = player.course(robot(x, y), opponent)
+    heading, _ = player.course(seen)
     assert same_direction(float(heading), atan2(force[1], force[0]))
 
 
@@ -161,7 +168,7 @@ def play(game, evader, start, steps):
     @jax.jit
     def run(state):
         def one_step(state, _):
-            action = act(game.observe(state, Role.EVADER, act.observation), jnp.uint32(0))
+            action = act(look(game, state, Role.EVADER), jnp.uint32(0))
             after = game.step(state, jnp.int32(4), action).state
             return after, jnp.stack(jax.tree.leaves((after.pursuer, after.evader)))
 
@@ -209,8 +216,7 @@ def test_chasers_catch_whoever_stands_still():
         def one_step(states, _):
             moved, caught = [], []
             for player, state in zip(players, states, strict=True):
-                seen = jax.vmap(game.observe, in_axes=(0, None, None))(state, Role.PURSUER, player.observation)
-                actions = jax.vmap(player, in_axes=(0, None))(seen, jnp.uint32(0))
+                actions = player.together(Views(game, state, Role.PURSUER), jnp.zeros(200, jnp.uint32))
                 after = jax.vmap(game.step, in_axes=(0, 0, None))(state, actions, jnp.int32(1))
                 moved.append(after.state)
                 caught.append(after.outcome == 1)
@@ -227,7 +233,7 @@ def test_chasers_catch_whoever_stands_still():
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     game = make_game("territory") if name == "territory" else PAPER
     player = find_player(name, role, game).policy
-    seen = game.observe(game.reset(jax.random.key(1)), role, player.observation)
+    seen = look(game, game.reset(jax.random.key(1)), role)
     own = int(player(seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
     other = int(player.choose(player.weigh(seen, jnp.uint32(0)), allowed))
@@ -264,8 +270,11 @@ def test_players_that_know_obstacles_mind_polygons():
     assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5
     bare = find_player("potential-field", Role.PURSUER, game).policy
-    beside, away = (bare.potential(*map(jnp.float32, (3.5, y)), robot(3.5, 8.0)) for y in (2.6, 3.4))
+    beside, away = (
+        bare.potential(*map(jnp.float32, (3.5, y)), view(game, Role.PURSUER, robot(3.5, y), robot(3.5, 8.0)))
+        for y in (2.6, 3.4)
+    )
     assert float(beside - away) > 0.8 + 1  # the polygon pushes; the opponent alone makes 0.8 m of it
     circle = find_player("circle", Role.EVADER, game).policy
-    heading, _ = circle.course(robot(3.5, 1.4, heading=pi), robot(9.0, 9.0))
+    heading, _ = circle.course(view(game, Role.EVADER, robot(3.5, 1.4, heading=pi), robot(9.0, 9.0)))
     assert float(heading) == pytest.approx(pi, abs=0.05) or float(heading) == pytest.approx(-pi, abs=0.05)

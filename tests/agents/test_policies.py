@@ -14,6 +14,7 @@ from apollonius.agents.pool import solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
+from apollonius.observe.paper import PAPER
 
 WORDS = jax.random.bits(jax.random.key(7), (200_000,), jnp.uint32)
 NOTHING = jnp.zeros(8)
@@ -119,7 +120,7 @@ def test_each_game_meets_its_own_member_of_a_pool():
     pool = stack([Greedy(best_is(action)) for action in (3, 5, 8)])
     member = jnp.array([2, 0, 1, 1, 2])
     assert pool.size == 3
-    assert pool.observation == "paper"
+    assert pool.observation == PAPER
     assert pool.act(member, jnp.zeros((5, 8)), WORDS[:5]).tolist() == [8, 3, 5, 5, 8]
 
 

@@ -24,6 +24,9 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
+from apollonius.observe import paper
+from apollonius.observe.encoded import ENCODED
+from apollonius.observe.view import Views, look
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -47,7 +50,7 @@ def rooms_after(own):
 class Reckless(AbstractPolicy):
     """Always speeds up, and now and then turns."""
 
-    observation = "paper"
+    observation = paper.PAPER
 
     def __call__(self, observation, word):
         return jnp.int32(6) + (word >> 16).astype(jnp.int32) % 3
@@ -79,22 +82,22 @@ def test_far_from_everything_the_player_acts_for_itself(role):
     for turn, seed in enumerate(range(20)):
         state = game.reset(jax.random.key(seed))
         centre = RobotState(jnp.float32(5.0), jnp.float32(5.0), jnp.float32(0.6), state.pursuer.heading)
-        state = type(state)(centre, centre, state.steps)
-        seen, word = game.observe(state, role, "encoded"), jnp.uint32(turn)
-        assert int(guarded(seen, word)) == int(player(seen, word))
+        state = type(state).of_two(centre, centre, state.steps)
+        seen, word = look(game, state, role), jnp.uint32(turn)
+        assert int(guarded(seen, word)) == int(player(ENCODED(seen), word))
 
 
 def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
     """At full speed 1.25 m before a wall only braking and turning at once will do."""
     own = robot(10 - 1.25, 5.0, 1.2)
     state = Game().reset(jax.random.key(0))
-    seen = Game().observe(type(state)(own, robot(1.0, 1.0), state.steps), Role.PURSUER, "encoded")
+    seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
     allowed = rooms_after(own) > MARGIN
     assert list(np.flatnonzero(allowed)) == [0, 2]
     chosen, act = set(), eqx.filter_jit(lambda player, seen: player(seen, jnp.uint32(0)))
     for seed in range(12):
         network = make_network("encoded", 8, 2, jax.random.key(seed))
-        values = np.where(allowed, np.asarray(network(seen)), -np.inf)
+        values = np.where(allowed, np.asarray(network(ENCODED(seen))), -np.inf)
         assert int(act(shielded(Greedy(network), Game(), Role.PURSUER), seen)) == int(np.argmax(values))
         chosen.add(int(np.argmax(values)))
     assert chosen == {0, 2}
@@ -115,7 +118,7 @@ def test_a_robot_that_is_lost_does_what_leaves_most_room():
     room = list(rooms_after(own))
     assert max(room) < 0
     state = Game().reset(jax.random.key(0))
-    seen = Game().observe(type(state)(own, robot(1.0, 1.0), state.steps), Role.PURSUER, "encoded")
+    seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
     assert room[int(guarded(seen, jnp.uint32(0)))] == max(room)
 
 
@@ -163,7 +166,7 @@ def test_behind_a_shield_a_robot_never_fails_among_many_polygons():
 class Swerves(AbstractContinuous):
     """Speeds up, and turns by chance."""
 
-    observation = "paper"
+    observation = paper.PAPER
 
     def __call__(self, observation, word):
         return jnp.stack([jnp.float32(0.7), (word >> 16).astype(jnp.float32) / 32768 - 1])
@@ -180,10 +183,10 @@ def test_games_are_guarded_together_as_each_alone(game, policy):
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
     speeds = jnp.linspace(0.6, 1.2, 500)
     states = eqx.tree_at(lambda states: states.pursuer.v, states, speeds)
-    seen = jax.vmap(lambda state: game.observe(state, Role.PURSUER, policy.observation))(states)
+    views = Views(game, states, Role.PURSUER)
     words = jax.random.bits(jax.random.key(1), 500)
-    alone = eqx.filter_jit(lambda player: jax.vmap(player)(seen, words))
-    together = np.asarray(eqx.filter_jit(player.together)(seen, words))
+    alone = eqx.filter_jit(lambda player: views.each(lambda view, word: player(player.observation(view), word), words))
+    together = np.asarray(eqx.filter_jit(player.together)(views, words))
     np.testing.assert_array_equal(together, alone(player))
     differs = together != np.asarray(alone(policy))
     held_back = differs.reshape(500, -1).any(axis=1).sum()

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import kstest, norm
 
 from apollonius.agents.network import make_actor
-from apollonius.agents.policy import AbstractContinuous, acts_continuously
+from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import Held, Seated, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
@@ -21,6 +21,8 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.paper import PAPER
+from apollonius.observe.view import look
 from tests.matches import a_match
 
 WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
@@ -33,9 +35,7 @@ class Wants(AbstractContinuous):
 
     gears: tuple[float, float] = eqx.field(static=True)
 
-    @property
-    def observation(self):
-        return "paper"
+    observation = PAPER
 
     def __call__(self, observation, word):
         return jnp.array(self.gears)
@@ -95,8 +95,8 @@ def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gear
     [(Uniform(), False), (SquashedMean(ACTOR), True), (Wants((0.0, 0.0)), True)],
 )
 def test_a_players_kind_of_action_is_known_without_asking_it(policy, expected):
-    assert acts_continuously(policy) == expected
-    assert acts_continuously(shielded(policy, Game(), Role.EVADER)) == expected
+    assert policy.continuous == expected
+    assert shielded(policy, Game(), Role.EVADER).continuous == expected
 
 
 def robot(x, y, v=0.0, heading=0.0):
@@ -106,7 +106,7 @@ def robot(x, y, v=0.0, heading=0.0):
 def guarded_action(own, gears):
     state = GameState.of_two(own, robot(1.0, 1.0), jnp.asarray(0))
     player = shielded(Wants(gears), Game(), Role.PURSUER)
-    return eqx.filter_jit(player)(Game().observe(state, Role.PURSUER, "paper"), WORDS[0])
+    return eqx.filter_jit(player)(player.observation(look(Game(), state, Role.PURSUER)), WORDS[0])
 
 
 def test_behind_a_shield_it_keeps_its_gears_where_they_are_safe():
@@ -151,7 +151,7 @@ def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     np.testing.assert_array_equal(held.act(member, seen, WORDS[:4]), pool.act(member, seen, WORDS[4:8]))
     assert (held.act(member, seen, WORDS[:4]) != pool.act(member, seen, WORDS[:4])).all()
     np.testing.assert_array_equal(held.draw(WORDS), pool.draw(WORDS))
-    assert (held.draws, held.observation) == (True, "paper")
+    assert (held.draws, held.observation) == (True, PAPER)
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +17,7 @@ from apollonius.bodies.simulation import record_course, simulate
 from apollonius.evaluate.match import begin, play_games
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
+from apollonius.observe.paper import PAPER
 from apollonius.replay import as_state, load_replay, save_replay
 from tests.matches import a_match
 
@@ -86,7 +86,7 @@ def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
 class FullSpeedInACurve(AbstractContinuous):
     """Speeds up and turns left at half the largest rate."""
 
-    observation: str = eqx.field(static=True, default="paper")
+    observation = PAPER
 
     def __call__(self, observation, word):
         return jnp.asarray([1.0, 0.5])

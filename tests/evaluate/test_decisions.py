@@ -11,6 +11,7 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.decisions import decisions
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.observe.registry import observe
 from apollonius.replay import as_state
 
 
@@ -21,7 +22,7 @@ def test_actions_are_those_of_the_player_in_the_states(role):
     rows = played.states if role == Role.PURSUER else np.roll(played.states, 4, axis=1)
 
     def act(row):
-        seen = game.observe(as_state(row, jnp.asarray(0)), role, "encoded")
+        seen = observe(game, as_state(row, jnp.asarray(0)), role, "encoded")
         return seen, player(seen, jnp.uint32(0))
 
     seen, actions = jax.jit(jax.vmap(act))(jnp.asarray(rows))

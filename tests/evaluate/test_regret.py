@@ -11,6 +11,7 @@ from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.regret import measure_regret
 from apollonius.game.types import Role
+from apollonius.observe.encoded import ENCODED
 from apollonius.solve.grid import make_grid
 from apollonius.solve.reach import make_chase
 from apollonius.solve.reference import reference_grid
@@ -20,7 +21,7 @@ from tests.solve.small import BODY, SMALL
 class Reckless(AbstractPolicy):
     """Speeds ahead at the target where it sees it, through everything."""
 
-    observation = "encoded"
+    observation = ENCODED
 
     def __call__(self, observation, word):
         ahead, left = observation[10], observation[11]
@@ -31,7 +32,7 @@ class Reckless(AbstractPolicy):
 class SmoothlyReckless(AbstractContinuous):
     """The same with gears: the further aside it sees the target, the harder it turns."""
 
-    observation = "encoded"
+    observation = ENCODED
 
     def __call__(self, observation, word):
         ahead, left = observation[10], observation[11]

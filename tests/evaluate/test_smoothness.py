@@ -15,6 +15,7 @@ from apollonius.evaluate.match import begin, count, play_games, play_match, repl
 from apollonius.evaluate.smoothness import mean_change
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
+from apollonius.observe.paper import PAPER
 from apollonius.playout import play_out
 from tests.matches import a_match
 
@@ -27,9 +28,7 @@ class Always(AbstractPolicy):
 
     action: int = eqx.field(static=True)
 
-    @property
-    def observation(self):
-        return "paper"
+    observation = PAPER
 
     def __call__(self, observation, word):
         return jnp.asarray(self.action, jnp.int32)

@@ -8,6 +8,8 @@ from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.presets import make_game
 from apollonius.game.types import ROLES, GameState, RobotState, Role
+from apollonius.observe.paper import PAPER
+from apollonius.observe.view import Robot, View
 
 
 def test_values_are_indexed_by_role_mapped_and_swapped():
@@ -31,8 +33,10 @@ def test_what_is_of_two_robots_only_refuses_more_in_one_line():
     third = RobotState(*(jnp.ones(()) for _ in range(4)))
     crowd = GameState(BySide((state.pursuer, third), (state.evader,)), state.steps)
     assert (crowd.robots.pursuer[0], crowd.robots.evader) == (state.pursuer, (state.evader,))
-    for asked in (lambda: crowd.pursuer, lambda: game.observe(crowd, Role.EVADER, "paper")):
+    pursuers = tuple(Robot(game.pursuer, robot) for robot in crowd.robots.pursuer)
+    view = View(game.arena, Robot(game.evader, state.evader), (), pursuers)
+    for asked in (lambda: crowd.pursuer, lambda: PAPER(view)):
         with pytest.raises(
-            InvalidInput, match=r"^robots = 2 v 1 is not possible: it must be 1 v 1: .+ two robots only.$"
+            InvalidInput, match=r"^robots = (2 v 1|1 v 2) is not possible: it must be 1 v 1: .+ two robots only.$"
         ):
             asked()

@@ -14,6 +14,7 @@ from apollonius.learn import opponents, payoffs
 from apollonius.learn.renewal import renew_opponents
 from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
+from apollonius.observe.registry import observe
 from tests.learn.test_opponents import archive_of, networks, plan_of
 from tests.learn.tiny import CHUNK, GAME
 
@@ -31,7 +32,7 @@ def by_hand(pursuer, evader):
     @jax.vmap
     def step(state):
         players = ((pursuer, Role.PURSUER), (evader, Role.EVADER))
-        values = [network(GAME.observe(state, role, "paper")) for network, role in players]
+        values = [network(observe(GAME, state, role, "paper")) for network, role in players]
         return GAME.step(state, *[jnp.argmax(of_all).astype(jnp.int32) for of_all in values])
 
     for _ in range(GAME.max_steps):

@@ -10,6 +10,7 @@ from apollonius.agents.network import make_network
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.view import look
 from apollonius.show.slices import save_slice, slice_values
 
 OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
@@ -30,7 +31,7 @@ def test_every_cell_has_the_networks_values_there(network, role):
     for row, column in ((0, 0), (2, 5), (7, 1)):
         own = RobotState(*map(jnp.float32, (found.x[column], found.y[row], *OWN)))
         pursuer, evader = (own, OPPONENT) if role == Role.PURSUER else (OPPONENT, own)
-        observation = game.observe(GameState.of_two(pursuer, evader, jnp.int32(0)), role, network.observation)
+        observation = network.observation(look(game, GameState.of_two(pursuer, evader, jnp.int32(0)), role))
         np.testing.assert_allclose(found.values[row, column], network(observation), atol=1e-5)
 
 

@@ -13,6 +13,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.observe.view import Views, look
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import lanes_of
@@ -74,10 +75,11 @@ def test_what_comes_by_chance_counts_as_often_as_it_comes(starts):
 def test_whether_the_random_word_matters_is_read_from_the_program():
     network, actor = always(0), make_actor("paper", 4, 1, jax.random.key(0))
     drawn = EpsilonGreedy(network, jnp.asarray(0.0)), SquashedGaussian(actor, jnp.asarray(1.0)), Uniform()
-    assert all(acts_by_chance(policy) for policy in drawn)
-    assert not any(acts_by_chance(policy) for policy in (Greedy(network), SquashedMean(actor)))
+    view = look(SMALL, SMALL.reset(jax.random.key(0)), Role.EVADER)
+    assert all(acts_by_chance(policy, view) for policy in drawn)
+    assert not any(acts_by_chance(policy, view) for policy in (Greedy(network), SquashedMean(actor)))
     shielded = {name: find_player(f"shielded:{name}", Role.EVADER, SMALL).policy for name in ("random", "flee")}
-    assert [acts_by_chance(policy) for policy in shielded.values()] == [True, False]
+    assert [acts_by_chance(policy, view) for policy in shielded.values()] == [True, False]
 
 
 @pytest.mark.slow
@@ -97,12 +99,13 @@ def test_a_batch_of_games_is_decided_as_one_game_after_the_other(starts):
     """Also where every game has a player of its own."""
     players = [SaddlePolicy(CONTEST, NOTHING + level) for level in (0.0, 0.5)]
     few = jax.tree.map(lambda leaf: leaf[:4], starts)
-    seen = jax.vmap(lambda state: SMALL.observe(state, Role.PURSUER, "paper"))(few)
-    together = np.asarray(jax.vmap(players[1].values)(seen))
-    alone = jax.jit(lambda player, one: player.values(one))
-    np.testing.assert_allclose(together, [alone(players[1], one) for one in seen], atol=1e-5)
+    views, states = Views(SMALL, few, Role.PURSUER), [jax.tree.map(lambda leaf, i=i: leaf[i], few) for i in range(4)]
+    together = np.asarray(views.each(players[1].values))
+    alone = jax.jit(lambda player, state: player.values(look(SMALL, state, Role.PURSUER)))
+    np.testing.assert_allclose(together, [alone(players[1], state) for state in states], atol=1e-5)
     both = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *players)
-    own = np.asarray(jax.vmap(lambda player, one: player.values(one))(both, seen[:2]))
+    first = Views(SMALL, jax.tree.map(lambda leaf: leaf[:2], few), Role.PURSUER)
+    own = np.asarray(first.each(lambda view, player: player.values(view), both))
     np.testing.assert_allclose(
-        own, [alone(player, one) for player, one in zip(players, seen[:2], strict=True)], atol=1e-5
+        own, [alone(player, state) for player, state in zip(players, states[:2], strict=True)], atol=1e-5
     )

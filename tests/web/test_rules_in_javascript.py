@@ -25,6 +25,8 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
+from apollonius.observe.registry import observe
+from apollonius.observe.view import look
 from apollonius.replay import as_rows, as_state, load_replay, play_actions
 from apollonius.rollout import begin, step_games
 from apollonius.web.site import PAGE
@@ -114,7 +116,7 @@ def test_networks_and_shields_choose_the_same_actions(agent_file):
 
     @jax.jit
     def expected(row):
-        seen = game.observe(as_state(row, jnp.asarray(0)), role, agent.policy.observation)
+        seen = agent.policy.observation(look(game, as_state(row, jnp.asarray(0)), role))
         own, behind_shield = (jnp.stack(gears(player.policy(seen, word))) for player in (agent, guarded))
         return seen, apply(agent.policy.network.layers, seen), own, behind_shield
 
@@ -166,7 +168,7 @@ def test_games_among_polygons_come_out_the_same(draw):
     for (_, states, outcome), played in zip(recorded, answer["games"], strict=True):
         assert apart(played["rows"], states) <= TOLERANCE
         assert played["outcomes"][-1] == outcome
-    see = jax.jit(jax.vmap(lambda row: game.observe(as_state(row, jnp.asarray(0)), Role.PURSUER, "encoded")))
+    see = jax.jit(jax.vmap(lambda row: observe(game, as_state(row, jnp.asarray(0)), Role.PURSUER, "encoded")))
     np.testing.assert_allclose(answer["observed"], see(jnp.asarray(ends)), atol=1e-5)
 
 

@@ -160,7 +160,7 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     if isinstance(agent.network, GaussianActor):
         *hidden, (weight, bias) = layers
         layers = (*hidden, (weight[:2], bias[:2]))  # the means; how far it explores is of no use on a robot
-    arena, measures = game.arena, agent.header.observation != "paper"
+    arena, measures = game.arena, agent.network.observation.measures
     bound = "walls and discs, the only ones that an exported policy measures the clearances in its observation from"
     require(not (measures and (arena.polygons or arena.map)), "obstacles", "polygons or a map", bound)
     blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)

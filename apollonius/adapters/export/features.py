@@ -1,4 +1,4 @@
-"""What a network sees (`apollonius.game.observation`), in an ONNX graph.
+"""What a network sees (`apollonius.observe`), in an ONNX graph.
 
 A node costs onnxruntime a quarter of a microsecond whatever it computes, and the whole network some 13. So the
 observation is a few products of matrices and not formula by formula.

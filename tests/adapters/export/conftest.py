@@ -16,9 +16,9 @@ from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
-from apollonius.game.observation import observe
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
+from apollonius.observe.view import Robot, View
 
 UNEQUAL = Game(
     pursuer=Unicycle(v_max=1.5, u1_max=0.4, u2_max=0.7, radius=0.1),
@@ -87,7 +87,7 @@ def case(request):
             eqx.tree_at(lambda robot: robot.heading, robot, wrap_angle(robot.heading))
             for robot in (RobotState(*state[:4]), RobotState(*state[4:]))
         )
-        seen = observe(profile, game.arena, bodies[0], own, bodies[1], opponent)
+        seen = network.observation(View(game.arena, Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)))
         action = at_best(network)(seen, jnp.uint32(0))
         return seen, action, jnp.stack(bodies[0].controls(action))
 

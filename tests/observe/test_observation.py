@@ -2,25 +2,28 @@
 
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.observation import OBSERVATION_SIZES, both_states, own_state
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.encoded import ENCODED
+from apollonius.observe.registry import OBSERVATIONS, find_observation
+from apollonius.observe.registry import observe as observe_one
+from apollonius.observe.view import Views, each, look
 
 GAME = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
     evader=Unicycle(v_max=2.0, u1_max=1.0),
     arena=Arena(0.0, 8.0, -2.0, 2.0, discs=(Disc(6.0, 0.0, 0.5),)),
 )
-observe = jax.jit(Game.observe, static_argnames=("role", "profile"))
-observe_many = jax.jit(jax.vmap(Game.observe, in_axes=(None, 0, None, None)), static_argnames=("role", "profile"))
+observe = jax.jit(observe_one, static_argnames=("role", "name"))
+observe_many = jax.jit(jax.vmap(observe_one, in_axes=(None, 0, None, None)), static_argnames=("role", "name"))
 
 
 def robot(x, y, v, heading):
@@ -69,11 +72,11 @@ def random_states(count):
     return jax.vmap(GameState.of_two)(pursuers, evaders, jnp.zeros(count, jnp.int32))
 
 
-@pytest.mark.parametrize("profile", OBSERVATION_SIZES)
+@pytest.mark.parametrize("profile", OBSERVATIONS)
 @pytest.mark.parametrize("role", Role)
 def test_observations_have_the_declared_size_and_lie_in_their_range(profile, role):
     seen = observe_many(GAME, random_states(2000), role, profile)
-    assert seen.shape == (2000, OBSERVATION_SIZES[profile])
+    assert seen.shape == (2000, OBSERVATIONS[profile].size)
     reach = np.ones(seen.shape[1])
     if profile == "encoded":
         reach[10:13] = math.hypot(1, 4 / 8)
@@ -105,13 +108,24 @@ def test_where_the_opponent_is_does_not_depend_on_where_north_is():
     np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (7, 3)), atol=1e-6)
 
 
-@pytest.mark.parametrize("profile", OBSERVATION_SIZES)
 @pytest.mark.parametrize("role", Role)
-def test_both_states_are_read_back_from_what_is_seen(profile, role):
+def test_a_view_has_both_robots_the_one_that_looks_first(role):
     placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))
-    pursuer, evader = (placed.pursuer, GAME.pursuer), (placed.evader, GAME.evader)
-    (own, body), (opponent, other_body) = (pursuer, evader) if role == Role.PURSUER else (evader, pursuer)
-    seen = observe(GAME, placed, role, profile)
-    read = both_states(profile, GAME.arena, body, other_body, seen)
-    np.testing.assert_allclose(jax.tree.leaves(read), jax.tree.leaves((own, opponent)), atol=3e-6)
-    assert eqx.tree_equal(own_state(profile, GAME.arena, body, seen), read[0])
+    robots = [(GAME.pursuer, placed.pursuer), (GAME.evader, placed.evader)]
+    view = look(GAME, placed, role)
+    assert view.arena == GAME.arena
+    assert [(robot.body, robot.state) for robot in view.robots] == (robots if role == Role.PURSUER else robots[::-1])
+
+
+def test_views_of_many_games_are_what_each_shows():
+    states = random_states(5)
+    views = Views(GAME, states, Role.EVADER)
+    distances = each(lambda view, scale: scale * (view.own.state.x - view.opponent.state.x), views, jnp.arange(5.0))
+    apart = np.asarray(states.evader.x - states.pursuer.x)
+    np.testing.assert_allclose(distances, np.arange(5) * apart, atol=1e-6)
+    np.testing.assert_array_equal(ENCODED.together(views), views.each(ENCODED))
+
+
+def test_an_unknown_observation_is_refused():
+    with pytest.raises(InvalidInput, match=r"observation = lidar .* one of paper, encoded"):
+        find_observation("lidar")

@@ -1,0 +1,29 @@
+"""All observations by name: a new one is a file beside this one, and a line here."""
+
+from jaxtyping import Array, Float
+
+from apollonius.errors import require
+from apollonius.game.game import Game
+from apollonius.game.types import GameState, Role
+from apollonius.observe.encoded import ENCODED
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.paper import PAPER
+from apollonius.observe.view import look
+
+OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in (PAPER, ENCODED)}
+"""By the names that files and configurations have for them."""
+
+
+def find_observation(name: str) -> AbstractObservation:
+    """The observation of this name.
+
+    Raises:
+        InvalidInput: for an unknown name; lists the known ones.
+    """
+    require(name in OBSERVATIONS, "observation", name, f"one of {', '.join(OBSERVATIONS)}")
+    return OBSERVATIONS[name]
+
+
+def observe(game: Game, state: GameState, role: Role, name: str) -> Float[Array, " size"]:
+    """The observation of this name of what one side sees; errors as `find_observation`."""
+    return find_observation(name)(look(game, state, role))

@@ -1,0 +1,83 @@
+"""What one robot sees, as it is: bodies, states and the arena, in metres, m/s and radians."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide, one_each
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.types import GameState, RobotState, Role
+
+
+class Robot(eqx.Module):
+    """A robot that is seen: its body's limits, and its state."""
+
+    body: Unicycle
+    state: RobotState
+
+
+class View(eqx.Module):
+    """What one robot sees. Nothing in it is scaled.
+
+    Attributes:
+        arena: walls and obstacles.
+        own: the robot itself.
+        mates: the other robots of its side.
+        opponents: the robots of the other side.
+    """
+
+    arena: Arena
+    own: Robot
+    mates: tuple[Robot, ...]
+    opponents: tuple[Robot, ...]
+
+    @property
+    def opponent(self) -> Robot:
+        """The opponent in a game of two robots; errors as those of `one_each`."""
+        return one_each(BySide((self.own, *self.mates), self.opponents)).evader
+
+    @property
+    def robots(self) -> tuple[Robot, Robot]:
+        """Both robots of a game of two, the one that looks first."""
+        return self.own, self.opponent
+
+
+def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
+    """What one robot sees in a state of the game.
+
+    Args:
+        role, number: its side, and which of its robots it is.
+    """
+
+    def robots(role: Role) -> tuple[Robot, ...]:
+        return tuple(Robot(*both) for both in zip(game.bodies[role], state.robots[role], strict=True))
+
+    ours = robots(role)
+    return View(game.arena, ours[number], ours[:number] + ours[number + 1 :], robots(role.other))
+
+
+class Views(eqx.Module):
+    """What one side sees in many games at once. What the games have in common is there once.
+
+    Attributes:
+        game: the rules.
+        states: of the games, leaves `[games]`.
+        role: the side.
+    """
+
+    game: Game
+    states: GameState
+    role: Role = eqx.field(static=True)
+
+    def each(self, function: Callable[..., Any], *rest: Any) -> Any:
+        """What a function makes of the view in each of the games, and of the rest, leaves `[games]`: its `vmap`."""
+        return jax.vmap(lambda state, *rest: function(look(self.game, state, self.role), *rest))(self.states, *rest)
+
+
+def each(function: Callable[..., Any], seen: Any, *rest: Any) -> Any:
+    """The same of what is seen in each of many games, be it views or arrays."""
+    return seen.each(function, *rest) if isinstance(seen, Views) else jax.vmap(function)(seen, *rest)
