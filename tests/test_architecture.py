@@ -65,9 +65,12 @@ MAY_IMPORT = all_behind(ARROWS) | {"__main__": {"cli"}}
 
 
 def read(package):
-    """Source text by module name; a folder's `__init__.py` is the module of the folder."""
-    paths = {path.relative_to(package.parent).with_suffix(""): path for path in package.rglob("*.py")}
-    return {".".join(name.parts).removesuffix(".__init__"): path.read_text() for name, path in paths.items()}
+    """Source text by module name; a folder's `__init__.py` is the module of the folder, and a stub is part of it."""
+    sources = {}
+    for path in [*package.rglob("*.py"), *package.rglob("*.pyi")]:
+        name = ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
+        sources[name] = sources.get(name, "") + path.read_text()
+    return sources
 
 
 def part(module):
