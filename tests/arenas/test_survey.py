@@ -106,6 +106,7 @@ def test_bodies_that_overlap_before_they_are_caught_are_noted():
     found = survey(Game(pursuer=body, evader=body))
     assert found.wrong == ()
     assert "capture_distance = 0.3 m is less than both radii together, 0.4 m" in found.notes[0]
+    assert survey(Game(pursuer=body, evader=body, capture_distance=0.4)).notes == ()
 
 
 def test_the_plan_shows_what_was_found_with_axes_key_and_summary(tmp_path, monkeypatch):

@@ -79,3 +79,34 @@ def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, 
         ]
         moved = np.min(answers, axis=0)
     return before, moved
+
+
+def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, lose, hold):
+    """What a robot gets, after so many sweeps, from another one whose action at each pair of nodes is known."""
+    size = len(own.order)
+    everywhere = np.arange(size)
+    survives = other.free[everywhere[None, :], answers]  # [own node, other's node]
+    known = np.take_along_axis(steps, answers[:, :, None, None], axis=3)[..., 0]
+    captures = np.where(own.free[:, None, :] & survives[..., None], known, math.inf)
+    decided = np.isfinite(captures)
+    if pursuing:
+        certain, when = decided.any(axis=-1), captures.min(axis=-1)
+    else:
+        certain = (decided == own.free[:, None, :]).all(axis=-1)
+        when = np.where(decided, captures, 0).max(axis=-1)
+    captured = (win if pursuing else lose) * np.exp(-when * game.dt / horizon)
+    discount = math.exp(-hold * game.dt / horizon)
+    values = np.zeros((size, size))
+    for _ in range(sweeps):
+        moved = np.max(
+            [
+                np.where(own.free[:, action, None], discount * (own.matrices[action] @ values), lose)
+                for action in range(9)
+            ],
+            axis=0,
+        )
+        answered = np.zeros((size, size))
+        for action in range(9):
+            answered = np.where(answers == action, moved @ other.matrices[action].T, answered)
+        values = np.where(certain, captured, np.where(survives, answered, win))
+    return values

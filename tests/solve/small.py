@@ -17,6 +17,12 @@ SMALL = Game(
     starts=Starts(clearance=0.1, separation=0.5),
 )
 MOVING = replace(SMALL, starts=replace(SMALL.starts, speed="moving"))
+CRAMPED = Game(pursuer=BODY, evader=BODY, arena=Arena(x_max=1.6, y_max=1.2), capture_distance=0.25, starts=SMALL.starts)
+"""So small that a grid of few nodes has captures, escapes and crashes."""
+FEW = (4, 3, 2, 5)
+"""Nodes of either robot there."""
+HOLD = 5
+"""Steps for which actions are held there."""
 TINY = (6, 7, 3, 8)
 """Nodes along x, y, v and heading: few enough for plain loops."""
 

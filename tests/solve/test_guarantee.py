@@ -7,9 +7,7 @@ import pytest
 
 from apollonius import limits
 from apollonius.errors import InvalidInput
-from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role
 from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
@@ -17,12 +15,8 @@ from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
 from tests.oracle import numpy_duel as oracle
-from tests.solve.small import BODY, SMALL, as_matrix
+from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, as_matrix
 
-HOLD = 5
-CRAMPED = Game(pursuer=BODY, evader=BODY, arena=Arena(x_max=1.6, y_max=1.2), capture_distance=0.25, starts=SMALL.starts)
-"""So small that a grid of few nodes has captures, escapes and crashes."""
-FEW = (4, 3, 2, 5)
 MORE = (5, 7, 3, 6)
 
 
@@ -44,18 +38,6 @@ def bounds():
     lower, _, _ = solved(SMALL, Role.PURSUER, MORE)
     upper, _, _ = solved(SMALL, Role.EVADER, MORE)
     return lower, -upper.T
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return oracle.Robot(CRAMPED, FEW, HOLD)
-
-
-@pytest.fixture(scope="module")
-def captures(robot):
-    steps = oracle.captures(CRAMPED, robot, robot, CRAMPED.capture_distance + 2 * BODY.v_max * HOLD * CRAMPED.dt)
-    assert 0.01 < np.mean(np.isfinite(steps)) < 0.5
-    return steps
 
 
 @pytest.mark.parametrize("payoff", ["win", pytest.param("time", marks=pytest.mark.slow)])

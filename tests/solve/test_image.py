@@ -16,7 +16,7 @@ from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.image import image_of, rooms
 from apollonius.solve.motion import last, motion_of
-from apollonius.solve.reference import reference_grid
+from apollonius.solve.reference import joint_grid, reference_grid
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
 
@@ -86,3 +86,20 @@ def test_a_robot_of_other_limits_has_a_reference_grid_too():
     wide = Game(arena=Arena(x_max=200.0), dt=0.01)
     assert reference_grid(wide, Role.PURSUER)[0].counts[:2] == (101, 51)
     assert reference_grid(wide, Role.PURSUER)[1] == 50
+
+
+@pytest.mark.parametrize(
+    ("game", "counts", "hold"),
+    [
+        (Game(), (17, 17, 5, 8), 10),
+        (Game(pursuer=Unicycle(v_min=0.4), arena=Arena(x_max=20.0)), (20, 10, 5, 11), 7),
+        (Game(pursuer=Unicycle(u1_max=0.05, u2_max=0.1)), (12, 12, 5, 16), 20),
+    ],
+    ids=["paper", "longer and never at rest", "slow to change"],
+)
+def test_on_the_grid_of_two_a_hold_moves_the_pursuer_by_one_speed_and_about_one_heading(game, counts, hold):
+    """From 0 to 1.2 m/s in four speeds of 0.3 m/s^2 x 1 s; 0.8 rad of 2 pi are an eighth; nodes as far apart along x as
+    along y; 2 s at most and 16 headings."""
+    for role in Role:
+        grid, steps = joint_grid(game, role)
+        assert (grid.counts, steps) == (counts, hold)

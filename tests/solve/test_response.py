@@ -1,0 +1,103 @@
+"""Who knows the other's every action: its table against brute force, and what the players that use it promise."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.chasing import PurePursuit
+from apollonius.agents.classical import Still
+from apollonius.agents.fleeing import FleeAware
+from apollonius.agents.uniform import Uniform
+from apollonius.game.types import GameState, Role
+from apollonius.solve.contest import make_contest
+from apollonius.solve.grid import make_grid
+from apollonius.solve.guarantee import make_duel, solve_duel
+from apollonius.solve.motion import HORIZON
+from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy
+from apollonius.solve.response import make_response, responders, solve_response
+from tests.oracle import numpy_duel as oracle
+from tests.solve.small import CRAMPED, FEW, HOLD, as_matrix
+
+GRID = make_grid(CRAMPED.arena, CRAMPED.pursuer, FEW)
+OPPONENTS = {
+    Role.PURSUER: FleeAware.for_side(CRAMPED, Role.EVADER),
+    Role.EVADER: PurePursuit.for_side(CRAMPED, Role.PURSUER),
+}
+"""Whom the responder of this side meets."""
+
+
+def contest(role):
+    return make_contest(CRAMPED, (GRID, GRID), HOLD, role, "win")
+
+
+@pytest.mark.parametrize("role", list(Role))
+def test_the_table_is_that_of_brute_force(robot, captures, role):
+    response = make_response(contest(role), OPPONENTS[role])
+    answers = np.asarray(response.answers)[:, :, 0].astype(int)
+    assert len(np.unique(answers)) >= 3
+    found = solve_response(response, tolerance=1e-5)
+    pursuing, stakes = role == Role.PURSUER, (response.contest.win, response.contest.lose)
+    steps = captures if pursuing else captures.transpose(1, 0, 3, 2)
+    expected = oracle.response(CRAMPED, robot, robot, pursuing, steps, answers, found.sweeps, HORIZON, *stakes, HOLD)
+    np.testing.assert_allclose(as_matrix(found.table).T, expected, atol=1e-5)
+    assert np.ptp(expected) > 0.9
+    assert len(np.unique(np.round(expected, 3))) > 20
+
+
+def test_whoever_acts_by_chance_is_asked_as_often_as_courses_are_followed():
+    answers = np.asarray(make_response(contest(Role.PURSUER), Uniform()).answers)
+    assert answers.shape == (GRID.size, GRID.size, COURSES)
+    np.testing.assert_allclose(np.bincount(answers.ravel(), minlength=9) / answers.size, 1 / 9, atol=0.01)
+
+
+def quiet_pairs(robot, captures, still):
+    """Pairs of nodes from which no action ends the game within a hold; of another one at rest if it stands still."""
+    rests = np.array([robot.states[index][2] == 0 for index in robot.order])
+    free = robot.free.all(axis=1)
+    apart = ~np.isfinite(captures).any(axis=(2, 3))
+    own, other = np.nonzero(apart & free[:, None] & (free & (rests | (not still)))[None])
+    assert len(own) > 50
+    return own, other
+
+
+def states(own, other):
+    """Pairs of nodes as states, from the first one's side."""
+
+    def state(first, second):
+        return GameState.of_two(GRID.node(*first), GRID.node(*second), jnp.zeros((), jnp.int32))
+
+    pairs = (tuple(map(jnp.asarray, np.unravel_index(nodes, GRID.shape))) for nodes in (own, other))
+    return jax.vmap(state)(*pairs)
+
+
+def test_before_a_standing_evader_a_look_ahead_is_one_more_sweep(robot, captures):
+    response = make_response(contest(Role.PURSUER), Still())
+    found = solve_response(response, tolerance=1e-5)
+    answers = np.asarray(response.answers)[:, :, 0].astype(int)
+    stakes = (response.contest.win, response.contest.lose)
+    expected = oracle.response(CRAMPED, robot, robot, True, captures, answers, found.sweeps + 1, HORIZON, *stakes, HOLD)
+    own, other = quiet_pairs(robot, captures, still=True)
+    promised = ResponsePolicy(response.contest, found.table, Still()).best_worth(states(own, other))
+    np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
+
+
+def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(robot, captures):
+    duel = make_duel(contest(Role.PURSUER))
+    found = solve_duel(duel, tolerance=1e-5)
+    stakes = (duel.contest.win, duel.contest.lose)
+    expected, _ = oracle.guarantee(CRAMPED, robot, robot, True, captures, found.sweeps + 1, HORIZON, *stakes, HOLD)
+    own, other = quiet_pairs(robot, captures, still=False)
+    promised = SaddlePolicy(duel.contest, found.table).best_worth(states(own, other))
+    np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
+
+
+def test_an_agent_meets_one_who_trusts_no_more_than_what_is_sure_and_one_who_trusts_its_own_table():
+    sure = SaddlePolicy(contest(Role.EVADER), jnp.full((1, 1, 1), 0.5))
+    found = responders(sure, OPPONENTS[Role.EVADER])
+    assert [type(player) for player in found.values()] == [ResponsePolicy] * 2
+    trusts_sure, trusts_response = found.values()
+    assert trusts_sure.table is sure.table
+    solved = solve_response(make_response(sure.contest, OPPONENTS[Role.EVADER]))
+    np.testing.assert_array_equal(trusts_response.table, solved.table)
+    assert all(player.opponent is OPPONENTS[Role.EVADER] for player in found.values())
