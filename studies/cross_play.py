@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from apollonius.agents.store import load_header
 from apollonius.errors import exit_status
 from apollonius.evaluate.pairings import last_agents
 from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
 from apollonius.jobs import Job
 from apollonius.learn.folder import agent_file, load_config
 from apollonius.reproduce.finding import Finding
@@ -28,7 +29,7 @@ from studies import driver
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrossPlay(driver.Study):
+class CrossPlay(driver.AbstractStudy):
     """The agents that a run of self-play has kept, against each other."""
 
     name = "cross_play"
@@ -44,16 +45,11 @@ class CrossPlay(driver.Study):
     def matches(self) -> RoundRobin:
         """All agents, by the percentage of self-play at which they were kept."""
         percents = load_config(self.run / "config.toml").self_play.snapshot_percents
-        kept = {
-            role: {f"{percent} %": str(agent_file(self.run, self.agent(role), percent)) for percent in percents}
-            for role in Role
-        }
-        return RoundRobin(self.out / "matches", kept[Role.PURSUER], kept[Role.EVADER], self.games, self.seed)
-
-    def agent(self, role: Role) -> str:
-        """What the run's last agent of a side is called."""
-        (evader,) = [name for name in last_agents(self.run) if name.startswith("E_")]
-        return role.name[0] + evader[1:]
+        (evader,) = [name for name, file in last_agents(self.run).items() if load_header(file).role == "evader"]
+        kept = BySide(evader.replace("E_", "P_", 1), evader).map(
+            lambda name: {f"{percent} %": str(agent_file(self.run, name, percent)) for percent in percents}
+        )
+        return RoundRobin(self.out / "matches", kept, self.games, self.seed)
 
     def finding(self) -> Finding:
         """The table."""

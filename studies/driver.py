@@ -13,14 +13,15 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from apollonius.errors import require
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
+from apollonius.game.types import ROLES, Role
 from apollonius.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.trainings import train_runs
 from apollonius.reproduce.finding import Finding, write_finding
 
-LAST = {Role.PURSUER: "P_curriculum", Role.EVADER: "E_curriculum"}
+LAST = BySide("P_curriculum", "E_curriculum")
 """What the agents are called that a run of self-play from given agents, or of both stages, ends with."""
 Trainings = Mapping[Path, tuple[RunConfig, Sequence[str]]]
 """By folder: what to train, and which agents are there once it is finished."""
@@ -36,7 +37,7 @@ def option(default: Any = MISSING, **how: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
+class AbstractStudy:
     """What is trained, what is played, and what comes of it. The fields are the options of its command."""
 
     name: ClassVar[str]
@@ -57,7 +58,7 @@ class Study:
         raise NotImplementedError
 
 
-def main(kind: type[Study], arguments: Sequence[str] | None = None) -> int:
+def main(kind: type[AbstractStudy], arguments: Sequence[str] | None = None) -> int:
     """Run a study as a command; returns its exit status.
 
     Args:
@@ -104,6 +105,10 @@ def main(kind: type[Study], arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def entrants(others: Sequence[str], runs: Mapping[str, Path], role: Role) -> dict[str, str]:
-    """Who plays one side, by name: others, who are as they are called, and the file of each run's last agent."""
-    return {name: name for name in others} | {name: str(agent_file(run, LAST[role])) for name, run in runs.items()}
+def entrants(others: BySide[tuple[str, ...]], runs: Mapping[str, Path]) -> BySide[dict[str, str]]:
+    """Who plays, by name: others, who are as they are called, and the file of each run's last agent."""
+
+    def of_side(role: Role) -> dict[str, str]:
+        return {name: name for name in others[role]} | {run: str(agent_file(runs[run], LAST[role])) for run in runs}
+
+    return ROLES.map(of_side)

@@ -8,15 +8,16 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.kept import kept_result
 from apollonius.exploit.attack import Attack, LossRate, judge_opponent
 from apollonius.exploit.responses import kept_response, train_response
+from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.jobs import ShouldStop
 from apollonius.learn.folder import agent_file, load_config
 from apollonius.learn.learner_config import DQNConfig
 from studies.driver import LAST
 
-ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch")}
+ZOO = BySide(("P_curriculum", "P_scratch"), ("E_curriculum", "E_scratch"))
 """The paper's agents of either side."""
-FIRST: dict[Role, str | None] = {role: names[0] for role, names in ZOO.items()}
+FIRST: BySide[str | None] = ZOO.map(lambda names: names[0])
 """The agents that responses go on from."""
 QUICK = DQNConfig(averaging=3e-3, games=256, replay_capacity=262_144)
 """How a response learns in some hundred thousand env steps: its weights are averaged over three hundred updates."""
@@ -56,7 +57,7 @@ def judge_run(run: Path, effort: Effort, whole_curve: bool, should_stop: ShouldS
         for role in Role:
             if should_stop():
                 return False
-            judgement(run, role, percent, effort)
+            judge(run, role, percent, effort)
     return True
 
 
@@ -70,26 +71,26 @@ def judged(run: Path, role: Role) -> list[int]:
     return [percent for percent in kept_percents(run) if _file(run, role, percent).exists()]
 
 
-def judgement(run: Path, role: Role, percent: int, effort: Effort) -> Judgement:
+def judge(run: Path, role: Role, percent: int, effort: Effort) -> Judgement:
     """How often an agent loses to a response that learned to beat it, and to the paper's agents."""
     attack = Attack(
         role,
         str(agent_file(run, LAST[role], percent)),
         env_steps=effort.response_env_steps // (1 if percent == 100 else 2),
-        first=FIRST[Role.EVADER if role == Role.PURSUER else Role.PURSUER],
+        first=FIRST[role.other],
         dqn=QUICK,
     )
 
-    def judge() -> Judgement:
+    def losses() -> Judgement:
         folder = run / "responses" / _file(run, role, percent).stem
         train_response(attack, folder, seed=0)
         against = {"response": judge_opponent(attack, kept_response(folder, 0), effort.games)}
-        for name in ZOO[attack.other]:
-            against[name] = judge_opponent(attack, find_player(name, attack.other).policy, effort.games)
+        for name in ZOO[attack.role.other]:
+            against[name] = judge_opponent(attack, find_player(name, attack.role.other).policy, effort.games)
         return Judgement(against)
 
-    asked = attack.record | {"games": effort.games, "opponents": ZOO[attack.other], "dqn": to_dict(QUICK)}
-    return kept_result(_file(run, role, percent), asked, Judgement, judge)
+    asked = attack.record | {"games": effort.games, "opponents": ZOO[attack.role.other], "dqn": to_dict(QUICK)}
+    return kept_result(_file(run, role, percent), asked, Judgement, losses)
 
 
 def _file(run: Path, role: Role, percent: int) -> Path:

@@ -23,7 +23,7 @@ from apollonius.errors import InvalidInput, exit_status, require
 from apollonius.evaluate.kept import facts_of, kept_result, match_file
 from apollonius.evaluate.match import Match, play_games
 from apollonius.evaluate.round_robin import RoundRobin
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -43,7 +43,7 @@ def kept_comparison(folder: Path, match: Match) -> Comparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robust(driver.Study):
+class Robust(driver.AbstractStudy):
     """A self-play with disturbed robots and several seeds, and strangers to it."""
 
     name = "robust"
@@ -74,23 +74,24 @@ class Robust(driver.Study):
         """Folders of the runs by the names of their seeds."""
         return {f"seed-{seed}": self.out / f"seed-{seed}" for seed in range(self.seeds)}
 
-    def others(self, role: Role) -> tuple[str, str]:
-        """Whom training went on from on one side, and a stranger to it."""
-        base = (self.training.pursuer, self.training.evader)[role]
-        assert base is not None
-        return base, (self.pursuer, self.evader)[role]
+    @property
+    def others(self) -> BySide[tuple[str, ...]]:
+        """Whom training went on from, and a stranger to it."""
+        pursuer, evader = self.training.pursuer, self.training.evader
+        assert pursuer is not None
+        assert evader is not None
+        return BySide((pursuer, self.pursuer), (evader, self.evader))
 
     def trainings(self) -> driver.Trainings:
         """One for each seed."""
         runs = enumerate(self.runs.values())
-        return {run: (replace(self.training, seed=seed), tuple(driver.LAST.values())) for seed, run in runs}
+        return {run: (replace(self.training, seed=seed), tuple(driver.LAST)) for seed, run in runs}
 
     @property
     def matches(self) -> RoundRobin:
         """Everyone against everyone, but that agents of different seeds do not meet."""
-        pursuers, evaders = (driver.entrants(self.others(role), self.runs, role) for role in Role)
-        whom = (self.out / "matches", pursuers, evaders, self.games, self.seed, self.training.game)
-        return RoundRobin(*whom, play=kept_comparison, apart=tuple(self.runs))
+        whom = (self.out / "matches", driver.entrants(self.others, self.runs), self.games, self.seed)
+        return RoundRobin(*whom, self.training.game, play=kept_comparison, apart=tuple(self.runs))
 
     def jobs(self) -> Iterator[Sequence[Job]]:
         """The matches of each pursuer."""
@@ -98,7 +99,7 @@ class Robust(driver.Study):
 
     def finding(self) -> Finding:
         """Three tables."""
-        return find(self.matches.results(), *(self.others(role) for role in Role))
+        return find(self.matches.results(), *self.others)
 
 
 main = partial(driver.main, Robust)

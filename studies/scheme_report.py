@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from apollonius.evaluate.tournament import Tournament
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
+from apollonius.game.types import ROLES, Role
 from apollonius.learn.folder import load_config
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style
 from apollonius.show.curves import draw_lines
 from apollonius.show.markdown import markdown_table, mean_over_seeds
-from studies.judgement import ZOO, Effort, Judgement, judged, judgement
+from studies import judgement
+from studies.judgement import Effort, Judgement, judge, judged
 
 
 @dataclass(frozen=True)
@@ -28,12 +30,12 @@ class Measured:
     """
 
     seconds: float
-    judgements: dict[str, dict[int, Judgement]]
-    elo: dict[str, tuple[float, float]]
+    judgements: BySide[dict[int, Judgement]]
+    elo: BySide[tuple[float, float]]
 
-    def losses(self, side: str) -> list[float]:
+    def losses(self, role: Role) -> list[float]:
         """How much a side loses at least, as self-play goes on [%]."""
-        return [100 * judgement.most for judgement in self.judgements[side].values()]
+        return [100 * judgement.most for judgement in self.judgements[role].values()]
 
 
 Schemes = Mapping[str, Sequence[Measured]]
@@ -52,14 +54,11 @@ def find(out: Path, runs: Mapping[str, Path], effort: Effort, played: Tournament
     schemes: dict[str, list[Measured]] = {}
     for name, run in runs.items():
         *_, last_line = (run / "metrics.jsonl").read_text().splitlines()
-        judgements = {
-            role.name.lower(): {percent: judgement(run, role, percent, effort) for percent in judged(run, role)}
-            for role in Role
-        }
-        rated = {side: ratings[f"{side}s"][name] for side in judgements}
-        elo = {side: (row["elo"], row["high"] - row["elo"]) for side, row in rated.items()}
+        judgements = ROLES.map(lambda role, run=run: {at: judge(run, role, at, effort) for at in judged(run, role)})
+        rated = BySide(ratings["pursuers"][name], ratings["evaders"][name])
+        elo = rated.map(lambda row: (row["elo"], row["high"] - row["elo"]))
         schemes.setdefault(name.split("/")[0], []).append(Measured(json.loads(last_line)["seconds"], judgements, elo))
-    curves = any(len(run.losses("pursuer")) > 1 for runs in schemes.values() for run in runs)
+    curves = any(len(run.losses(Role.PURSUER)) > 1 for runs in schemes.values() for run in runs)
     if curves:
         draw(schemes, out / "schemes.png", env_steps)
     settings = {"env_steps": env_steps, **asdict(effort), "rating_games": played.games}
@@ -69,33 +68,33 @@ def find(out: Path, runs: Mapping[str, Path], effort: Effort, played: Tournament
 
 def table(schemes: Schemes) -> str:
     """A row for each scheme: means over seeds, and how far 95 % intervals reach (Student's t over seeds)."""
-    wins = [("pursuer", name, f"pursuer wins against {name}") for name in ZOO[Role.EVADER]]
-    wins += [("evader", name, f"evader unbeaten by {name}") for name in ZOO[Role.PURSUER]]
+    wins = [(Role.PURSUER, name, f"pursuer wins against {name}") for name in judgement.ZOO.evader]
+    wins += [(Role.EVADER, name, f"evader unbeaten by {name}") for name in judgement.ZOO.pursuer]
     head = ["scheme", "pursuer loses at least", "evader loses at least", "pursuer's Elo", "evader's Elo"]
     lines: list[list[str]] = []
     for scheme, runs in schemes.items():
-        cells = [scheme, *(_share(runs, side, lambda agent: agent.most) for side in ("pursuer", "evader"))]
-        cells += [mean_over_seeds([run.elo[side][0] for run in runs], "{:.0f}") for side in ("pursuer", "evader")]
-        cells += [_share(runs, side, lambda agent, name=name: 1 - agent.against[name].rate) for side, name, _ in wins]
+        cells = [scheme, *(_share(runs, role, lambda agent: agent.most) for role in Role)]
+        cells += [mean_over_seeds([run.elo[role][0] for run in runs], "{:.0f}") for role in Role]
+        cells += [_share(runs, role, lambda agent, name=name: 1 - agent.against[name].rate) for role, name, _ in wins]
         lines.append([*cells, mean_over_seeds([run.seconds / 60 for run in runs], "{:.1f}")])
     return markdown_table([*head, *(words for *_, words in wins), "minutes"], lines)
 
 
-def _share(runs: Sequence[Measured], side: str, rate: Callable[[Judgement], float]) -> str:
-    return mean_over_seeds([100 * rate(run.judgements[side][100]) for run in runs], "{:.1f}") + " %"
+def _share(runs: Sequence[Measured], role: Role, rate: Callable[[Judgement], float]) -> str:
+    return mean_over_seeds([100 * rate(run.judgements[role][100]) for run in runs], "{:.1f}") + " %"
 
 
 def draw(schemes: Schemes, path: Path, env_steps: int) -> None:
     """Both sides' losses against env steps, a line for each scheme: the mean over the seeds that have a curve."""
     with style.picture(path, columns=2, width=5.2, height=3.4) as panels:
-        for axes, side in zip(panels, ("pursuer", "evader"), strict=True):
+        for axes, role in zip(panels, Role, strict=True):
             lines = {}
             for scheme, runs in schemes.items():
-                curves = [run for run in runs if len(run.losses(side)) > 1]
+                curves = [run for run in runs if len(run.losses(role)) > 1]
                 if curves:
-                    steps = [env_steps * percent / 100 for percent in curves[0].judgements[side]]
-                    lines[scheme] = (steps, np.mean([run.losses(side) for run in curves], axis=0).tolist())
+                    steps = [env_steps * percent / 100 for percent in curves[0].judgements[role]]
+                    lines[scheme] = (steps, np.mean([run.losses(role) for run in curves], axis=0).tolist())
             draw_lines(axes, lines)
-            axes.set_title(f"how much the {side} loses at least [% of games]")
+            axes.set_title(f"how much the {role.name.lower()} loses at least [% of games]")
             axes.set_xlabel("env steps")
         panels[-1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))  # beside the lines, which fill the panel

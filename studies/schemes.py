@@ -15,14 +15,13 @@ from typing import get_args
 
 from apollonius.errors import exit_status
 from apollonius.evaluate.round_robin import RoundRobin
-from apollonius.game.types import Role
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.scheme import OpponentConfig, Scheme
 from apollonius.reproduce.finding import Finding
-from studies import driver
-from studies.judgement import ZOO, Effort, judge_run
+from studies import driver, judgement
+from studies.judgement import Effort, judge_run
 from studies.scheme_report import find
 
 SCHEMES: tuple[Scheme, ...] = get_args(Scheme)
@@ -52,7 +51,7 @@ def run_config(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schemes(driver.Study):
+class Schemes(driver.AbstractStudy):
     """Runs of self-play, one for each scheme and seed, and how thoroughly they are judged."""
 
     name = "schemes"
@@ -87,7 +86,7 @@ class Schemes(driver.Study):
 
     def trainings(self) -> driver.Trainings:
         """One for each scheme and seed."""
-        return {self.out / name: (config, tuple(driver.LAST.values())) for name, config in self.configs.items()}
+        return {self.out / name: (config, tuple(driver.LAST)) for name, config in self.configs.items()}
 
     def jobs(self) -> Iterator[Sequence[Job]]:
         """A judgement of each run, then the tournament."""
@@ -101,8 +100,8 @@ class Schemes(driver.Study):
     @property
     def matches(self) -> RoundRobin:
         """The tournament of all runs' last agents and the paper's."""
-        pursuers, evaders = (driver.entrants(ZOO[role], self.runs, role) for role in Role)
-        return RoundRobin(self.out / "tournament", pursuers, evaders, self.rating_games, RATING_SEED)
+        entrants = driver.entrants(judgement.ZOO, self.runs)
+        return RoundRobin(self.out / "tournament", entrants, self.rating_games, RATING_SEED)
 
     def finding(self) -> Finding:
         """A table and, if any earlier agents were judged, a figure."""

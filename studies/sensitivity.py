@@ -26,7 +26,7 @@ JUDGES = (figure4, figure6, table2, table3)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensitivity(driver.Study):
+class Sensitivity(driver.AbstractStudy):
     """A reproduction for each variant of a budget."""
 
     name = "sensitivity"

@@ -14,7 +14,7 @@ from functools import partial
 
 from apollonius.errors import exit_status
 from apollonius.evaluate.round_robin import RoundRobin
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import SACConfig
@@ -23,7 +23,7 @@ from apollonius.reproduce.finding import Finding
 from studies import driver
 from studies.smooth_report import CONTINUOUS, KINDS, find
 
-ZOO = {Role.PURSUER: ("P_curriculum", "P_scratch"), Role.EVADER: ("E_curriculum", "E_scratch", "random")}
+ZOO = BySide(("P_curriculum", "P_scratch"), ("E_curriculum", "E_scratch", "random"))
 """Whom all of them meet beside each other: the paper's own."""
 MATCH_SEED = 1
 
@@ -44,7 +44,7 @@ def run_config(kind: str, seed: int, stage_1: int, self_play: int) -> RunConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Smooth(driver.Study):
+class Smooth(driver.AbstractStudy):
     """Both kinds of action with several seeds."""
 
     name = "smooth"
@@ -58,7 +58,7 @@ class Smooth(driver.Study):
         return {
             self.out / kind / f"seed-{seed}": (
                 run_config(kind, seed, self.stage_1, self.self_play),
-                ("P_stage1", *driver.LAST.values()),
+                ("P_stage1", *driver.LAST),
             )
             for seed in range(self.seeds)
             for kind in KINDS
@@ -68,8 +68,7 @@ class Smooth(driver.Study):
     def matches(self) -> RoundRobin:
         """All of them and the zoo; who was trained here is called by kind and seed."""
         runs = {f"{run.parent.name} {run.name}": run for run in self.trainings()}
-        pursuers, evaders = (driver.entrants(ZOO[role], runs, role) for role in Role)
-        return RoundRobin(self.out / "matches", pursuers, evaders, self.games, MATCH_SEED)
+        return RoundRobin(self.out / "matches", driver.entrants(ZOO, runs), self.games, MATCH_SEED)
 
     def jobs(self) -> Iterator[Sequence[Job]]:
         """The matches of each pursuer."""

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from apollonius.catalogue import find_player
+from apollonius.agents.kind import Named
 from apollonius.evaluate.match import Match, MatchResult, replay_game
 from apollonius.evaluate.round_robin import RoundRobin
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import gears
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import BothActions, Trajectory
@@ -19,10 +20,9 @@ from apollonius.show.markdown import markdown_table, mean_over_seeds
 
 CONTINUOUS, DISCRETE = KINDS = "continuous", "discrete"
 """The kinds of action. With one of them begins the name of an agent that was trained here; after it comes its seed."""
-WINS: dict[Role, Callable[[MatchResult], float]] = {
-    Role.PURSUER: lambda match: match.pursuer_win_rate,
-    Role.EVADER: lambda match: match.evader_undefeated_rate,
-}
+WINS = BySide[Callable[[MatchResult], float]](
+    lambda match: match.pursuer_win_rate, lambda match: match.evader_undefeated_rate
+)
 """A pursuer wins when it captures or the evader alone fails; an evader wins when it is undefeated."""
 Pairings = dict[tuple[str, str], list[tuple[tuple[str, str], MatchResult]]]
 """By pursuer and evader, where all that were trained with one kind of action are one: names of both, and the match."""
@@ -40,15 +40,15 @@ def find(out: Path, matches: RoundRobin) -> Finding:
     game, found = matches.game, matches.results()
     pairs = pairings(found)
     text = comparison(pairs) + "\n\n" + table(pairs, float(game.dt))
-    fleeing = find_player(_first_of(CONTINUOUS, matches.evaders), Role.EVADER, game)
-    pursuers = [find_player(_first_of(kind, matches.pursuers), Role.PURSUER, game) for kind in (DISCRETE, CONTINUOUS)]
+    fleeing = _first_of(CONTINUOUS, matches.players.evader)
+    pursuers = [_first_of(kind, matches.players.pursuer) for kind in (DISCRETE, CONTINUOUS)]
     draw([Match(game, pursuer, fleeing, _TRIALS) for pursuer in pursuers], out / "smooth.png")
     data = [{"pursuer": pursuer, "evader": evader, **match.to_dict()} for (pursuer, evader), match in found.items()]
     return Finding("Smooth motion", text, ("smooth.png",), data={"matches": data})
 
 
-def _first_of(kind: str, agents: Mapping[str, str]) -> str:
-    return next(agent for name, agent in agents.items() if kind_of(name) == kind)
+def _first_of(kind: str, players: Mapping[str, Named]) -> Named:
+    return next(player for name, player in players.items() if kind_of(name) == kind)
 
 
 def kind_of(name: str) -> str:
@@ -73,7 +73,7 @@ def comparison(pairs: Pairings) -> str:
     head = ["side", "against", "wins, continuous [%]", "wins, discrete [%]", "difference"]
     head += ["change of u, continuous", "change of u, discrete", "ratio"]
     lines: list[list[str]] = []
-    for role, win in WINS.items():
+    for role, win in zip(Role, WINS, strict=True):
         for opponent in dict.fromkeys(pair[1 - role] for pair in pairs):
             both = [(kind, opponent) if role == Role.PURSUER else (opponent, kind) for kind in KINDS]
             if not all(pair in pairs for pair in both):  # of one seed alone, no two of a kind are strangers

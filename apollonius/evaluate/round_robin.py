@@ -1,7 +1,7 @@
 """Everyone against everyone: a job for each pursuer, every match kept and none played twice."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,9 +11,10 @@ from apollonius.catalogue import find_player
 from apollonius.evaluate.kept import kept_match, match_file
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.tournament import Tournament
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import ROLES, Role
 from apollonius.jobs import Job, ShouldStop
 
 
@@ -23,7 +24,7 @@ class RoundRobin:
 
     Attributes:
         folder: where the matches are kept.
-        pursuers, evaders: by name, the agents or their files.
+        entrants: of either side by name, the agents or their files.
         games: in each match, all on the same starts.
         seed: of the starts.
         game: by whose rules.
@@ -32,8 +33,7 @@ class RoundRobin:
     """
 
     folder: Path
-    pursuers: Mapping[str, str]
-    evaders: Mapping[str, str]
+    entrants: BySide[dict[str, str]]
     games: int
     seed: int
     game: Game = field(default_factory=lambda: make_game("paper"))
@@ -44,36 +44,39 @@ class RoundRobin:
         """What is to be played yet."""
         return [
             Job(f"the matches of {name}", play_row, (self, name))
-            for name in self.pursuers
+            for name in self.entrants.pursuer
             if not all(match_file(self.folder, name, evader).exists() for evader in self.row(name))
         ]
 
     def row(self, pursuer: str) -> list[str]:
         """Whom a pursuer meets."""
-        return [name for name in self.evaders if name == pursuer or not {name, pursuer} <= set(self.apart)]
+        return [name for name in self.entrants.evader if name == pursuer or not {name, pursuer} <= set(self.apart)]
 
     @cached_property
-    def players(self) -> dict[Role, dict[str, Named]]:
-        """Who plays either side, by name."""
-        sides = {Role.PURSUER: self.pursuers, Role.EVADER: self.evaders}
-        return {
-            role: {name: Named(name, find_player(agent, role, self.game).policy) for name, agent in agents.items()}
-            for role, agents in sides.items()
-        }
+    def players(self) -> BySide[dict[str, Named]]:
+        """Who plays, by name."""
+
+        def of_side(role: Role) -> dict[str, Named]:
+            found = {name: find_player(agent, role, self.game) for name, agent in self.entrants[role].items()}
+            return {name: replace(player, name=name) for name, player in found.items()}
+
+        return ROLES.map(of_side)
 
     def result(self, pursuer: str, evader: str) -> Any:
         """What a match comes to, read where it is kept or else played."""
-        both = self.players[Role.PURSUER][pursuer], self.players[Role.EVADER][evader]
+        both = self.players.pursuer[pursuer], self.players.evader[evader]
         return self.play(self.folder, Match(self.game, *both, self.games, self.seed))
 
     def results(self) -> dict[tuple[str, str], Any]:
         """All matches, by pursuer and evader."""
-        return {(name, evader): self.result(name, evader) for name in self.pursuers for evader in self.row(name)}
+        pairs = [(pursuer, evader) for pursuer in self.entrants.pursuer for evader in self.row(pursuer)]
+        return {pair: self.result(*pair) for pair in pairs}
 
     def tournament(self) -> Tournament:
         """All matches of `kept_match`, where everyone meets everyone."""
-        rows = tuple(tuple(self.result(name, evader) for evader in self.evaders) for name in self.pursuers)
-        return Tournament(tuple(self.pursuers), tuple(self.evaders), rows)
+        pursuers, evaders = (tuple(names) for names in self.entrants)
+        rows = tuple(tuple(self.result(name, evader) for evader in evaders) for name in pursuers)
+        return Tournament(pursuers, evaders, rows)
 
 
 def play_row(everyone: RoundRobin, pursuer: str, should_stop: ShouldStop) -> bool:

@@ -72,20 +72,20 @@ class Study:
         """Folder of a training run."""
         return self.folder / f"seed-{seed}" / name
 
-    def agent(self, name: str, seed: int, percent: int = 100) -> Named:
-        """An agent of a seed, `random` or `still`; one of self-play as it was at a percentage of it.
+    def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
+        """An agent of a seed, `random` or `still`, for its side; one of self-play as it was at a percentage of it.
 
         `shielded:` before its name puts it behind a shield.
         """
         bare = name.removeprefix(SHIELDED)
-        role = Role.PURSUER if bare.startswith("P_") else Role.EVADER
         moment = percent if bare in SELF_PLAYED else 100
         player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
         return replace(find_player(SHIELDED + player if bare != name else player, role, self.game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Match:
         """The match between two agents of a seed, those of self-play at a percentage of it."""
-        chasing, fleeing = (self.agent(name, seed, percent) for name in (pursuer, evader))
+        chasing = self.agent(pursuer, Role.PURSUER, seed, percent)
+        fleeing = self.agent(evader, Role.EVADER, seed, percent)
         return Match(self.game, chasing, fleeing, self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:

@@ -8,14 +8,14 @@ import pytest
 
 from apollonius.errors import InvalidInput, exit_status
 from apollonius.evaluate.round_robin import RoundRobin
-from apollonius.game.types import Role
+from apollonius.game.by_side import BySide
 from apollonius.jobs import available_cores
 from apollonius.reproduce.finding import Finding
 from studies import driver, robust, schemes, sensitivity, smooth
 
 
 @dataclass(frozen=True, kw_only=True)
-class Counting(driver.Study):
+class Counting(driver.AbstractStudy):
     """Plays nothing, and says what it was asked."""
 
     name = "counting"
@@ -70,15 +70,16 @@ def test_a_study_of_none_is_refused_in_one_line(study, counted, tmp_path, capsys
 
 
 def test_entrants_are_others_and_the_last_agents_of_runs(tmp_path):
-    found = driver.entrants(("E_scratch", "random"), {"latest/seed-0": tmp_path / "latest"}, Role.EVADER)
-    assert list(found) == ["E_scratch", "random", "latest/seed-0"]
-    assert found["random"] == "random"
-    assert found["latest/seed-0"] == str(tmp_path / "latest" / "agents" / "E_curriculum.safetensors")
+    others = BySide(("P_scratch",), ("E_scratch", "random"))
+    found = driver.entrants(others, {"latest/seed-0": tmp_path / "latest"})
+    assert [list(side) for side in found] == [["P_scratch", "latest/seed-0"], ["E_scratch", "random", "latest/seed-0"]]
+    assert found.evader["random"] == "random"
+    assert found.evader["latest/seed-0"] == str(tmp_path / "latest" / "agents" / "E_curriculum.safetensors")
 
 
 def test_players_who_are_kept_apart_meet_their_own_and_everyone_else(tmp_path):
     names = dict.fromkeys(("stranger", "seed-0", "seed-1"), "random")
-    everyone = RoundRobin(tmp_path, names, names, 1, 0, apart=("seed-0", "seed-1"))
+    everyone = RoundRobin(tmp_path, BySide(names, names), 1, 0, apart=("seed-0", "seed-1"))
     assert [everyone.row(name) for name in names] == [list(names), ["stranger", "seed-0"], ["stranger", "seed-1"]]
 
 

@@ -70,9 +70,9 @@ def test_the_example_is_trained_with_every_seed_and_only_a_seeds_own_agents_meet
     study = Robust(out=tmp_path, config=EXAMPLE, seeds=2)
     assert [config.seed for config, _ in study.trainings().values()] == [0, 1]
     everyone = study.matches
-    assert list(everyone.pursuers) == ["P_prioritised", "P_pool", "seed-0", "seed-1"]
-    assert everyone.evaders["seed-1"].endswith("seed-1/agents/E_curriculum.safetensors")
-    pairs = [(pursuer, evader) for pursuer in everyone.pursuers for evader in everyone.row(pursuer)]
+    assert list(everyone.entrants.pursuer) == ["P_prioritised", "P_pool", "seed-0", "seed-1"]
+    assert everyone.entrants.evader["seed-1"].endswith("seed-1/agents/E_curriculum.safetensors")
+    pairs = [(pursuer, evader) for pursuer in everyone.entrants.pursuer for evader in everyone.row(pursuer)]
     assert len(pairs) == 16 - 2
     assert ("seed-0", "seed-1") not in pairs
     assert everyone.game == load_config(EXAMPLE).game

@@ -11,6 +11,7 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
+from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
 from apollonius.learn.scheme import OpponentConfig
@@ -28,9 +29,8 @@ def small():
     """Responses learn as little as everyone else, from random weights; quick players stand for the paper's agents."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(judgement, "QUICK", replace(DQN, replay_capacity=CHUNK))
-        patch.setattr(judgement, "FIRST", dict.fromkeys(Role))
-        patch.setitem(judgement.ZOO, Role.PURSUER, ("still",))
-        patch.setitem(judgement.ZOO, Role.EVADER, ("random",))
+        patch.setattr(judgement, "FIRST", BySide(None, None))
+        patch.setattr(judgement, "ZOO", BySide(("still",), ("random",)))
         yield
 
 
@@ -108,7 +108,7 @@ def test_the_worst_loss_counts_and_responses_know_whom_they_attack(runs, study):
     for run in runs:
         for role in Role:
             for percent in judgement.judged(run, role):
-                found = judgement.judgement(run, role, percent, EFFORT)
+                found = judgement.judge(run, role, percent, EFFORT)
                 assert found.most == max(loss.rate for loss in found.against.values())
                 assert len(found.against) == 2
                 name = f"{role.name.lower()}-{percent}"
@@ -122,7 +122,7 @@ def test_every_last_agent_meets_every_other_once(runs, study):
     everyone = study.matches
     matches = {path: path.stat().st_mtime_ns for path in everyone.folder.iterdir()}
     assert len(matches) == (2 + 1) * (2 + 1)
-    assert list(everyone.pursuers) == ["still", "latest/seed-0", "uniform/seed-0"]
+    assert list(everyone.entrants.pursuer) == ["still", "latest/seed-0", "uniform/seed-0"]
     assert everyone.jobs() == []
     assert everyone.tournament().ratings.evaders.shape == (3,)
     assert {path: path.stat().st_mtime_ns for path in everyone.folder.iterdir()} == matches

@@ -9,6 +9,7 @@ import pytest
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.evaluate.round_robin import RoundRobin, play_row
+from apollonius.game.by_side import BySide
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from studies import smooth
 from studies.smooth_report import CONTINUOUS, DISCRETE, comparison, find, kind_of, pairings, table, turn_rates
@@ -108,11 +109,11 @@ def test_everyone_trains_alike_but_for_seed_and_kind_and_meets_the_zoo(tmp_path)
     assert (one.seed, other.seed, one.learner, one.stages) == (0, 1, other.learner, "both")
     assert isinstance(discrete.learner, DQNConfig)
     assert replace(discrete, sac=one.sac) == one
-    everyone = smooth.Smooth(out=tmp_path, seeds=1).matches
-    assert list(everyone.evaders) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
-    assert everyone.evaders["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
+    evaders = smooth.Smooth(out=tmp_path, seeds=1).matches.entrants.evader
+    assert list(evaders) == ["E_curriculum", "E_scratch", "random", "continuous seed-0", "discrete seed-0"]
+    assert evaders["continuous seed-0"].endswith("continuous/seed-0/agents/E_curriculum.safetensors")
     kinds = ["E_curriculum", "E_scratch", "random", CONTINUOUS, DISCRETE]
-    assert [kind_of(name) for name in everyone.evaders] == kinds
+    assert [kind_of(name) for name in evaders] == kinds
 
 
 def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default():
@@ -123,7 +124,9 @@ def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default():
 
 @pytest.mark.slow
 def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
-    everyone = RoundRobin(tmp_path / "matches", {"P_stage1": "P_stage1"}, {"still": "still", "random": "random"}, 6, 1)
+    everyone = RoundRobin(
+        tmp_path / "matches", BySide({"P_stage1": "P_stage1"}, {"still": "still", "random": "random"}), 6, 1
+    )
     assert not play_row(everyone, "P_stage1", lambda: True)
     assert not everyone.folder.exists()
     asked = iter((False, True))
@@ -140,7 +143,7 @@ def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
     }
     # A discrete agent under a continuous name draws the figure as well.
     names = dict.fromkeys(("discrete seed-0", "continuous seed-0"), "P_stage1")
-    both = replace(everyone, pursuers=names, evaders={"continuous seed-0": "still", "discrete seed-0": "still"})
+    both = replace(everyone, entrants=BySide(names, dict.fromkeys(names, "still")))
     found = find(tmp_path, both)
     assert len(found.data["matches"]) == 4
     assert (tmp_path / found.pictures[0]).stat().st_size > 10_000
