@@ -1,6 +1,6 @@
 """Arrays by name, as safetensors files hold them: read so that no file can do harm, its header first."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ _NUMBERS = {
 
 
 @contextmanager
-def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Iterator[Any]:
+def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
     """A safetensors file of which nothing but the header is read yet.
 
     Args:

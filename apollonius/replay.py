@@ -222,8 +222,8 @@ class _Record:
     games: int
     index: int
     outcome: str
-    actions: list
-    states: list
+    actions: list[Any]
+    states: list[Any]
     tolerance: float = 0.0
 
     def __post_init__(self) -> None:
@@ -235,7 +235,7 @@ class _Record:
         require(0 <= self.tolerance <= 1, "tolerance", self.tolerance, "from 0 to 1")
 
 
-def _numbers(data: list, kind: type, name: str) -> np.ndarray:
+def _numbers(data: list[Any], kind: type, name: str) -> np.ndarray:
     """Nested lists of numbers as an array: whole ones where the kind is; neither texts nor truths pass for them."""
     try:
         found = np.array(data)

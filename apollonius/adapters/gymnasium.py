@@ -54,7 +54,9 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
         self._view = View(self._live, render_mode)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """A new game from the game's distribution of starts."""
         super().reset(seed=seed)
         self._live.reset(self._word())

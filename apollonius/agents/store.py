@@ -1,7 +1,7 @@
 """Agents as files: weights in safetensors, and a JSON header that says what they were made for."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -121,7 +121,7 @@ def load_header(path: Path) -> AgentHeader:
 
 
 @contextmanager
-def _opened_agent(path: Path) -> Iterator[tuple[Any, AgentHeader]]:
+def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not path.is_file():
         raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
     with opened(path, "copy or train it again") as file:

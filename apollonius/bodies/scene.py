@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import atan2, cos, hypot, sin
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -59,7 +60,7 @@ def _geom(parent: Element, name: str, shape: str, kind: str = _NOTHING, meets: s
     SubElement(parent, "geom", name=name, type=shape, contype=kind, conaffinity=meets, attrib=texts)
 
 
-def _obstacles(arena: Arena) -> Iterator[dict]:
+def _obstacles(arena: Arena) -> Iterator[dict[str, Any]]:
     out = _THICKNESS
     x_min, y_min = float(arena.x_min) - out, float(arena.y_min) - out
     x_max, y_max = float(arena.x_max) + out, float(arena.y_max) + out
@@ -72,7 +73,7 @@ def _obstacles(arena: Arena) -> Iterator[dict]:
         yield from _edges([(float(x), float(y)) for x, y in polygon.vertices], 1e-3)
 
 
-def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterator[dict]:
+def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterator[dict[str, Any]]:
     """Boxes around the lines from each corner [m] to the next."""
     for (x, y), (next_x, next_y) in zip(corners, [*corners[1:], corners[0]], strict=True):
         half = atan2(next_y - y, next_x - x) / 2

@@ -1,7 +1,7 @@
 """What several commands ask for: a game, players, what draws."""
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,7 +125,7 @@ def requested_grid(
 
 
 @contextmanager
-def plots() -> Iterator[None]:
+def plots() -> Generator[None, None, None]:
     """What is imported here needs what draws and writes pages, and says so where it is missing."""
     try:
         yield

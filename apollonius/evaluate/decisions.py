@@ -14,7 +14,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, Actions, Role
-from apollonius.rollout import begin, collect
+from apollonius.rollout import Games, begin, collect
 
 _GAMES = 100
 _SPACING = 5
@@ -61,7 +61,7 @@ def _play(
     first = jax.tree.map(lambda leaf: leaf[0], starts)
     games = begin(first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
-    def step(games, row):
+    def step(games: Games, row: Int[Array, ""]) -> tuple[Games, tuple[Array, Array, Array]]:
         fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
         after, moves = collect(game, players, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
         robots, side = games.state.robots, moves.sides[role]

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ _SETTINGS: dict[Any, Any] = {
 @contextmanager
 def picture(
     path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0, rows: int = 1
-) -> Iterator[list[Axes]]:
+) -> Generator[list[Axes], None, None]:
     """A figure of panels in rows, saved as PNG when the block ends.
 
     Args:
