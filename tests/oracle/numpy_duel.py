@@ -82,18 +82,20 @@ def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, 
 
 
 def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, lose, hold):
-    """What a robot gets, after so many sweeps, from another one whose action at each pair of nodes is known."""
+    """What a robot gets, after so many sweeps, from another one whose actions are known: at each pair of nodes one, or
+    several that it takes equally often."""
     size = len(own.order)
-    everywhere = np.arange(size)
-    survives = other.free[everywhere[None, :], answers]  # [own node, other's node]
-    known = np.take_along_axis(steps, answers[:, :, None, None], axis=3)[..., 0]
-    captures = np.where(own.free[:, None, :] & survives[..., None], known, math.inf)
-    decided = np.isfinite(captures)
+    drawn = np.stack([(answers == action).mean(axis=-1) for action in range(9)], axis=-1)  # [own, other's node, action]
+    possible = (drawn > 0) & other.free[None]
+    by_answer = np.where(possible[:, :, None], steps, -math.inf if pursuing else math.inf)
+    certain_in = by_answer.max(axis=-1) if pursuing else by_answer.min(axis=-1)
+    certain_in = np.where(own.free[:, None] & np.isfinite(certain_in), certain_in, math.inf)
+    decided = np.isfinite(certain_in)
     if pursuing:
-        certain, when = decided.any(axis=-1), captures.min(axis=-1)
+        certain, when = decided.any(axis=-1), certain_in.min(axis=-1)
     else:
         certain = (decided == own.free[:, None, :]).all(axis=-1)
-        when = np.where(decided, captures, 0).max(axis=-1)
+        when = np.where(decided, certain_in, 0).max(axis=-1)
     captured = (win if pursuing else lose) * np.exp(-when * game.dt / horizon)
     discount = math.exp(-hold * game.dt / horizon)
     values = np.zeros((size, size))
@@ -105,8 +107,9 @@ def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, l
             ],
             axis=0,
         )
-        answered = np.zeros((size, size))
-        for action in range(9):
-            answered = np.where(answers == action, moved @ other.matrices[action].T, answered)
-        values = np.where(certain, captured, np.where(survives, answered, win))
+        answered = sum(
+            drawn[:, :, action] * np.where(other.free[None, :, action], moved @ other.matrices[action].T, win)
+            for action in range(9)
+        )
+        values = np.where(certain, captured, answered)
     return values

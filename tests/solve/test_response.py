@@ -20,21 +20,27 @@ from tests.oracle import numpy_duel as oracle
 from tests.solve.small import CRAMPED, FEW, HOLD, as_matrix
 
 GRID = make_grid(CRAMPED.arena, CRAMPED.pursuer, FEW)
-OPPONENTS = {
-    Role.PURSUER: FleeAware.for_side(CRAMPED, Role.EVADER),
-    Role.EVADER: PurePursuit.for_side(CRAMPED, Role.PURSUER),
-}
-"""Whom the responder of this side meets."""
+CHASER = PurePursuit.for_side(CRAMPED, Role.PURSUER)
 
 
 def contest(role):
     return make_contest(CRAMPED, (GRID, GRID), HOLD, role, "win")
 
 
-@pytest.mark.parametrize("role", list(Role))
-def test_the_table_is_that_of_brute_force(robot, captures, role):
-    response = make_response(contest(role), OPPONENTS[role])
-    answers = np.asarray(response.answers)[:, :, 0].astype(int)
+@pytest.mark.parametrize(
+    ("role", "opponent", "draws"),
+    [
+        (Role.PURSUER, FleeAware.for_side(CRAMPED, Role.EVADER), 1),
+        (Role.EVADER, CHASER, 1),
+        (Role.PURSUER, Uniform(), COURSES),
+        (Role.EVADER, Uniform(), COURSES),
+    ],
+    ids=["pursuer", "evader", "pursuer, by chance", "evader, by chance"],
+)
+def test_the_table_is_that_of_brute_force(robot, captures, role, opponent, draws):
+    response = make_response(contest(role), opponent)
+    answers = np.asarray(response.answers).astype(int)
+    assert answers.shape == (GRID.size, GRID.size, draws)
     assert len(np.unique(answers)) >= 3
     found = solve_response(response, tolerance=1e-5)
     pursuing, stakes = role == Role.PURSUER, (response.contest.win, response.contest.lose)
@@ -45,9 +51,8 @@ def test_the_table_is_that_of_brute_force(robot, captures, role):
     assert len(np.unique(np.round(expected, 3))) > 20
 
 
-def test_whoever_acts_by_chance_is_asked_as_often_as_courses_are_followed():
+def test_whoever_acts_by_chance_is_drawn_evenly():
     answers = np.asarray(make_response(contest(Role.PURSUER), Uniform()).answers)
-    assert answers.shape == (GRID.size, GRID.size, COURSES)
     np.testing.assert_allclose(np.bincount(answers.ravel(), minlength=9) / answers.size, 1 / 9, atol=0.01)
 
 
@@ -74,7 +79,7 @@ def states(own, other):
 def test_before_a_standing_evader_a_look_ahead_is_one_more_sweep(robot, captures):
     response = make_response(contest(Role.PURSUER), Still())
     found = solve_response(response, tolerance=1e-5)
-    answers = np.asarray(response.answers)[:, :, 0].astype(int)
+    answers = np.asarray(response.answers).astype(int)
     stakes = (response.contest.win, response.contest.lose)
     expected = oracle.response(CRAMPED, robot, robot, True, captures, answers, found.sweeps + 1, HORIZON, *stakes, HOLD)
     own, other = quiet_pairs(robot, captures, still=True)
@@ -94,10 +99,10 @@ def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(
 
 def test_an_agent_meets_one_who_trusts_no_more_than_what_is_sure_and_one_who_trusts_its_own_table():
     sure = SaddlePolicy(contest(Role.EVADER), jnp.full((1, 1, 1), 0.5))
-    found = responders(sure, OPPONENTS[Role.EVADER])
+    found = responders(sure, CHASER)
     assert [type(player) for player in found.values()] == [ResponsePolicy] * 2
     trusts_sure, trusts_response = found.values()
     assert trusts_sure.table is sure.table
-    solved = solve_response(make_response(sure.contest, OPPONENTS[Role.EVADER]))
+    solved = solve_response(make_response(sure.contest, CHASER))
     np.testing.assert_array_equal(trusts_response.table, solved.table)
-    assert all(player.opponent is OPPONENTS[Role.EVADER] for player in found.values())
+    assert all(player.opponent is CHASER for player in found.values())

@@ -17,6 +17,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.image import image_of, rooms
+from apollonius.solve.iteration import iterate
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
@@ -155,3 +156,22 @@ def test_a_grid_too_large_for_the_machine_is_refused():
     grid = make_grid(SMALL.arena, BODY, (10_001, 10_001, 101, 101))
     with pytest.raises(InvalidInput, match=r"grid = 10001x10001x101x101 needs .* GiB .* fewer nodes"):
         solve_safety(SMALL, Role.PURSUER, grid, HOLD)
+
+
+def test_robots_with_limits_of_their_own_are_judged_each_by_its_own(monkeypatch):
+    own = {role: brakes(SMALL, role) for role in Role}
+    monkeypatch.setattr("apollonius.solve.viability._judge", lambda game, role: own[role])
+    slower = replace(SMALL, evader=replace(BODY, v_max=0.3), starts=replace(SMALL.starts, clearance=0.11))
+    viability = solve_viability(slower)
+    assert viability.pursuer is own[Role.PURSUER]
+    assert viability.evader is own[Role.EVADER]
+
+
+def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):
+    monkeypatch.setattr("apollonius.solve.iteration._MOST_SWEEPS", 4)
+    told = []
+    found = iterate(lambda table: (table, jnp.asarray(1e-5)), jnp.zeros(()), told.append, tolerance=0.0)
+    assert [sweep.number for sweep in told] == [1, 2, 3, 4]
+    assert found.sweeps == 4
+    with pytest.raises(RuntimeError, match="after 4 sweeps"):
+        iterate(lambda table: (table, jnp.asarray(1e-3)), jnp.zeros(()), tolerance=0.0)

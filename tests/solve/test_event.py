@@ -1,0 +1,107 @@
+"""What ends a game while actions are held, and what it is then worth, step by step as the rules' twin says."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.arena import Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.types import Outcome, RobotState, Role
+from apollonius.solve.contest import make_contest
+from apollonius.solve.event import first_event, first_events
+from apollonius.solve.grid import make_grid
+from apollonius.solve.motion import HORIZON, motion_of
+from tests.oracle import numpy_game as oracle
+from tests.solve.small import SMALL
+
+STEPS, GAMES = 8, 12
+FAST = Unicycle(v_max=1.5, radius=0.1)
+GAME = replace(
+    SMALL, pursuer=FAST, evader=FAST, max_steps=10_000, arena=replace(SMALL.arena, territory=Disc(-0.6, 3.6, 0.3))
+)
+ACTIONS = (0, 4, 7)
+
+
+def robots():
+    """Two robots in each of several games, close to each other, to the disc, to a wall, to the territory."""
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(-0.9, 1.9, GAMES), rng.uniform(0.1, 3.9, GAMES)
+    near = rng.uniform(0.4, 0.9, GAMES), rng.uniform(-np.pi, np.pi, GAMES)
+    other = np.clip(x + near[0] * np.cos(near[1]), -0.9, 1.9), np.clip(y + near[0] * np.sin(near[1]), 0.1, 3.9)
+    kinematics = [(rng.uniform(0.3, 1.5, GAMES), rng.uniform(-np.pi, np.pi, GAMES)) for _ in range(2)]
+    places = (x, y), other
+    return [np.stack([*place, *rest]).astype(np.float32) for place, rest in zip(places, kinematics, strict=True)]
+
+
+def courses(role, numbers):
+    """Along three actions in all games: leaves `[steps + 1, actions, games]`."""
+    hold = motion_of(GAME, role, STEPS).hold
+    every = jax.vmap(jax.vmap(hold, (0, None), -1), (None, 0), 1)
+    return jax.jit(every)(jax.vmap(RobotState)(*map(jnp.asarray, numbers)), jnp.array(ACTIONS))
+
+
+def expected_event(pursuer, evader, first, second):
+    """The outcome's name and the step in which the rules' twin ends the game; ongoing after all steps otherwise."""
+    state = (tuple(map(float, pursuer)), tuple(map(float, evader)), 0)
+    margin = np.inf
+    for number in range(1, STEPS + 1):
+        step = oracle.step(GAME, state, first, second)
+        margin = min(margin, step.margin)
+        if step.outcome != "ONGOING":
+            return step.outcome, number, margin
+        state = (step.pursuer, step.evader, number)
+    return "ONGOING", STEPS, margin
+
+
+@pytest.fixture(scope="module")
+def expected():
+    """By pursuer's action, evader's action and game."""
+    pursuers, evaders = robots()
+    return {
+        (a, b, game): expected_event(pursuers[:, game], evaders[:, game], first, second)
+        for a, first in enumerate(ACTIONS)
+        for b, second in enumerate(ACTIONS)
+        for game in range(GAMES)
+    }
+
+
+@pytest.fixture(scope="module")
+def both():
+    return [courses(role, numbers) for role, numbers in zip(Role, robots(), strict=True)]
+
+
+def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules(expected, both):
+    outcome, seconds = jax.jit(first_events)(GAME, *both)
+    seen = set()
+    for (a, b, game), (name, steps, margin) in expected.items():
+        if margin > 1e-5:
+            assert Outcome(int(outcome[a, b, game])).name == name
+            assert float(seconds[a, b, game]) == pytest.approx(steps * GAME.dt)
+            seen.add(name)
+    assert len(seen) >= 6, seen
+
+
+def in_game(courses, action, game):
+    return jax.tree.map(lambda leaf: leaf[:, action, game], courses)
+
+
+@pytest.mark.parametrize("role", list(Role))
+def test_along_two_courses_it_is_worth_what_who_wins_and_when_says(expected, both, role):
+    grid = make_grid(GAME.arena, FAST, (3, 3, 2, 5))
+    contest = make_contest(GAME, (grid, grid), STEPS, role, "win")
+    winner = {"CAPTURED": 1, "EVADER_HIT_OBSTACLE": 1, "EVADER_OUT_OF_RANGE": 1, "TERRITORY_REACHED": -1}
+    winner |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
+    event = jax.jit(lambda pursuer, evader: contest.event(*contest.pair(pursuer, evader)))
+    ends = jax.jit(lambda pursuer, evader: first_event(GAME, pursuer, evader))
+    for (a, b, game), (name, steps, margin) in list(expected.items())[::3]:
+        one, other = (in_game(side, at, game) for side, at in zip(both, (a, b), strict=True))
+        over, worth = event(one, other)
+        if margin > 1e-5:
+            assert bool(over) == (name != "ONGOING")
+            if over:
+                assert Outcome(int(ends(one, other)[1])).name == name
+                sign = 1 if role == Role.PURSUER else -1
+                assert float(worth) == pytest.approx(sign * winner[name] * np.exp(-steps * GAME.dt / HORIZON), abs=1e-6)
