@@ -8,13 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius import catalogue
+from apollonius.agents import trained
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
+from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
+from apollonius.agents.shield import Shielded
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.agents.uniform import Uniform
-from apollonius.catalogue import find_player, find_pool
+from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -73,6 +77,34 @@ def test_a_file_plays_no_other_side(pursuer, tmp_path):
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still, .*flee.* a \.safetensors file"):
         find_player("nobody", Role.PURSUER)
+
+
+class Echo(AbstractKind):
+    """A kind of one's own: players that are called after what they do."""
+
+    looks = "always:ACTION"
+
+    def find(self, name, role, game):
+        return Named(name, Still()) if name == "always:1" else None
+
+
+def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
+    with pytest.raises(InvalidInput, match="no agent is called 'always:1'"):
+        find_player("always:1", Role.EVADER)
+    monkeypatch.setattr(catalogue, "KINDS", (*catalogue.KINDS, Echo()))
+    assert isinstance(find_player("always:1", Role.EVADER).policy, Still)
+    guarded = find_player("shielded:always:1", Role.EVADER, make_game("paper"))
+    assert (guarded.name, type(guarded.policy)) == ("shielded:always:1", Shielded)
+    assert isinstance(find_pool(["always:1"], Role.EVADER).members, Still)
+    with pytest.raises(InvalidInput, match=r"'always:2': .*a \.npz file of a solved game, .*always:ACTION"):
+        find_player("always:2", Role.EVADER)
+
+
+def test_which_side_an_agent_of_the_zoo_plays_its_file_says(monkeypatch, pursuer, tmp_path):
+    save_agent(pursuer, tmp_path / "Eager.safetensors")
+    monkeypatch.setattr(trained, "ZOO", tmp_path)
+    assert "Eager" in player_names(Role.PURSUER, make_game("paper"))
+    assert "Eager" not in player_names(Role.EVADER, make_game("paper"))
 
 
 def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):

@@ -1,9 +1,12 @@
 """Random arenas in which every robot can go everywhere."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.game import Game
 from apollonius.limits import DISCS, SEED
 
 _TRIES = 2000
@@ -58,3 +61,15 @@ def random_arena(
                 "fewer or smaller discs, a smaller gap, or a larger arena."
             )
     return Arena(x_max=float(width), y_max=float(height), discs=tuple(placed))
+
+
+def in_random_arena(game: Game, discs: int, seed: int, gap: float, size: tuple[float, float]) -> Game:
+    """A game in a random arena of a width and height [m] in which both of its robots can go everywhere.
+
+    Arguments and errors are those of `random_arena`; the gap must also let the robots through.
+    """
+    for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
+        bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
+        require(gap > 2 * body.radius, "gap", gap, bound)
+    width, height = size
+    return replace(game, arena=random_arena(discs, seed, gap=gap, width=width, height=height))

@@ -88,23 +88,17 @@ def run_check(options: argparse.Namespace) -> int:
 
 def run_random(options: argparse.Namespace) -> int:
     """Write a game like another, in an arena drawn at random."""
-    from dataclasses import replace
-
     import tomli_w
 
     from apollonius.arenas.file import find_game
-    from apollonius.arenas.random_arena import random_arena
+    from apollonius.arenas.random_arena import in_random_arena
     from apollonius.arenas.record import to_dict
     from apollonius.document import write_atomically
 
     require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
     game = find_game(options.game)
-    for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
-        bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
-        require(options.gap > 2 * body.radius, "--gap", options.gap, bound)
-    width, height = options.size
-    arena = random_arena(options.discs, options.seed, gap=options.gap, width=width, height=height)
-    write_atomically(options.out, tomli_w.dumps(to_dict(replace(game, arena=arena))).encode())
+    elsewhere = in_random_arena(game, options.discs, options.seed, options.gap, options.size)
+    write_atomically(options.out, tomli_w.dumps(to_dict(elsewhere)).encode())
     print(f"{options.discs} discs, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0
