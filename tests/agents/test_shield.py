@@ -122,16 +122,21 @@ def test_a_robot_that_is_lost_does_what_leaves_most_room():
     assert room[int(guarded(seen, jnp.uint32(0)))] == max(room)
 
 
+LEFT, LOWER = -20.0, -4.0
+"""The corner of the yard."""
+
+
 def yard():
     """18 m square, 16 stars and triangles of 1 m in it."""
     star = [(1.0, 0.0), (0.2, 0.2), (0.0, 1.0), (-0.2, 0.2), (-1.0, 0.0), (-0.2, -0.2), (0.0, -1.0), (0.2, -0.2)]
     triangle = [(0.9, 0.0), (-0.6, 0.7), (-0.5, -0.8)]
     polygons = [
-        Polygon(tuple((3.0 + 3.6 * column + 0.3 * row + x, 3.0 + 3.5 * row + y) for x, y in shape))
+        Polygon(tuple((LEFT + 3.0 + 3.6 * column + 0.3 * row + x, LOWER + 3.0 + 3.5 * row + y) for x, y in shape))
         for row in range(4)
         for column, shape in enumerate([star, triangle] * 2)
     ]
-    return Game(arena=Arena(x_max=18.0, y_max=18.0, polygons=tuple(polygons)), max_steps=80)
+    arena = Arena(x_min=LEFT, x_max=LEFT + 18.0, y_min=LOWER, y_max=LOWER + 18.0, polygons=tuple(polygons))
+    return Game(arena=arena, max_steps=80)
 
 
 def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_changes():
@@ -140,7 +145,7 @@ def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_c
     edges = sum(len(polygon.vertices) for polygon in game.arena.polygons)
     assert backup.surroundings.within.shape[-1] < edges / 2
     x, y, v, heading = jax.random.uniform(jax.random.key(0), (4, 800))
-    robots = jax.vmap(RobotState)(18 * x, 18 * y, 1.2 * v, 6 * heading - 3)
+    robots = jax.vmap(RobotState)(LEFT + 18 * x, LOWER + 18 * y, 1.2 * v, 6 * heading - 3)
     actions = jnp.arange(800) % 9
     near, all_over = (
         np.asarray(jax.jit(jax.vmap(tried.room_after))(robots, actions))
