@@ -97,7 +97,7 @@ def run_random(options: argparse.Namespace) -> int:
 
     require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
     game = find_game(options.game)
-    elsewhere = in_random_arena(game, options.discs, options.seed, options.gap, options.size)
+    elsewhere = in_random_arena(game, options.discs, options.seed, options.gap, tuple(options.size))
     write_atomically(options.out, tomli_w.dumps(to_dict(elsewhere)).encode())
     print(f"{options.discs} discs, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
