@@ -88,7 +88,7 @@ class Circle(AbstractSteering):
     @classmethod
     def fits(cls, game: Game) -> bool:
         """Whether there is an obstacle."""
-        return game.arena.has_obstacles
+        return bool(game.arena.obstacles)
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:

@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from apollonius.bodies.drive import Drive
-from apollonius.errors import require
-from apollonius.game.arena import Arena
+from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
 
 SIDES = tuple(role.name.lower() for role in Role)
@@ -37,7 +37,8 @@ def mjcf(game: Game, drive: Drive, step: float) -> str:
     Raises:
         InvalidInput: for an arena with an occupancy map.
     """
-    require(game.arena.map is None, "map", "given", "none; robots with bodies know walls, discs and polygons only")
+    bound = "discs and polygons, the only ones that robots with bodies know"
+    game.arena.require_only((Disc, Polygon), bound)
     model = Element("mujoco", model="pursuit-evasion")
     SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")
     world = SubElement(model, "worldbody")

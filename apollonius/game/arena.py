@@ -1,27 +1,55 @@
 """Where the robots are: walls (Eq. 2), obstacles, and whether a step along a segment touches them."""
 
 import functools
+from dataclasses import fields
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from apollonius.errors import require
+from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
-from apollonius.game.polygon import Polygon, clearance_along, clearance_from
+from apollonius.game.polygon import Polygon, Polygons
 from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
 
 
-class Disc(eqx.Module):
+class Disc(AbstractObstacle):
     """A circular obstacle: centre (x, y) and radius [m]."""
 
     x: Real
     y: Real
     radius: Real
 
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point; negative inside."""
+        return jnp.hypot(x - self.x, y - self.y) - self.radius
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
+        return jnp.sqrt(self._approach(before, after)) - self.radius
+
+    def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+        """Whether a body of this radius [m] touches it anywhere along the segment between two states."""
+        return self._approach(before, after) < (self.radius + radius) ** 2
+
+    def _approach(self, before: RobotState, after: RobotState) -> Scalar:
+        dx, dy = after.x - before.x, after.y - before.y
+        return closest_approach_squared(before.x - self.x, before.y - self.y, dx, dy)
+
+    def check(self, name: str, arena: "Arena") -> None:
+        """Refuse one without a size, and one whose centre is outside the walls."""
+        require(self.radius > 0, f"{name}.radius", self.radius, "more than 0 m; remove the disc to have none")
+        inside = arena.x_min <= self.x <= arena.x_max and arena.y_min <= self.y <= arena.y_max
+        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+        require(inside, f"{name} centre", (self.x, self.y), f"inside the walls {walls}; move or remove the disc")
+
 
 class Arena(eqx.Module):
     """A rectangle with obstacles in it. How many there are, and of how many corners, is static; the rest is data.
+
+    A field is a kind of obstacle (`apollonius.game.obstacle`): another kind is a file of its own, and a field here.
 
     Attributes:
         x_min, x_max, y_min, y_max: the walls [m].
@@ -39,65 +67,56 @@ class Arena(eqx.Module):
     map: OccupancyMap | None = None
     territory: Disc | None = None
 
+    @property
+    def obstacles(self) -> tuple[AbstractObstacle, ...]:
+        """All of them: discs, polygons, the map, and those of any other field."""
+        values = [getattr(self, field.name) for field in fields(self) if field.name != "territory"]
+        several = [one for value in values for one in (value if isinstance(value, tuple) else (value,))]
+        return tuple(one for one in several if isinstance(one, AbstractObstacle))
+
+    @property
+    def _together(self) -> list[AbstractObstacle]:
+        """The same, with all polygons as one: that costs less than each of them."""
+        others: list[AbstractObstacle] = [one for one in self.obstacles if not isinstance(one, Polygon)]
+        return [*others, Polygons(self.polygons)] if self.polygons else others
+
+    def require_only(self, kinds: tuple[type[AbstractObstacle], ...], bound: str) -> None:
+        """Refuse other kinds of obstacles than these: for who knows no others.
+
+        Raises:
+            InvalidInput: names those, and what must be.
+        """
+        others = sorted({type(one).__name__ for one in self.obstacles if not isinstance(one, kinds)})
+        require(not others, "obstacles", ", ".join(others), bound)
+
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or in an obstacle."""
-        return functools.reduce(jnp.minimum, [*self._to_each_wall(x, y), *self._to_obstacles(x, y)])
+        to_obstacles = [one.clearance(x, y) for one in self._together]
+        return functools.reduce(jnp.minimum, [*self._to_each_wall(x, y), *to_obstacles])
 
     def clearances(self, x: Scalar, y: Scalar) -> list[Scalar]:
         """Distance [m] from a point to each of the four walls, then to each obstacle; negative on the wrong side."""
-        to_polygons = [clearance_from([polygon], x, y) for polygon in self.polygons]
-        return [*self._to_each_wall(x, y), *self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
-
-    @property
-    def has_obstacles(self) -> bool:
-        """Whether there is anything but walls."""
-        return bool(self.discs or self.polygons or self.map)
+        return [*self._to_each_wall(x, y), *(one.clearance(x, y) for one in self.obstacles)]
 
     def to_obstacles(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest obstacle; negative inside it. There must be one."""
-        return functools.reduce(jnp.minimum, self._to_obstacles(x, y))
+        return functools.reduce(jnp.minimum, [one.clearance(x, y) for one in self._together])
 
     def _to_each_wall(self, x: Scalar, y: Scalar) -> list[Scalar]:
         return [x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y]
 
-    def _to_discs(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        return [jnp.hypot(x - disc.x, y - disc.y) - disc.radius for disc in self.discs]
-
-    def _to_obstacles(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        """Of each disc, of all polygons together, which costs less than of each, and of the map."""
-        to_polygons = [clearance_from(self.polygons, x, y)] if self.polygons else []
-        return [*self._to_discs(x, y), *to_polygons, *self._to_map(x, y)]
-
-    def _to_map(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        return [self.map.clearance(x, y)] if self.map else []
-
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Least clearance [m] on the segment between two states."""
         least = jnp.minimum(self._to_walls(before.x, before.y), self._to_walls(after.x, after.y))
-        dx, dy = after.x - before.x, after.y - before.y
-        for disc in self.discs:
-            approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
-            least = jnp.minimum(least, jnp.sqrt(approach) - disc.radius)
-        return functools.reduce(jnp.minimum, self._to_others_along(before, after), least)
-
-    def _to_others_along(self, before: RobotState, after: RobotState) -> list[Scalar]:
-        """Least clearance [m] on the segment between two states from what is no disc."""
-        to_polygons = [clearance_along(self.polygons, before, after)] if self.polygons else []
-        return [*to_polygons, *([self.map.clearance_along(before, after)] if self.map else [])]
+        return functools.reduce(jnp.minimum, [one.clearance_along(before, after) for one in self._together], least)
 
     def _to_walls(self, x: Scalar, y: Scalar) -> Scalar:
         return jnp.minimum(jnp.minimum(x - self.x_min, self.x_max - x), jnp.minimum(y - self.y_min, self.y_max - y))
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Whether a body of this radius [m] touches an obstacle anywhere along the segment between two states."""
-        dx, dy = after.x - before.x, after.y - before.y
-        hit = jnp.zeros((), bool)
-        for disc in self.discs:
-            approach = closest_approach_squared(before.x - disc.x, before.y - disc.y, dx, dy)
-            hit = hit | (approach < (disc.radius + radius) ** 2)
-        for clearance in self._to_others_along(before, after):
-            hit = hit | (clearance < radius)
-        return hit
+        hits = [one.is_hit(before, after, radius) for one in self._together]
+        return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
     def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
         """Whether a robot's centre comes into the territory anywhere along the segment between two states."""

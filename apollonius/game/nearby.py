@@ -31,7 +31,7 @@ class Edges(eqx.Module):
     def clearances_along(self, before: Sequence[RobotState], after: Sequence[RobotState]) -> list[Scalar]:
         """Least clearance [m] on each of some segments between two states.
 
-        It is that of `polygon.clearance_along`, but for the depth of the beginning where that is inside: on a way of
+        It is that of `Polygons.clearance_along`, but for the depth of the beginning where that is inside: on a way of
         many segments it is the end of another one.
         """
         segments = [_Segment.between(*ends) for ends in zip(before, after, strict=True)]

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.errors import require
+from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.types import Real, RobotState, Scalar
 
 _ROUNDING = 0.15
@@ -15,7 +16,7 @@ _PARTS = 4
 """Parts of a step at whose ends the field is looked up."""
 
 
-class OccupancyMap(eqx.Module):
+class OccupancyMap(AbstractObstacle):
     """Square cells, occupied or free, and the distance from those that are occupied.
 
     The field is exact at the cells' corners, as the nearest point of an occupied square from there is a corner too.

@@ -1,20 +1,31 @@
 """Polygonal obstacles: how far away they are, and how near a straight step comes to them."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
+from apollonius.errors import require
+from apollonius.game.obstacle import AbstractObstacle, Corners
 from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
 
+if TYPE_CHECKING:
+    from apollonius.game.arena import Arena
+
+MOST_CORNERS = 1_000
+"""Most corners of a polygon: every step looks at all of them."""
+_APART = 1e-6
+"""What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
 PASSED_THROUGH = -1e-6
 """The clearance [m] of a step that goes in and out again: less than nothing, as it is for any other contact."""
 
 
-class Polygon(eqx.Module):
+class Polygon(AbstractObstacle):
     """An obstacle with straight edges, convex or not, that do not cross. Only the number of corners is static.
 
     Attributes:
@@ -22,6 +33,36 @@ class Polygon(eqx.Module):
     """
 
     vertices: tuple[tuple[Real, Real], ...]
+
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point to the nearest edge; negative inside."""
+        return Polygons((self,)).clearance(x, y)
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states, as that of `Polygons`."""
+        return Polygons((self,)).clearance_along(before, after)
+
+    def outline(self) -> Corners:
+        """Its corners."""
+        return self.vertices
+
+    def check(self, name: str, arena: "Arena") -> None:
+        """Refuse corners outside the walls, and edges that meet elsewhere than at the corners they share."""
+        name = f"{name}.vertices"
+        corners = np.asarray(self.vertices, float).reshape(-1, 2)
+        count = len(corners)
+        bound = f"3 to {MOST_CORNERS}; give [x, y] of each, in order"
+        require(3 <= count <= MOST_CORNERS, name, f"{count} corners", bound)
+        low, high = (arena.x_min, arena.y_min), (arena.x_max, arena.y_max)
+        outside = np.flatnonzero(((corners < low) | (corners > high)).any(axis=1))
+        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
+        beyond = f"inside the walls {walls}; move them"
+        require(not len(outside), name, f"{_places(corners, outside)} and others", beyond)
+        meeting = _meeting(corners)
+        require(
+            not len(meeting), name, f"{_places(corners, meeting)} and others",
+            "the corners in order around the obstacle, whose edges meet nowhere else; those from these places do",
+        )  # fmt: skip
 
 
 class Edge(eqx.Module):
@@ -78,29 +119,34 @@ class Place(eqx.Module):
         return jnp.where(self.windings > 0, -distance, distance)
 
 
-def clearance_from(polygons: Sequence[Polygon], x: Scalar, y: Scalar) -> Scalar:
-    """Distance [m] from a point to the nearest edge; negative inside a polygon."""
-    place, _ = jax.lax.scan(lambda place, edge: (place.beside(edge), None), _nowhere(x, y), edges_of(polygons))
-    return place.clearance
+class Polygons(AbstractObstacle):
+    """Several polygons as one obstacle."""
 
+    polygons: tuple[Polygon, ...]
 
-def clearance_along(polygons: Sequence[Polygon], before: RobotState, after: RobotState) -> Scalar:
-    """Least clearance [m] on the segment between two states.
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point to the nearest edge; negative inside a polygon."""
+        edges = edges_of(self.polygons)
+        place, _ = jax.lax.scan(lambda place, edge: (place.beside(edge), None), _nowhere(x, y), edges)
+        return place.clearance
 
-    Outside it is exact: the least distance of any point of the segment from any edge. Of a segment that touches the
-    inside it is negative: the clearance of the deeper end, or `PASSED_THROUGH` where both ends are outside.
-    """
-    dx, dy = after.x - before.x, after.y - before.y
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states.
 
-    def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[tuple[Place, Place, Scalar], None]:
-        start, end, between = seen
-        corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
-        here = jnp.where(edge.is_crossed(before, after), PASSED_THROUGH, jnp.sqrt(corner))
-        return (start.beside(edge), end.beside(edge), jnp.minimum(between, here)), None
+        Outside it is exact: the least distance of any point of the segment from any edge. Of a segment that touches the
+        inside it is negative: the clearance of the deeper end, or `PASSED_THROUGH` where both ends are outside.
+        """
+        dx, dy = after.x - before.x, after.y - before.y
 
-    nothing = (_nowhere(before.x, before.y), _nowhere(after.x, after.y), jnp.asarray(jnp.inf, jnp.float32))
-    (start, end, between), _ = jax.lax.scan(look, nothing, edges_of(polygons))
-    return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
+        def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[tuple[Place, Place, Scalar], None]:
+            start, end, between = seen
+            corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
+            here = jnp.where(edge.is_crossed(before, after), PASSED_THROUGH, jnp.sqrt(corner))
+            return (start.beside(edge), end.beside(edge), jnp.minimum(between, here)), None
+
+        nothing = (_nowhere(before.x, before.y), _nowhere(after.x, after.y), jnp.asarray(jnp.inf, jnp.float32))
+        (start, end, between), _ = jax.lax.scan(look, nothing, edges_of(self.polygons))
+        return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
 
 
 def edges_of(polygons: Sequence[Polygon]) -> Edge:
@@ -117,3 +163,23 @@ def edges_of(polygons: Sequence[Polygon]) -> Edge:
 
 def _nowhere(x: Scalar, y: Scalar) -> Place:
     return Place(x, y, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros((), jnp.int32))
+
+
+def _meeting(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"]:
+    """The corners at which two edges begin that meet elsewhere than at a corner they share; the first such two."""
+    count = len(corners)
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.maximum(np.hypot(*along.T), _APART)[:, None]
+    # By edge and corner: how far the corner is to the left of the edge's line, and how far ahead along it [m].
+    to_x, to_y = (corners[None] - corners[:, None]).transpose(2, 0, 1)
+    left = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
+    ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
+    edge, corner = np.indices((count, count))
+    touches = (np.abs(left) <= _APART) & (ahead >= -_APART) & (ahead <= length + _APART)
+    touches &= (corner != edge) & (corner != (edge + 1) % count)
+    parts = left * np.roll(left, -1, axis=1) < 0  # the edge's line has the ends of another edge on different sides
+    return np.argwhere(touches | (parts & parts.T))[:1].ravel()
+
+
+def _places(corners: Float[np.ndarray, "corners 2"], which: Int[np.ndarray, " some"]) -> str:
+    return ", ".join(f"({x:g}, {y:g})" for x, y in corners[which[:2]])

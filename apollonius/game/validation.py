@@ -1,6 +1,7 @@
 """What makes a game impossible to play, said with the value, the bound and the remedy."""
 
 import math
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -25,8 +26,6 @@ _DRAWS = 100_000
 """Pairs of places at which free space is looked for; a start rarer than that would take for ever to draw."""
 _TOGETHER = 5_000
 """Pairs that are looked at together; in most arenas the first few have room enough."""
-MOST_CORNERS = 1_000
-"""Most corners of a polygon: every step looks at all of them."""
 MOST_EDGES = 2_000
 """Most corners of all polygons together."""
 MOST_POLYGONS = 200
@@ -35,8 +34,6 @@ MOST_DISCS = DISCS.most
 """Most discs: with this many, a game takes half a minute to compile."""
 FEWER = "draw so many obstacles as an occupancy map"
 """What to do instead of many obstacles."""
-_APART = 1e-6
-"""What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
 _to_obstacles = jax.jit(jax.vmap(lambda arena, x, y: arena.to_obstacles(x, y), in_axes=(None, 0, 0)))
 
 
@@ -107,14 +104,10 @@ def _check_arena(game: "Game") -> None:
     require(polygons <= MOST_POLYGONS, "arena.polygons", f"{polygons:,} of them", f"at most {MOST_POLYGONS}; {FEWER}")
     corners = sum(len(polygon.vertices) for polygon in arena.polygons)
     require(corners <= MOST_EDGES, "arena.polygons", f"{corners:,} corners", f"at most {MOST_EDGES} in all; {FEWER}")
-    for index, disc in enumerate(arena.discs):
-        name = f"arena.discs[{index}]"
-        require(disc.radius > 0, f"{name}.radius", disc.radius, "more than 0 m; remove the disc to have none")
-        inside = arena.x_min <= disc.x <= arena.x_max and arena.y_min <= disc.y <= arena.y_max
-        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
-        require(inside, f"{name} centre", (disc.x, disc.y), f"inside the walls {walls}; move or remove the disc")
-    for index in range(len(arena.polygons)):
-        _check_polygon(arena, index)
+    for field in fields(arena):
+        several = getattr(arena, field.name)
+        for index, obstacle in enumerate(several if isinstance(several, tuple) else ()):
+            obstacle.check(f"arena.{field.name}[{index}]", arena)
     if arena.territory:
         goal, name = arena.territory, "arena.territory"
         require(goal.radius > 0, f"{name}.radius", goal.radius, "more than 0 m; remove it to have no territory")
@@ -127,37 +120,6 @@ def _check_arena(game: "Game") -> None:
         walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
         ends = f"[{found.x}, {found.x_max}] x [{found.y}, {found.y_max}] m"
         require(covered, "arena walls", walls, f"within the map's ends {ends}; leave them out to have just these")
-
-
-def _check_polygon(arena: "Arena", index: int) -> None:
-    """Corners inside the walls, and edges that meet at the corners they share only."""
-    name = f"arena.polygons[{index}].vertices"
-    corners = np.asarray(arena.polygons[index].vertices, float).reshape(-1, 2)
-    count = len(corners)
-    require(3 <= count <= MOST_CORNERS, name, f"{count} corners", f"3 to {MOST_CORNERS}; give [x, y] of each, in order")
-    low, high = (arena.x_min, arena.y_min), (arena.x_max, arena.y_max)
-    outside = np.flatnonzero(((corners < low) | (corners > high)).any(axis=1))
-    walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
-    require(not len(outside), name, f"{_places(corners, outside)} and others", f"inside the walls {walls}; move them")
-    along = np.roll(corners, -1, axis=0) - corners
-    length = np.maximum(np.hypot(*along.T), _APART)[:, None]
-    # By edge and corner: how far the corner is to the left of the edge's line, and how far ahead along it [m].
-    to_x, to_y = (corners[None] - corners[:, None]).transpose(2, 0, 1)
-    left = (along[:, :1] * to_y - along[:, 1:] * to_x) / length
-    ahead = (along[:, :1] * to_x + along[:, 1:] * to_y) / length
-    edge, corner = np.indices((count, count))
-    touches = (np.abs(left) <= _APART) & (ahead >= -_APART) & (ahead <= length + _APART)
-    touches &= (corner != edge) & (corner != (edge + 1) % count)
-    parts = left * np.roll(left, -1, axis=1) < 0  # the edge's line has the ends of another edge on different sides
-    meeting = np.argwhere(touches | (parts & parts.T))
-    require(
-        not len(meeting), name, f"{_places(corners, meeting[:1].ravel())} and others",
-        "the corners in order around the obstacle, whose edges meet nowhere else; those from these places do",
-    )  # fmt: skip
-
-
-def _places(corners: Float[np.ndarray, "corners 2"], which: np.ndarray) -> str:
-    return ", ".join(f"({x:g}, {y:g})" for x, y in corners[which[:2]])
 
 
 def _check_room(game: "Game") -> None:
@@ -199,7 +161,7 @@ def _room(
     room = np.minimum(np.minimum(x - arena.x_min, arena.x_max - x), np.minimum(y - arena.y_min, arena.y_max - y))
     for disc in arena.discs:
         room = np.minimum(room, np.hypot(x - disc.x, y - disc.y) - disc.radius)
-    if arena.polygons or arena.map:
+    if len(arena.obstacles) > len(arena.discs):
         places = x.ravel().astype(np.float32), y.ravel().astype(np.float32)
         with jax.ensure_compile_time_eval():  # a game may be made while a function that uses it is traced
             room = np.minimum(room, np.asarray(_to_obstacles(arena, *places)).reshape(x.shape))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from apollonius.game.arena import Arena
+from apollonius.game.arena import Arena, Disc
 from apollonius.show.palette import EVADER, INK, OBSTACLE
 
 
@@ -29,11 +29,12 @@ class Straight:
 def shapes(arena: Arena) -> list[Round | Straight]:
     """Obstacles, territory and walls of an arena; the cells of a map, which are a picture already, apart."""
     x, y, x_max, y_max = (float(end) for end in (arena.x_min, arena.y_min, arena.x_max, arena.y_max))
-    found: list[Round | Straight] = [
-        Round(float(disc.x), float(disc.y), float(disc.radius), OBSTACLE) for disc in arena.discs
-    ]
-    for polygon in arena.polygons:
-        found.append(Straight(tuple((float(x), float(y)) for x, y in polygon.vertices), OBSTACLE))
+    found: list[Round | Straight] = []
+    for one in arena.obstacles:
+        if isinstance(one, Disc):
+            found.append(Round(float(one.x), float(one.y), float(one.radius), OBSTACLE))
+        elif one.outline():
+            found.append(Straight(tuple((float(x), float(y)) for x, y in one.outline()), OBSTACLE))
     if arena.territory:
         goal = arena.territory
         found.append(Round(float(goal.x), float(goal.y), float(goal.radius), EVADER, filled=False))

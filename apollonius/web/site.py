@@ -11,7 +11,9 @@ from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import require
+from apollonius.game.arena import Disc
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
 from apollonius.limits import SEED
 
@@ -54,7 +56,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
-    require(not rules.arena.map, "game", game, "one without an occupancy map, which the page does not have")
+    bound = f"discs and polygons, as in the page, and the game '{game}' has others"
+    rules.arena.require_only((Disc, Polygon), bound)
     games = {} if game in game_names() else {Path(game).stem: rules}
     side = Role.EVADER if person == Role.PURSUER else Role.PURSUER
     name = against or BEST[side]

@@ -63,7 +63,7 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
 def test_a_map_is_refused():
     cells = OccupancyMap(jnp.ones((4, 4)), 0.0, 0.0, 0.1, "none.yaml", "")
     arena = Arena(0.0, 0.3, 0.0, 0.3, map=cells)
-    with pytest.raises(InvalidInput, match="map = given"):
+    with pytest.raises(InvalidInput, match=r"obstacles = OccupancyMap .* discs and polygons"):
         mjcf(
             replace(
                 make_game("paper"), arena=arena, capture_distance=0.01, starts=Starts(clearance=0.0, separation=0.05)

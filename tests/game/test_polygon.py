@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
-from apollonius.game.polygon import Polygon, clearance_along, clearance_from
+from apollonius.game.polygon import Polygon
 from apollonius.game.types import RobotState
 from tests.oracle.numpy_game import gaps
 
@@ -22,8 +22,8 @@ STAR = ((5.0, 1.0), (6.0, 4.0), (9.0, 5.0), (6.0, 6.0), (5.0, 9.0), (4.0, 6.0), 
 HALL = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 5.5), (3.0, 5.5), (3.0, 7.0), (7.0, 7.0), (7.0, 3.0),
         (3.0, 3.0), (3.0, 4.5), (2.0, 4.5))  # fmt: skip
 """A room with walls of 1 m and a door of 1 m in the west."""
-clearances = jax.jit(jax.vmap(lambda polygon, x, y: clearance_from([polygon], x, y), in_axes=(None, 0, 0)))
-along = jax.jit(jax.vmap(lambda polygon, *ends: clearance_along([polygon], *ends), in_axes=(None, 0, 0)))
+clearances = jax.jit(jax.vmap(lambda polygon, x, y: polygon.clearance(x, y), in_axes=(None, 0, 0)))
+along = jax.jit(jax.vmap(lambda polygon, *ends: polygon.clearance_along(*ends), in_axes=(None, 0, 0)))
 hits = jax.jit(Arena.hits_obstacle)
 
 
@@ -41,7 +41,7 @@ def robots(points):
 )
 def test_clearance_of_a_square(point, clearance):
     for vertices in (SQUARE, SQUARE[::-1]):
-        assert float(clearance_from([Polygon(vertices)], *jnp.asarray(point))) == pytest.approx(clearance, abs=1e-6)
+        assert float(Polygon(vertices).clearance(*jnp.asarray(point))) == pytest.approx(clearance, abs=1e-6)
 
 
 @pytest.mark.parametrize("vertices", [SQUARE, STAR, HALL, STAR[::-1]])

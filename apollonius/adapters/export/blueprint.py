@@ -16,6 +16,7 @@ from apollonius.agents.network import GaussianActor
 from apollonius.agents.store import Agent, AgentHeader
 from apollonius.arenas.record import to_dict
 from apollonius.errors import require
+from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Role
@@ -160,9 +161,9 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     if isinstance(agent.network, GaussianActor):
         *hidden, (weight, bias) = layers
         layers = (*hidden, (weight[:2], bias[:2]))  # the means; how far it explores is of no use on a robot
-    arena, measures = game.arena, agent.network.observation.measures
-    bound = "walls and discs, the only ones that an exported policy measures the clearances in its observation from"
-    require(not (measures and (arena.polygons or arena.map)), "obstacles", "polygons or a map", bound)
+    bound = "discs, the only ones that an exported policy measures the clearances in its observation from"
+    if agent.network.observation.measures:
+        game.arena.require_only((Disc,), bound)
     blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)
     own = blueprint.own
     bound = "0 m/s, so that braking, the answer to a broken state, ends at rest"

@@ -53,7 +53,7 @@ def test_of_a_continuous_policy_the_spreads_are_left_out():
 
 def test_clearances_from_polygons_are_refused_and_not_left_out():
     game = Game(arena=Arena(polygons=(Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.0))),)))
-    with pytest.raises(InvalidInput, match=r"obstacles = polygons or a map .* walls and discs"):
+    with pytest.raises(InvalidInput, match=r"obstacles = Polygon .* discs, the only"):
         make_blueprint("E", describe(small_network("encoded"), Role.EVADER, {}, {}), game)
     assert make_blueprint("E", AGENT, game).discs == []
 

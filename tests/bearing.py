@@ -1,0 +1,33 @@
+"""A new observation: where the opponent is, as a robot with a camera knows it. `docs/extending.md` shows this file."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+
+from apollonius.game.dynamics import unit_vector
+from apollonius.observe.observation import AbstractObservation, scaled
+
+
+@dataclass(frozen=True)
+class Bearing(AbstractObservation):
+    """Six numbers: its own speed from its limits to [-1, 1], cosine and sine of the direction in which it sees the
+    opponent from straight ahead, the distance over the arena's longer side, and of both robots the clearance [m]
+    within 1.
+    """
+
+    name = "bearing"
+    size = 6
+
+    def __call__(self, view):
+        """The six numbers."""
+        arena, own, opponent = view.arena, view.own.state, view.opponent.state
+        body = view.own.body
+        direction = jnp.arctan2(opponent.y - own.y, opponent.x - own.x) - own.heading
+        longer = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)
+        distance = jnp.hypot(opponent.x - own.x, opponent.y - own.y) / longer
+        rooms = [arena.clearance(one.state.x, one.state.y) - one.body.radius for one in view.robots]
+        speed = scaled(own.v, body.v_min, body.v_max)
+        return jnp.stack([speed, *unit_vector(direction), distance, *(jnp.clip(room, -1.0, 1.0) for room in rooms)])
+
+
+BEARING = Bearing()

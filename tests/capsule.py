@@ -1,0 +1,60 @@
+"""A new kind of obstacle: a wall with round ends. `docs/extending.md` shows this file."""
+
+import math
+
+import jax.numpy as jnp
+
+from apollonius.errors import require
+from apollonius.game.obstacle import AbstractObstacle
+from apollonius.game.segment import closest_approach_squared
+from apollonius.game.types import Real
+
+
+class Capsule(AbstractObstacle):
+    """All places within a radius [m] of the line from (x, y) to (to_x, to_y) [m]."""
+
+    x: Real
+    y: Real
+    to_x: Real
+    to_y: Real
+    radius: Real
+
+    def clearance(self, x, y):
+        """Distance [m] from a point; negative inside."""
+        squared = closest_approach_squared(self.x - x, self.y - y, self.to_x - self.x, self.to_y - self.y)
+        return jnp.sqrt(squared) - self.radius
+
+    def clearance_along(self, before, after):
+        """Two segments that do not cross are nearest to each other at an end of one of them."""
+        along, step = (self.to_x - self.x, self.to_y - self.y), (after.x - before.x, after.y - before.y)
+        ends = [closest_approach_squared(self.x - robot.x, self.y - robot.y, *along) for robot in (before, after)]
+        ends += [
+            closest_approach_squared(before.x - x, before.y - y, *step)
+            for x, y in ((self.x, self.y), (self.to_x, self.to_y))
+        ]
+        left = [_cross(*along, robot.x - self.x, robot.y - self.y) for robot in (before, after)]
+        right = [_cross(*step, x - before.x, y - before.y) for x, y in ((self.x, self.y), (self.to_x, self.to_y))]
+        crossed = (left[0] * left[1] < 0) & (right[0] * right[1] < 0)
+        least = jnp.minimum(jnp.minimum(ends[0], ends[1]), jnp.minimum(ends[2], ends[3]))
+        return jnp.where(crossed, 0.0, jnp.sqrt(least)) - self.radius
+
+    def outline(self):
+        """Half a circle around either end."""
+        heading = math.atan2(self.to_y - self.y, self.to_x - self.x)
+        turns = [heading + math.pi * (0.5 + step / 8) for step in range(9)]
+        return tuple(
+            (x + self.radius * math.cos(turn + half), y + self.radius * math.sin(turn + half))
+            for x, y, half in ((self.x, self.y, 0.0), (self.to_x, self.to_y, math.pi))
+            for turn in turns
+        )
+
+    def check(self, name, arena):
+        """It has a size, and both ends are inside the walls."""
+        require(self.radius > 0, f"{name}.radius", self.radius, "more than 0 m")
+        for x, y in ((self.x, self.y), (self.to_x, self.to_y)):
+            inside = arena.x_min <= x <= arena.x_max and arena.y_min <= y <= arena.y_max
+            require(inside, f"{name} end", (x, y), "inside the walls; move it")
+
+
+def _cross(ax, ay, bx, by):
+    return ax * by - ay * bx

@@ -1,0 +1,114 @@
+"""What `docs/extending.md` promises: a new kind of obstacle and a new observation are a short file and a line each."""
+
+import inspect
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import make_network
+from apollonius.agents.pool import solo
+from apollonius.agents.shield import shielded
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.arenas.survey import survey
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.polygon import Polygon
+from apollonius.game.types import RobotState, Role
+from apollonius.observe import registry
+from apollonius.observe.view import look
+from apollonius.playout import play_at_once
+from apollonius.show.canvas import Canvas
+from apollonius.show.palette import OBSTACLE
+from tests import bearing, capsule
+from tests.bearing import BEARING
+from tests.capsule import Capsule
+
+DOCUMENT = Path(__file__).parents[1] / "docs" / "extending.md"
+
+
+class WithCapsules(Arena):
+    """The line in `Arena`, which a test cannot write there."""
+
+    capsules: tuple[Capsule, ...] = ()
+
+
+WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
+
+
+@pytest.mark.parametrize("module", [capsule, bearing])
+def test_each_is_one_short_file_which_the_document_shows(module):
+    source = inspect.getsource(module)
+    assert len(source.splitlines()) <= 80
+    assert source in DOCUMENT.read_text()
+
+
+def robot(x, y, v=0.0, heading=0.0):
+    return RobotState(*map(jnp.float32, (x, y, v, heading)))
+
+
+def test_a_new_obstacle_is_as_far_away_as_its_points():
+    arena = WithCapsules(-90.0, 90.0, -90.0, 90.0, capsules=(WALL,))
+    line = np.linspace([WALL.x, WALL.y], [WALL.to_x, WALL.to_y], 2000)
+    rng = np.random.default_rng(0)
+    along = jax.jit(arena.clearance_along)
+    for ends in rng.uniform(2, 8, (40, 4)):
+        step = np.linspace(ends[:2], ends[2:], 200)
+        apart = np.hypot(*(step[:, None] - line[None]).transpose(2, 0, 1)).min() - WALL.radius
+        assert float(along(robot(*ends[:2]), robot(*ends[2:]))) == pytest.approx(apart, abs=0.02)
+
+
+def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
+    game = Game(arena=WithCapsules(capsules=(WALL,)), max_steps=60)
+    assert game.arena.hits_obstacle(robot(5.0, 5.0), robot(5.0, 6.0), 0.0)
+    assert not game.arena.hits_obstacle(robot(5.0, 4.0), robot(5.0, 4.5), 0.3)
+    states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
+    line = np.linspace([WALL.x, WALL.y], [WALL.to_x, WALL.to_y], 500)
+    places = np.stack([states.pursuer.x, states.pursuer.y], axis=1)
+    assert np.hypot(*(places[:, None] - line[None]).transpose(2, 0, 1)).min() >= 0.3 + 0.3 - 1e-4
+    found = survey(game)
+    assert found.blocked.mean() == pytest.approx((np.hypot(4, 1) * 0.6 + np.pi * 0.09) / 100, rel=0.05)
+    assert found.wrong == ()
+    red, green, blue = (int(OBSTACLE[first : first + 2], 16) for first in (1, 3, 5))
+    pixels = np.array(Canvas(game).picture()).reshape(-1, 3)
+    assert (pixels == (red, green, blue)).all(axis=1).mean() > 0.015
+    player = shielded(Greedy(make_network("encoded", 4, 1, jax.random.key(0))), game, Role.PURSUER)
+    blocked = look(
+        game, type(states).of_two(robot(5.0, 4.3, 1.2, np.pi / 2), robot(9.0, 9.0), jnp.int32(0)), Role.PURSUER
+    )
+    assert int(player(blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
+
+
+def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it():
+    arena = from_dict(WithCapsules, {"capsules": [{"x": 3, "y": 5, "to_x": 7, "to_y": 6, "radius": 0.3}]}, "a file")
+    assert arena.capsules == (WALL,)
+    assert to_dict(arena)["capsules"] == [{"x": 3.0, "y": 5.0, "to_x": 7.0, "to_y": 6.0, "radius": 0.3}]
+    with pytest.raises(InvalidInput, match="obstacles = Capsule is not possible: it must be discs"):
+        arena.require_only((Disc, Polygon), "discs and polygons")
+    with pytest.raises(InvalidInput, match=r"arena.capsules\[0\] end = \(30.0, 5.0\)"):
+        Game(arena=WithCapsules(capsules=(replace(WALL, x=30.0),)))
+
+
+def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
+    monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)
+    game = Game(arena=Arena(discs=(Disc(7.0, 5.0, 0.5),)), max_steps=20)
+    state = type(game.reset(jax.random.key(0))).of_two(
+        robot(5.0, 5.0, 0.6, np.pi / 2), robot(5.0, 7.0, 0.0, 0.0), jnp.int32(0)
+    )
+    np.testing.assert_allclose(BEARING(look(game, state, Role.PURSUER)), [0.0, 1.0, 0.0, 0.2, 1.0, 1.0], atol=1e-5)
+    network = make_network("bearing", 8, 2, jax.random.key(0))
+    save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "agent.safetensors")
+    read = load_agent(tmp_path / "agent.safetensors").network
+    assert read.observation == BEARING
+    assert read.layers[0].in_features == 6
+    starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 4)
+    player = Greedy(make_network("encoded", 8, 2, jax.random.key(1)))
+    results = play_at_once(game, BySide(solo(Greedy(read)), solo(player)), starts, jax.random.key(1))
+    assert int(results.outcome.min()) > 0
