@@ -13,6 +13,7 @@ from apollonius.agents.store import save_agent as save_agent
 from apollonius.catalogue import find_player as find_player
 from apollonius.evaluate.card import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
+from apollonius.evaluate.match import MatchResult as MatchResult
 from apollonius.evaluate.match import StartFilter as StartFilter
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game

@@ -1,6 +1,6 @@
 """Fig. 6: agents of the curriculum against agents of self-play from scratch."""
 
-from apollonius.evaluate.match import MatchResult
+from apollonius import MatchResult
 from apollonius.reproduce.claims import Claim, rate_claim
 from apollonius.reproduce.finding import Finding, mean_shares, outcome_table, win_count
 from apollonius.reproduce.study import Study

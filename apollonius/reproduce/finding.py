@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from apollonius import MatchResult
 from apollonius.document import write_atomically
-from apollonius.evaluate.match import MatchResult
 from apollonius.reproduce.claims import Claim
 from apollonius.show.markdown import markdown_table
 

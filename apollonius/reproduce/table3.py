@@ -1,6 +1,6 @@
 """Table III: against the evader of self-play from scratch."""
 
-from apollonius.evaluate.match import MatchResult
+from apollonius import MatchResult
 from apollonius.evaluate.paper import TABLE_3
 from apollonius.reproduce.claims import Claim, difference_claim
 from apollonius.reproduce.finding import Finding, as_data, beside_the_paper

@@ -87,7 +87,7 @@ def test_trainings_without_a_pair_to_go_on_from_or_without_disturbance_are_refus
 
 def test_a_match_is_kept_once_for_those_who_played_it(tmp_path):
     pytest.importorskip("mujoco")
-    game = make_game("paper")
+    game = replace(make_game("paper"), max_steps=30)
     pursuer, still, flee = (
         find_player(name, role, game)
         for name, role in (("pure-pursuit", Role.PURSUER), ("still", Role.EVADER), ("flee", Role.EVADER))
