@@ -112,3 +112,8 @@ def entrants(others: BySide[tuple[str, ...]], runs: Mapping[str, Path]) -> BySid
         return {name: name for name in others[role]} | {run: str(agent_file(runs[run], LAST[role])) for run in runs}
 
     return ROLES.map(of_side)
+
+
+def as_data(found: Mapping[tuple[str, str], Any]) -> dict[str, Any]:
+    """Matches by pursuer and evader, as JSON-like data."""
+    return {"matches": [{"pursuer": names[0], "evader": names[1], **match.to_dict()} for names, match in found.items()]}

@@ -6,23 +6,31 @@ trains what is missing there, one process on every core, then judges what is not
 `schemes.md` and `schemes.png`. Stopped or killed at any point, the same command goes on where it was.
 """
 
+import json
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+
 from apollonius.errors import exit_status
 from apollonius.evaluate.round_robin import RoundRobin
+from apollonius.evaluate.tournament import Tournament
+from apollonius.game.by_side import BySide
+from apollonius.game.types import ROLES, Role
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.scheme import OpponentConfig, Scheme
 from apollonius.reproduce.finding import Finding
+from apollonius.show import style
+from apollonius.show.curves import draw_lines
+from apollonius.show.markdown import markdown_table, mean_over_seeds
 from studies import driver, judgement
-from studies.judgement import Effort, judge_run
-from studies.scheme_report import find
+from studies.judgement import Effort, Judgement, judge, judge_run, judged
 
 SCHEMES: tuple[Scheme, ...] = get_args(Scheme)
 RATING_SEED = 2
@@ -32,6 +40,29 @@ SHORT = DQNConfig(averaging=1e-3, games=256)
 half the games, seats can be drawn anew twice as often and still let every game come to its end."""
 GENTLE = replace(SHORT, learning_rate=1e-4)
 """The same for agents that are good already, which larger steps would first spoil."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured of a run.
+
+    Attributes:
+        seconds: of its training.
+        judgements: of either side's agents, by the percentage of self-play at which each was kept.
+        elo: of either side's last agent, and the reach of its 95 % interval.
+    """
+
+    seconds: float
+    judgements: BySide[dict[int, Judgement]]
+    elo: BySide[tuple[float, float]]
+
+    def losses(self, role: Role) -> list[float]:
+        """How much a side loses at least, as self-play goes on [%]."""
+        return [100 * judgement.most for judgement in self.judgements[role].values()]
+
+
+Measurements = Mapping[str, Sequence[Measured]]
+"""The runs of each scheme, one for each seed."""
 
 
 def run_config(
@@ -105,7 +136,66 @@ class Schemes(driver.AbstractStudy):
 
     def finding(self) -> Finding:
         """A table and, if any earlier agents were judged, a figure."""
-        return find(self.out, self.runs, self.effort, self.matches.tournament())
+        schemes = measure(self.runs, self.effort, self.matches.tournament())
+        curves = any(len(run.losses(Role.PURSUER)) > 1 for runs in schemes.values() for run in runs)
+        if curves:
+            draw(schemes, self.out / "schemes.png", self.env_steps)
+        settings = {"env_steps": self.env_steps, **asdict(self.effort), "rating_games": self.rating_games}
+        rows = {name: [asdict(run) for run in runs] for name, runs in schemes.items()}
+        data, pictures = {"settings": settings, "schemes": rows}, ("schemes.png",) if curves else ()
+        return Finding("Schemes of self-play", table(schemes), pictures, data=data)
+
+
+def measure(runs: Mapping[str, Path], effort: Effort, played: Tournament) -> Measurements:
+    """All that was measured, by scheme.
+
+    Args:
+        runs: by name, SCHEME/seed-N, folders of runs that were judged.
+        played: the tournament of their last agents.
+    """
+    ratings: dict[str, dict[str, dict[str, float]]] = played.to_dict()["ratings"]
+    schemes: dict[str, list[Measured]] = {}
+    for name, run in runs.items():
+        *_, last_line = (run / "metrics.jsonl").read_text().splitlines()
+        judgements = ROLES.map(lambda role, run=run: {at: judge(run, role, at, effort) for at in judged(run, role)})
+        rated = BySide(ratings["pursuers"][name], ratings["evaders"][name])
+        elo = rated.map(lambda row: (row["elo"], row["high"] - row["elo"]))
+        schemes.setdefault(name.split("/")[0], []).append(Measured(json.loads(last_line)["seconds"], judgements, elo))
+    return schemes
+
+
+def table(schemes: Measurements) -> str:
+    """A row for each scheme: means over seeds, and how far 95 % intervals reach (Student's t over seeds)."""
+    wins = [(Role.PURSUER, name, f"pursuer wins against {name}") for name in judgement.ZOO.evader]
+    wins += [(Role.EVADER, name, f"evader unbeaten by {name}") for name in judgement.ZOO.pursuer]
+    head = ["scheme", "pursuer loses at least", "evader loses at least", "pursuer's Elo", "evader's Elo"]
+    lines: list[list[str]] = []
+    for scheme, runs in schemes.items():
+        cells = [scheme, *(_share(runs, role, lambda agent: agent.most) for role in Role)]
+        cells += [mean_over_seeds([run.elo[role][0] for run in runs], "{:.0f}") for role in Role]
+        cells += [_share(runs, role, lambda agent, name=name: 1 - agent.against[name].rate) for role, name, _ in wins]
+        lines.append([*cells, mean_over_seeds([run.seconds / 60 for run in runs], "{:.1f}")])
+    return markdown_table([*head, *(words for *_, words in wins), "minutes"], lines)
+
+
+def _share(runs: Sequence[Measured], role: Role, rate: Callable[[Judgement], float]) -> str:
+    return mean_over_seeds([100 * rate(run.judgements[role][100]) for run in runs], "{:.1f}") + " %"
+
+
+def draw(schemes: Measurements, path: Path, env_steps: int) -> None:
+    """Both sides' losses against env steps, a line for each scheme: the mean over the seeds that have a curve."""
+    with style.picture(path, columns=2, width=5.2, height=3.4) as panels:
+        for axes, role in zip(panels, Role, strict=True):
+            lines = {}
+            for scheme, runs in schemes.items():
+                curves = [run for run in runs if len(run.losses(role)) > 1]
+                if curves:
+                    steps = [env_steps * percent / 100 for percent in curves[0].judgements[role]]
+                    lines[scheme] = (steps, np.mean([run.losses(role) for run in curves], axis=0).tolist())
+            draw_lines(axes, lines)
+            axes.set_title(f"how much the {role.name.lower()} loses at least [% of games]")
+            axes.set_xlabel("env steps")
+        panels[-1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))  # beside the lines, which fill the panel
 
 
 main = partial(driver.main, Schemes)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,12 +10,12 @@ from apollonius.bodies.comparison import Comparison, Difference, Error
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_config
-from studies.robust import Robust, kept_comparison
-from studies.robust_report import find, gap_table, outcomes, seeds_of, tracking
+from studies.robust import Robust, gap_table, kept_comparison, outcomes, seeds_of, tracking
 from tests.studies.matches import NO_MATCH
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "robust.toml"
@@ -103,6 +104,8 @@ def test_a_match_is_kept_once_for_those_who_played_it(tmp_path):
         with pytest.raises(InvalidInput, match="is of other players, rules, games or starts"):
             kept_comparison(tmp_path, replace(match, **other))
     pairs = [("P", "E"), ("P", "s"), ("s", "E"), ("s", "s"), ("x", "E"), ("x", "y"), ("s", "y"), ("x", "s"), ("P", "y")]
-    found = find(dict.fromkeys(pairs, comparison), ["P", "x"], ["E", "y"])
+    played = SimpleNamespace(results=lambda: dict.fromkeys(pairs, comparison))
+    study = type("Played", (Robust,), {"matches": played, "others": BySide(("P", "x"), ("E", "y"))})
+    found = study(out=tmp_path).finding()
     assert found.text.count("\n\n") == 3 - 1
     assert len(found.data["matches"]) == len(pairs)

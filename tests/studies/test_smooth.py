@@ -12,7 +12,7 @@ from apollonius.evaluate.round_robin import RoundRobin, play_row
 from apollonius.game.by_side import BySide
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from studies import smooth
-from studies.smooth_report import CONTINUOUS, DISCRETE, comparison, find, kind_of, pairings, table, turn_rates
+from studies.smooth import CONTINUOUS, DISCRETE, comparison, kind_of, pairings, table, turn_rates
 from tests.studies.matches import NO_MATCH
 
 
@@ -144,7 +144,7 @@ def test_matches_that_were_stopped_go_on_and_results_are_written(tmp_path):
     # A discrete agent under a continuous name draws the figure as well.
     names = dict.fromkeys(("discrete seed-0", "continuous seed-0"), "P_stage1")
     both = replace(everyone, entrants=BySide(names, dict.fromkeys(names, "still")))
-    found = find(tmp_path, both)
+    found = type("Played", (smooth.Smooth,), {"matches": both})(out=tmp_path).finding()
     assert len(found.data["matches"]) == 4
     assert (tmp_path / found.pictures[0]).stat().st_size > 10_000
 
