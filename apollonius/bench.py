@@ -19,15 +19,15 @@ from apollonius.agents.uniform import Uniform
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState
+from apollonius.game.types import GameState, Role
 from apollonius.learn import dqn
 from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.replay import Batch
+from apollonius.learn.replay_buffer import Batch
 from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan
+from apollonius.learn.train_state import Plan
+from apollonius.learn.train_step import play_and_learn
 from apollonius.limits import BENCHED_GAMES
 from apollonius.observe.registry import find_observation
 from apollonius.playout import Report
@@ -107,15 +107,15 @@ def bench_train(
     """
     game, key = make_game("paper"), jax.random.key(0)
     if stage == "self-play":
-        plan, evader, sides = Plan(config, SelfPlayConfig(env_steps=10**9)), None, 2
-        state = start_self_play(plan, game, key, None)
+        plan, fixed, sides = Plan(config, SelfPlayConfig(env_steps=10**9)), {}, 2
+        state = start_self_play(plan, game, key, BySide(None, None))
     else:
-        plan, evader, sides = Plan(config, StageConfig(env_steps=10**9)), solo(Still()), 1
-        state = start_fixed_target(plan, game, key, evader)
+        plan, fixed, sides = Plan(config, StageConfig(env_steps=10**9)), {Role.EVADER: solo(Still())}, 1
+        state = start_fixed_target(plan, game, key, fixed[Role.EVADER])
 
     def run(repeat: int) -> Any:
         nonlocal state
-        state, metrics = play_and_learn(plan, game, state, None, evader)
+        state, metrics = play_and_learn(plan, game, state, fixed)
         return metrics
 
     while int(state.env_steps) < config.learning_starts:
@@ -155,8 +155,8 @@ def _bare_updates(config: DQNConfig) -> Callable[[int], Any]:
     batches = jax.vmap(Batch)(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
 
     @jax.jit
-    def run(learner: dqn.Learner) -> dqn.Learner:
-        def update(learner: dqn.Learner, step: Int[Array, ""]) -> tuple[dqn.Learner, None]:
+    def run(learner: dqn.DQNLearner) -> dqn.DQNLearner:
+        def update(learner: dqn.DQNLearner, step: Int[Array, ""]) -> tuple[dqn.DQNLearner, None]:
             batch = jax.tree.map(lambda leaf: leaf[step % _BARE_BATCHES], batches)
             return dqn.update(learner, batch, jnp.asarray(1e-4), config)[0], None
 

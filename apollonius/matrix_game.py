@@ -1,7 +1,6 @@
 """Matrix games: one side picks a row to raise the payoff, the other a column to lower it, both at once."""
 
 from dataclasses import dataclass
-from math import log, sqrt
 
 import numpy as np
 import scipy  # its parts are loaded where they are used
@@ -57,32 +56,6 @@ def _solve(
     )
     mixture = np.maximum(answer.x[:own], 0.0)
     return mixture / mixture.sum()
-
-
-def hedge(payoff: Float[np.ndarray, "rows columns"], rounds: int = 1000) -> Equilibrium:
-    """The mixtures that both sides play on average when either learns by Hedge against the other.
-
-    In each round a side plays every option with a weight that has grown by exp(step * payoff) with each round before
-    (Freund and Schapire, "Adaptive game playing using multiplicative weights", 1999). With the step sqrt(8 ln n / T) of
-    n options in T rounds both together gain at most sqrt(ln n / 2T) + sqrt(ln m / 2T) by leaving, for payoffs within a
-    range of 1. Unlike the minimax mixture, it leaves some weight on all but the worst.
-    """
-    steps = [sqrt(8 * log(max(2, options)) / rounds) for options in payoff.shape]
-    gains = [np.zeros(options) for options in payoff.shape]
-    sums = [np.zeros(options) for options in payoff.shape]
-    for _ in range(rounds):
-        rows, columns = (_softmax(step * gain) for step, gain in zip(steps, gains, strict=True))
-        sums[0] += rows
-        sums[1] += columns
-        gains[0] += payoff @ columns
-        gains[1] -= rows @ payoff
-    rows, columns = (total / total.sum() for total in sums)
-    return Equilibrium(rows, columns, float(rows @ payoff @ columns))
-
-
-def _softmax(logits: Float[np.ndarray, " options"]) -> Float[np.ndarray, " options"]:
-    weights = np.exp(logits - logits.max())
-    return weights / weights.sum()
 
 
 def broadest_equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:

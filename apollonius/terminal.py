@@ -25,7 +25,7 @@ def training_notes(progress: "Progress") -> dict[str, str]:
         "exploring games": _shares(progress.outcomes),
     }
     if progress.evaluation:
-        notes["greedy games"] = _shares(progress.evaluation["outcomes"])
+        notes["greedy games"] = _shares(progress.evaluation.outcomes)
     return notes
 
 

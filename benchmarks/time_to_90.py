@@ -33,8 +33,8 @@ from apollonius.game.types import Role
 from apollonius.learn.config import StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import PROFILES
-from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan
+from apollonius.learn.train_state import Plan
+from apollonius.learn.train_step import play_and_learn
 
 STAGE = StageConfig(env_steps=6_000_000)
 GOAL = 0.90
@@ -59,15 +59,17 @@ def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
     def start(seed: int) -> object:
         return start_fixed_target(plan, game, jax.random.key(seed), still)
 
-    jax.block_until_ready(play_and_learn(plan, game, start(seed + 1), None, still))  # compiled once, and thrown away
+    jax.block_until_ready(
+        play_and_learn(plan, game, start(seed + 1), {Role.EVADER: still})
+    )  # compiled once, and thrown away
     state, spent = start(seed), 0.0
     for chunk in range(1, plan.chunks + 1):
         began = time.process_time()
-        state, metrics = play_and_learn(plan, game, state, None, still)
+        state, metrics = play_and_learn(plan, game, state, fixed)
         jax.block_until_ready(metrics)
         spent += time.process_time() - began
         if chunk * LOOKS % plan.chunks < LOOKS:
-            yield spent, int(state.env_steps), judge(state.pursuer.learner.average)
+            yield spent, int(state.env_steps), judge(state.learners[Role.PURSUER].learner.average)
 
 
 def stable_baselines_curve(seed: int, seconds: float) -> list[tuple[float, int, float]]:

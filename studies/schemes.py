@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
@@ -24,7 +23,8 @@ from apollonius.game.types import ROLES, Role
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.scheme import OpponentConfig, Scheme
+from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents.schemes import SCHEMES
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style
 from apollonius.show.curves import draw_lines
@@ -32,7 +32,6 @@ from apollonius.show.markdown import markdown_table, mean_over_seeds
 from studies import driver, judgement
 from studies.judgement import Effort, Judgement, judge, judge_run, judged
 
-SCHEMES: tuple[Scheme, ...] = get_args(Scheme)
 RATING_SEED = 2
 """Of the starts in the tournament of all last agents."""
 SHORT = DQNConfig(averaging=1e-3, games=256)
@@ -66,7 +65,7 @@ Measurements = Mapping[str, Sequence[Measured]]
 
 
 def run_config(
-    scheme: Scheme, seed: int, env_steps: int, pursuer: str = "P_stage1", evader: str | None = None
+    scheme: str, seed: int, env_steps: int, pursuer: str = "P_stage1", evader: str | None = None
 ) -> RunConfig:
     """Self-play that goes on from a pursuer and, if it is given, from an evader. Both agents are kept six times."""
     stage = SelfPlayConfig(
@@ -86,7 +85,7 @@ class Schemes(driver.AbstractStudy):
     """Runs of self-play, one for each scheme and seed, and how thoroughly they are judged."""
 
     name = "schemes"
-    schemes: Sequence[Scheme] = driver.option(SCHEMES, type=str, nargs="+", choices=SCHEMES, metavar="SCHEME")
+    schemes: Sequence[str] = driver.option(SCHEMES, type=str, nargs="+", choices=SCHEMES, metavar="SCHEME")
     seeds: int = driver.option(3)
     env_steps: int = driver.option(4_000_000, help="length of each training")
     pursuer: str = driver.option("P_stage1", help="whom pursuers go on from (default: %(default)s)")

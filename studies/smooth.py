@@ -25,7 +25,7 @@ from apollonius.game.types import Outcome, Role
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.replay import BothActions, Trajectory
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style

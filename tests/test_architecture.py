@@ -196,7 +196,7 @@ def test_good_imports_pass(module, source):
         ("apollonius.game.arena", "if TYPE_CHECKING:\n    from apollonius.learn import dqn", "against the arrow"),
         ("apollonius.game.arena", "from ..agents.policy import Pool", "against the arrow"),
         ("apollonius.learn.stage", "from apollonius.evaluate.match import play_match", "against the arrow"),
-        ("apollonius.evaluate.match", "from apollonius.learn.state import Plan", "against the arrow"),
+        ("apollonius.evaluate.match", "from apollonius.learn.train_state import Plan", "against the arrow"),
         ("apollonius.solve.grid", "from apollonius.rollout import collect", "against the arrow"),
         ("apollonius.show.canvas", "from apollonius.adapters.view import View", "against the arrow"),
         ("apollonius.agents.trained", "from apollonius.zoo import champion", "against the arrow"),

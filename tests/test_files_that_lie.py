@@ -28,14 +28,13 @@ from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
-from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
+from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
 from apollonius.replay import Replay, load_replay, save_replay
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 
 GAME = make_game("paper")
 STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
-EVALUATION = {"env_steps": 8, "episodes": 2, "outcomes": {}}
-STAND = {"stage": "self-play", "chunks": 3, "seconds": 1.5, "best": None, "evaluation": EVALUATION, "metrics_bytes": 9}
+STAND = Stand("self-play", 3, 1.5, None, Evaluation(8, 2, {}), 9)
 
 
 def write_agent(path):
@@ -70,7 +69,7 @@ def write_map(path):
 
 
 def read_checkpoint(path):
-    return load_progress(path), load_checkpoint(path, STATE)
+    return load_stand(path), load_checkpoint(path, STATE)
 
 
 KINDS: dict[str, tuple[Any, Any, str]] = {

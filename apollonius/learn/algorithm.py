@@ -10,19 +10,25 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import GaussianActor, Network, QNetwork
 from apollonius.errors import require
-from apollonius.game.types import Scalar
+from apollonius.game.types import Real, Scalar
 from apollonius.learn import dqn, sac
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
-from apollonius.learn.replay import CONTINUOUS, DISCRETE, Batch
-from apollonius.learn.schedule import linear
+from apollonius.learn.replay_buffer import CONTINUOUS, DISCRETE, Batch
 
-Learner = dqn.Learner | sac.Learner
+Learner = dqn.DQNLearner | sac.SACLearner
 """One side's networks and optimisers. All have `network`, which plays while it learns, `average`, which plays when it
 counts, and `updates`, their number so far."""
 
 
+def linear(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
+    """From `start` to `end` in a straight line over the first `over` env steps, then constant."""
+    fraction = jnp.clip(env_steps.astype(jnp.float32) / jnp.maximum(over, 1), 0.0, 1.0)
+    value: Real = start + (end - start) * fraction
+    return value
+
+
 @dataclass(frozen=True)
-class Moment:
+class UpdateContext:
     """Where in a stage an update is made.
 
     Attributes:
@@ -35,7 +41,7 @@ class Moment:
     stage: int
     across: str | None = None
 
-    def between(self, first: float, last: float) -> Scalar:
+    def between(self, first: Real, last: Real) -> Scalar:
         """What goes from the first number to the last one, in a straight line over the stage."""
         return linear(first, last, self.stage, self.env_steps)
 
@@ -49,7 +55,6 @@ class Algorithm:
         action: shape and number type of its actions.
         init: a learner from scratch. The key is consumed.
         start_from: a learner that goes on from a network, which is copied. The key is consumed.
-        branch: a learner that goes on from what another plays when it counts.
         update: a learner after one update from a batch, and its loss. The key is consumed.
         after_updates: a learner at the end of an iteration.
         exploration: how much an agent explores that begins with a given share of random actions.
@@ -60,8 +65,7 @@ class Algorithm:
     action: jax.ShapeDtypeStruct
     init: Callable[[Any, PRNGKeyArray], Learner]
     start_from: Callable[[Any, Any, PRNGKeyArray], Learner]
-    branch: Callable[[Any], Learner]
-    update: Callable[[Any, Batch, PRNGKeyArray, Any, Moment], tuple[Learner, Scalar]]
+    update: Callable[[Any, Batch, PRNGKeyArray, Any, UpdateContext], tuple[Learner, Scalar]]
     after_updates: Callable[[Any, Any, Int[Array, ""]], Learner]
     exploration: Callable[[Any, float, int, Int[Array, ""]], Scalar]
     noise_steps: Callable[[Any], int]
@@ -90,22 +94,22 @@ def require_fitting(network: Network, config: LearnerConfig, name: str, value: o
 
 
 def _update_values(
-    learner: dqn.Learner, batch: Batch, key: PRNGKeyArray, config: DQNConfig, moment: Moment
-) -> tuple[dqn.Learner, Scalar]:
-    rate = moment.between(config.learning_rate, config.final_learning_rate)
-    return dqn.update(learner, batch, rate, config, moment.across)
+    learner: dqn.DQNLearner, batch: Batch, key: PRNGKeyArray, config: DQNConfig, context: UpdateContext
+) -> tuple[dqn.DQNLearner, Scalar]:
+    rate = context.between(config.learning_rate, config.final_learning_rate)
+    return dqn.update(learner, batch, rate, config, context.across)
 
 
-def _copy_when_due(learner: dqn.Learner, config: DQNConfig, env_steps: Int[Array, ""]) -> dqn.Learner:
+def _copy_when_due(learner: dqn.DQNLearner, config: DQNConfig, env_steps: Int[Array, ""]) -> dqn.DQNLearner:
     due = env_steps // config.target_period > (env_steps - config.env_steps_per_iteration) // config.target_period
     return dqn.copy_to_target(learner, due)
 
 
 def _update_actor(
-    learner: sac.Learner, batch: Batch, key: PRNGKeyArray, config: SACConfig, moment: Moment
-) -> tuple[sac.Learner, Scalar]:
-    rate = moment.between(config.learning_rate, config.final_learning_rate)
-    return sac.update(learner, batch, key, rate, config, moment.across)
+    learner: sac.SACLearner, batch: Batch, key: PRNGKeyArray, config: SACConfig, context: UpdateContext
+) -> tuple[sac.SACLearner, Scalar]:
+    rate = context.between(config.learning_rate, config.final_learning_rate)
+    return sac.update(learner, batch, key, rate, config, context.across)
 
 
 ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
@@ -114,7 +118,6 @@ ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
         action=DISCRETE,
         init=dqn.init,
         start_from=lambda config, network, key: dqn.start_from(network),
-        branch=lambda learner: dqn.start_from(learner.average),
         update=_update_values,
         after_updates=_copy_when_due,
         exploration=lambda config, first, stage, env_steps: linear(
@@ -127,7 +130,6 @@ ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {
         action=CONTINUOUS,
         init=sac.init,
         start_from=sac.start_from,
-        branch=sac.branch,
         update=_update_actor,
         after_updates=lambda learner, config, env_steps: learner,
         exploration=lambda config, first, stage, env_steps: jnp.ones(()),

@@ -1,7 +1,7 @@
 """The whole training state as one safetensors file: written atomically, read back to the last bit."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,24 +17,14 @@ from apollonius.errors import InvalidInput, require
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import Outcome
 
-FORMAT = "apollonius-checkpoint-1"
+FORMAT = "apollonius-checkpoint-2"
 T = TypeVar("T")
 _OUTCOMES = tuple(counts_by_name(np.zeros(len(Outcome), int)))
 
 
-def save_checkpoint(path: Path, state: Any, progress: dict[str, Any]) -> None:
-    """Write a pytree of arrays and keys, and a JSON-like record, so that a crash leaves the old file or the new one.
-
-    Raises:
-        OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-    """
-    arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
-    write_atomically(path, save(arrays, {FORMAT: json.dumps(progress)}))
-
-
 @dataclass(frozen=True)
 class Evaluation:
-    """What a greedy evaluation found, as a checkpoint keeps it."""
+    """What a greedy evaluation found: how many games had which outcome."""
 
     env_steps: int
     episodes: int
@@ -46,15 +36,15 @@ class Stand:
     """Where a run stands: the record of a checkpoint."""
 
     stage: str
-    chunks: int
+    chunks: int = 0
     """Chunks done of the stage."""
-    seconds: float
+    seconds: float = 0.0
     """Time they took."""
-    best: Evaluation | None
+    best: Evaluation | None = None
     """Of the best pursuer so far."""
-    evaluation: Evaluation | None
+    evaluation: Evaluation | None = None
     """The latest."""
-    metrics_bytes: int
+    metrics_bytes: int = 0
     """Size of `metrics.jsonl`."""
 
     def __post_init__(self) -> None:
@@ -66,8 +56,18 @@ class Stand:
             require(set(counts) in (set(), set(_OUTCOMES)), "outcomes", ", ".join(counts), ", ".join(_OUTCOMES))
 
 
-def load_progress(path: Path) -> dict[str, Any]:
-    """The record saved with a checkpoint, a `Stand` as a dictionary.
+def save_checkpoint(path: Path, state: Any, stand: Stand) -> None:
+    """Write a pytree of arrays and keys, and where the run stands, so that a crash leaves the old file or the new one.
+
+    Raises:
+        OSError: when the disk is full or read-only; the previous checkpoint is untouched.
+    """
+    arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
+    write_atomically(path, save(arrays, {FORMAT: json.dumps(asdict(stand))}))
+
+
+def load_stand(path: Path) -> Stand:
+    """Where the run of a checkpoint stands.
 
     Raises:
         InvalidInput: for a missing, truncated or foreign file, and a record that cannot be.
@@ -79,8 +79,7 @@ def load_progress(path: Path) -> dict[str, Any]:
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    from_dict(Stand, record, f"the record of '{path}'")
-    return record
+    return from_dict(Stand, record, f"the record of '{path}'")
 
 
 def load_checkpoint(path: Path, template: T) -> T:

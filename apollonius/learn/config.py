@@ -6,10 +6,11 @@ from typing import Literal
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.errors import require, require_positive
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
-from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.limits import GAMES, SEED
 
 
@@ -42,6 +43,11 @@ class StageConfig:
             require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
         for name in ("pursuer_epsilon", "evader_epsilon"):
             require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
+
+    @property
+    def epsilon(self) -> BySide[float]:
+        """Share of random actions of either side when the stage begins, if it learns."""
+        return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
     def rewarded(self, game: Game) -> Game:
         """The game with this stage's own weights; only rewards differ, so the judge need not know."""
@@ -98,15 +104,19 @@ class RunConfig:
     """Agent that the pursuer of a lone stage goes on from; None is from scratch."""
     evader: str | None = None
     """Agent that the evader of a lone self-play goes on from; None is from scratch, as in Algorithm 2."""
+    devices: int = 1
+    """Devices that share the training, of all processes together: as many updates of as many transitions as on one,
+    with other random numbers."""
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
+        require_positive(self, "devices")
         past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
         longest = games * self.game.max_steps
         require(
-            past.renewal >= longest or not past.keeps_records, "renewal", past.renewal,
+            past.renewal >= longest or not past.rule.keeps_records, "renewal", past.renewal,
             f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end",
         )  # fmt: skip
         require(
@@ -121,6 +131,11 @@ class RunConfig:
             self.evaders == ("still",) or self.stages == "fixed-target", "evaders", ", ".join(self.evaders),
             "left out unless stages is 'fixed-target': the pursuer of the curriculum begins with one that stays",
         )  # fmt: skip
+
+    @property
+    def first(self) -> BySide[str | None]:
+        """The agents that the sides go on from."""
+        return BySide(self.pursuer, self.evader)
 
     @property
     def learner(self) -> LearnerConfig:

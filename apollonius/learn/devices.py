@@ -1,132 +1,135 @@
-"""One self-play on several devices, or on several hosts: each has its share of the games, and they learn as one.
+"""One training on several devices, or on several hosts: each has its share of the games, and they learn as one.
 
 Every device plays and remembers its own games and draws its own batches. All take the same step, that of the mean of
-their gradients, so that their networks stay the same; what is counted over games is added up. With `jax.distributed`
-the devices may be those of several processes or hosts, each of which calls the same functions.
+their gradients, so that their networks stay the same; what is counted over games is added up. Their states lie side by
+side on a leading axis. With `jax.distributed` the devices may be those of several processes or hosts, each of which
+calls the same functions.
 """
 
-import functools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
-from jaxtyping import PRNGKeyArray
+from jax.experimental import multihost_utils
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Int
 
-from apollonius.agents.network import Network
 from apollonius.errors import require
-from apollonius.game.game import Game
-from apollonius.learn import opponents
 from apollonius.learn.config import SelfPlayConfig
-from apollonius.learn.renewal import admit, mixtures_of, reseat
-from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import Metrics, play_and_learn
-from apollonius.learn.state import DEVICES, Learning, Plan, TrainState
+from apollonius.learn.train_state import DEVICE_AXIS, Plan
 
 T = TypeVar("T")
-_EACH, _ALL = PartitionSpec(DEVICES), PartitionSpec()
+_EACH, _ALL = PartitionSpec(DEVICE_AXIS), PartitionSpec()
 _SHARES = ("games", "batch", "env_steps_per_update", "replay_capacity", "learning_starts", "target_period")
 """What of a stage is counted in games, transitions or env steps, and shared out between devices."""
-
-
-def all_devices() -> Mesh:
-    """The devices of all processes in a row."""
-    return Mesh(np.array(jax.devices()), (DEVICES,))
 
 
 def share(plan: Plan, devices: int) -> Plan:
     """One device's share of a stage: as many updates of as many transitions in all, with 1 / devices of the games.
 
     Raises:
-        InvalidInput: when a number cannot be shared out evenly.
+        InvalidInput: when there are not so many devices, or a number cannot be shared out evenly.
     """
+    if devices == 1:
+        return plan
+    there = len(jax.devices())
+    require(devices <= there, "devices", devices, f"at most {there}, as there are here")
     shared_out = [name for name in _SHARES if hasattr(plan.learner, name)]
     for name in shared_out:
         value = getattr(plan.learner, name)
         require(value % devices == 0, name, value, f"a multiple of {devices} devices")
-    assert isinstance(plan.stage, SelfPlayConfig), "both sides learn"
-    past = plan.stage.opponents
     own = replace(plan.learner, **{name: getattr(plan.learner, name) // devices for name in shared_out})
-    enough = past.share == 0 or int(past.share * own.games) >= 2 * past.seats
-    require(
-        enough, "games", plan.learner.games, f"more, so that {past.scheme} has games for its seats on {devices} devices"
-    )
-    rarer = replace(past, renewal=max(1, past.renewal // devices))
-    stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices), opponents=rarer)
+    stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices))
+    if isinstance(stage, SelfPlayConfig):
+        past = stage.opponents
+        enough = past.share == 0 or int(past.share * own.games) >= 2 * past.seats
+        bound = f"more, so that {past.scheme} has games for its seats on {devices} devices"
+        require(enough, "games", plan.learner.games, bound)
+        stage = replace(stage, opponents=replace(past, renewal=max(1, past.renewal // devices)))
     return Plan(own, stage, devices)
 
 
-@functools.partial(jax.jit, static_argnames=("mesh", "plan"))
-def start_shared(
-    mesh: Mesh, plan: Plan, game: Game, key: PRNGKeyArray, pursuer: Network | None, evader: Network | None
-) -> TrainState:
-    """The state before the first step: that of every device, on a leading axis. Arguments as `start_self_play`, the
-    plan being one device's share.
+def on_each(plan: Plan, function: Callable[..., Any], gives_sums: bool = False) -> Callable[..., Any]:
+    """A function of one device's state and of what all devices share, called on every device.
+
+    Args:
+        function: its first argument is the state, and it returns a state.
+        gives_sums: whether it returns, besides, what is the same on all devices.
+    """
+    if plan.across is None:
+        return function
+
+    def one(state: Any, *shared: Any) -> Any:
+        given = function(_without_axis(state), *shared)
+        return (_with_axis(given[0]), given[1]) if gives_sums else _with_axis(given)
+
+    def call(state: Any, *shared: Any) -> Any:
+        inward, outward = (_EACH, *[_ALL] * len(shared)), (_EACH, _ALL) if gives_sums else _EACH
+        return jax.shard_map(one, mesh=_mesh(plan), in_specs=inward, out_specs=outward, check_vma=False)(state, *shared)
+
+    return call
+
+
+def begun(plan: Plan, start: Callable[[Int[Array, ""] | None], T]) -> T:
+    """The state that a stage starts with on every device.
+
+    Args:
+        start: makes the state of a device from its number; None where there is only one.
+    """
+    if plan.across is None:
+        return start(None)
+    one = jax.shard_map(
+        lambda: _with_axis(start(jax.lax.axis_index(DEVICE_AXIS))),
+        mesh=_mesh(plan), in_specs=(), out_specs=_EACH, check_vma=False,
+    )  # fmt: skip
+    return jax.jit(one)()
+
+
+def own_share(plan: Plan, state: T) -> T:
+    """The state of this process's first device. Its networks are those of all."""
+    return jax.tree.map(lambda leaf: leaf.addressable_shards[0].data[0], state) if plan.across else state
+
+
+def gathered(plan: Plan, state: Any) -> Any:
+    """The states of all devices where this process can read them, random keys as their numbers; every process calls
+    this.
     """
 
-    def one(game: Game, key: PRNGKeyArray, pursuer: Network | None, evader: Network | None) -> TrainState:
-        return _with_axis(start_self_play(plan, game, key, pursuer, evader, jax.lax.axis_index(DEVICES)))
+    def numbers(leaf: Any) -> Any:
+        return jax.random.key_data(leaf) if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) else leaf
 
-    return _on(mesh, one, (_ALL, _ALL, _ALL, _ALL), _EACH)(game, key, pursuer, evader)
-
-
-@functools.partial(jax.jit, static_argnames=("mesh", "plan"), donate_argnames="state")
-def play_and_learn_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState) -> tuple[TrainState, Metrics]:
-    """One chunk of a stage on every device, and the sums over all of them. The state is consumed."""
-
-    def one(game: Game, state: TrainState) -> tuple[TrainState, Metrics]:
-        before = _without_axis(state)
-        own, metrics = play_and_learn(plan, game, before, None, None)
-        own = replace(own, pursuer=_added_up(before.pursuer, own.pursuer), evader=_added_up(before.evader, own.evader))
-        summed = jax.lax.psum((metrics.outcomes, metrics.pursuer_return, metrics.evader_return), DEVICES)
-        outcomes, pursuer_return, evader_return = summed
-        return _with_axis(own), replace(
-            metrics, outcomes=outcomes, pursuer_return=pursuer_return, evader_return=evader_return
-        )
-
-    return _on(mesh, one, (_ALL, _EACH), (_EACH, _ALL))(game, state)
+    if jax.process_count() == 1:
+        return state
+    everywhere = NamedSharding(_mesh(plan), _ALL)
+    return jax.jit(lambda states: jax.tree.map(numbers, states), out_shardings=everywhere)(state)
 
 
-def _added_up(before: Learning | None, after: Learning | None) -> Learning:
-    """A side whose archive counts the games of all devices, whoever sits where."""
-    assert before is not None, "both sides learn"
-    assert after is not None, "both sides learn"
-    if before.archive is None or after.archive is None:
-        return after
-    return replace(after, archive=opponents.added_up(before.archive, after.archive, DEVICES))
+def placed(plan: Plan, state: T) -> T:
+    """States of all devices, which every process has, each on its own device."""
+    if plan.across is None:
+        return state
+    each = NamedSharding(_mesh(plan), _EACH)
+
+    def place(leaf: Any) -> Any:
+        if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+            return jax.random.wrap_key_data(place(jax.random.key_data(leaf)), impl=jax.random.key_impl(leaf))
+        numbers = np.asarray(leaf)
+        return jax.make_array_from_callback(numbers.shape, each, lambda index: numbers[index])
+
+    return jax.tree.map(place, state)
 
 
-def renew_opponents_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState) -> TrainState:
-    """`renew_opponents` on every device: the same versions enter, each draws its own seats. The state is consumed."""
-    state = _admit_shared(mesh, plan, game, state)
-    return _reseat_shared(mesh, plan, game, state, mixtures_of(plan, own_share(state)))
+def agreed(decision: bool) -> bool:
+    """What the first process decides, in all of them: they must do the same things in the same order."""
+    return decision if jax.process_count() == 1 else bool(multihost_utils.broadcast_one_to_all(np.asarray(decision)))
 
 
-@functools.partial(jax.jit, static_argnames=("mesh", "plan"), donate_argnames="state")
-def _admit_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState) -> TrainState:
-    def one(game: Game, state: TrainState) -> TrainState:
-        return _with_axis(admit(plan, game, _without_axis(state)))
-
-    return _on(mesh, one, (_ALL, _EACH), _EACH)(game, state)
-
-
-@functools.partial(jax.jit, static_argnames=("mesh", "plan"), donate_argnames="state")
-def _reseat_shared(mesh: Mesh, plan: Plan, game: Game, state: TrainState, mixtures: Any) -> TrainState:
-    def one(game: Game, state: TrainState, mixtures: Any) -> TrainState:
-        return _with_axis(reseat(plan, game, _without_axis(state), mixtures))
-
-    return _on(mesh, one, (_ALL, _EACH, _ALL), _EACH)(game, state, mixtures)
-
-
-def own_share(state: TrainState) -> TrainState:
-    """The state of this process's first device. Its networks are those of all."""
-    return jax.tree.map(lambda leaf: leaf.addressable_shards[0].data[0], state)
-
-
-def _on(mesh: Mesh, one: Callable[..., Any], inward: Any, outward: Any) -> Callable[..., Any]:
-    return jax.shard_map(one, mesh=mesh, in_specs=inward, out_specs=outward, check_vma=False)
+def _mesh(plan: Plan) -> Mesh:
+    """The devices of all processes that share a stage, in a row."""
+    return Mesh(np.array(jax.devices()[: plan.devices]), (DEVICE_AXIS,))
 
 
 def _with_axis(tree: T) -> T:

@@ -9,10 +9,10 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.agents.network import QNetwork, make_network
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.replay import Batch
+from apollonius.learn.replay_buffer import Batch
 
 
-class Learner(eqx.Module):
+class DQNLearner(eqx.Module):
     """One side's networks and optimiser. `updates` counts the updates so far.
 
     `average` is the running average of the network's weights (Polyak averaging): the one that plays when it counts.
@@ -25,16 +25,16 @@ class Learner(eqx.Module):
     updates: Int[Array, ""]
 
 
-def init(config: DQNConfig, key: PRNGKeyArray) -> Learner:
+def init(config: DQNConfig, key: PRNGKeyArray) -> DQNLearner:
     """A learner from scratch. The key is consumed."""
     return start_from(make_network(config.observation, config.width, config.depth, key))
 
 
-def start_from(network: QNetwork) -> Learner:
+def start_from(network: QNetwork) -> DQNLearner:
     """A learner that goes on from a copy of a network: its target is the network, its optimiser is fresh."""
     own, target, average = (jax.tree.map(jnp.copy, network) for _ in range(3))
     optimiser = _adam.init(eqx.filter(own, eqx.is_array))
-    return Learner(own, target, average, optimiser, jnp.zeros((), jnp.int32))
+    return DQNLearner(own, target, average, optimiser, jnp.zeros((), jnp.int32))
 
 
 _adam = optax.scale_by_adam()
@@ -65,8 +65,8 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
 
 
 def update(
-    learner: Learner, batch: Batch, learning_rate: Scalar, config: DQNConfig, across: str | None = None
-) -> tuple[Learner, Scalar]:
+    learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig, across: str | None = None
+) -> tuple[DQNLearner, Scalar]:
     """The learner after one step of Adam on a batch, and the loss before it.
 
     Args:
@@ -80,10 +80,10 @@ def update(
     average = network
     if config.averaging < 1:
         average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
-    return Learner(network, learner.target, average, optimiser, learner.updates + 1), value
+    return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1), value
 
 
-def copy_to_target(learner: Learner, due: Array) -> Learner:
+def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:
     """The learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
     target = jax.tree.map(lambda new, old: jnp.where(due, new, old), learner.network, learner.target)
     return eqx.tree_at(lambda this: this.target, learner, target)

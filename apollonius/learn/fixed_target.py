@@ -1,22 +1,57 @@
-"""Stage 1, Algorithm 1: the pursuer learns against an evader that does not learn, in the paper one that stays."""
+"""Stage 1, Algorithm 1: one side learns against players that do not; in the paper a pursuer, against an evader that
+stays.
+"""
+
+from collections.abc import Iterator
 
 import jax
-from jaxtyping import PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool
 from apollonius.game.game import Game
-from apollonius.learn.state import Plan, TrainState, first_learner, start
+from apollonius.game.types import Role
+from apollonius.learn.train_state import Plan, TrainState, first_learner, start
+from apollonius.learn.train_step import Metrics, play_and_learn
 
 
 def start_fixed_target(
-    plan: Plan, game: Game, key: PRNGKeyArray, evaders: Pool, pursuer: Network | None = None
+    plan: Plan,
+    game: Game,
+    key: PRNGKeyArray,
+    opponents: Pool,
+    network: Network | None = None,
+    role: Role = Role.PURSUER,
+    device: Int[Array, ""] | None = None,
 ) -> TrainState:
-    """The state before the first step. The key is consumed.
+    """The state before the first step: an empty memory, the networks (lines 1 to 3). The key is consumed.
 
     Args:
-        evaders: who is chased.
-        pursuer: the network to go on from; None starts from scratch (Algorithm 1, line 2).
+        opponents: who is learned against.
+        network: the one to go on from; None starts from random weights (line 2).
+        role: the side that learns.
+        device: number of the device, if several share the stage: all begin with the same network, each with games and
+            random numbers of its own.
     """
     network_key, stage_key = jax.random.split(key)
-    return start(plan, game, stage_key, first_learner(plan, network_key, pursuer), evaders)
+    if device is not None:
+        stage_key = jax.random.fold_in(stage_key, device)
+    learner = first_learner(plan, network_key, network)
+    return start(plan, game, stage_key, {role: learner}, {role.other: opponents})
+
+
+def fixed_target(
+    plan: Plan, game: Game, state: TrainState, opponents: Pool, done: int = 0
+) -> Iterator[tuple[TrainState, Metrics]]:
+    """The stage chunk by chunk (lines 4 to 13, as `train_step` has them); each state is consumed by the next one.
+
+    Args:
+        game: with the rewards of the stage.
+        state: before the next chunk.
+        opponents: who is learned against.
+        done: chunks done before.
+    """
+    fixed = {role: opponents for role in Role if role not in state.learners}
+    for _ in range(done, plan.chunks):
+        state, metrics = play_and_learn(plan, game, state, fixed)
+        yield state, metrics

@@ -9,6 +9,9 @@ from apollonius.document import parse_toml, read_bytes, write_atomically
 from apollonius.errors import require
 from apollonius.learn.config import RunConfig
 
+_FORMER = ("margin", "exploiter_seats")
+"""Numbers of `[self_play.opponents]` that only schemes had which are gone: older files name them."""
+
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
     """Make the folder of a new run, with its config.
@@ -58,5 +61,10 @@ def load_config(path: Path) -> RunConfig:
     Raises:
         InvalidInput: when it is missing, no TOML, or has an unknown key or an impossible value.
     """
-    content = read_bytes(path, "a training's config.toml", "check the path")
-    return from_dict(RunConfig, parse_toml(content, path), str(path))
+    data = parse_toml(read_bytes(path, "a training's config.toml", "check the path"), path)
+    stage = data.get("self_play")
+    opponents = stage.get("opponents") if isinstance(stage, dict) else None
+    if isinstance(opponents, dict):
+        for key in _FORMER:
+            opponents.pop(key, None)
+    return from_dict(RunConfig, data, str(path))

@@ -1,16 +1,17 @@
 """What a run tells while it goes on, and the file that keeps it: the truth behind every curve."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from apollonius.errors import require
 from apollonius.game.outcome import counts_by_name
-from apollonius.learn.stage import Metrics
-from apollonius.learn.state import Plan, TrainState
+from apollonius.game.types import Role
+from apollonius.learn.checkpoint import Evaluation, Stand
+from apollonius.learn.train_state import Plan, TrainState
+from apollonius.learn.train_step import Metrics
 
 _TAIL = 8192
 """Bytes in which the last line of metrics is looked for; a line has less than a thousand."""
@@ -30,36 +31,35 @@ class Progress:
     """Games finished in the latest chunk, by outcome; players explore."""
     losses: dict[str, float]
     """Mean loss of each learning side's updates in the latest chunk."""
-    evaluation: dict[str, Any] | None
-    """Outcome counts of the latest greedy evaluation, if there was one in this stage."""
+    evaluation: Evaluation | None
+    """The latest greedy evaluation, if there was one in this stage."""
     share: float
     """Part of the stage's work that is done, from 0 to 1: of the env steps that updates go with."""
 
 
-def measure(
-    stage: str, plan: Plan, train: TrainState, metrics: Metrics, speed: float, evaluation: dict[str, Any] | None
-) -> Progress:
+def measure(stand: Stand, plan: Plan, train: TrainState, metrics: Metrics, speed: float) -> Progress:
     """The progress after a chunk.
 
     Args:
-        metrics: sums over the chunk.
+        stand: where the run stands after it.
+        train: the state of one device.
+        metrics: sums over the chunk, of all devices.
         speed: env steps per second in the chunk.
-        evaluation: the latest greedy evaluation of this stage.
     """
-    learning = {"pursuer": train.pursuer, "evader": train.evader}
-    losses = {"pursuer": float(metrics.pursuer_loss), "evader": float(metrics.evader_loss)}
-    updates, env_steps, total = int(metrics.updates), int(train.env_steps), plan.chunks * plan.env_steps_per_chunk
-    idle = plan.learner.learning_starts if plan.learner.learning_starts < total else 0
+    updates, devices = int(metrics.updates), plan.devices
+    env_steps, total = devices * int(train.env_steps), devices * plan.chunks * plan.env_steps_per_chunk
+    idle = devices * plan.learner.learning_starts if devices * plan.learner.learning_starts < total else 0
+    losses = {role.name.lower(): float(metrics.losses[role]) / max(1, updates) for role in train.learners}
     return Progress(
-        stage=stage,
+        stage=stand.stage,
         env_steps=env_steps,
         total_env_steps=total,
         episodes=int(train.episodes),
-        updates=int(train.pursuer.learner.updates) if train.pursuer else 0,
+        updates=int(train.learners[Role.PURSUER].learner.updates),
         env_steps_per_second=speed,
         outcomes=counts_by_name(np.asarray(metrics.outcomes)),
-        losses={name: round(losses[name] / max(1, updates), 6) for name, side in learning.items() if side is not None},
-        evaluation=evaluation,
+        losses={name: round(loss, 6) for name, loss in losses.items()},
+        evaluation=stand.evaluation,
         share=max(0, env_steps - idle) / (total - idle),
     )
 
@@ -75,12 +75,12 @@ def append_metrics(path: Path, progress: Progress, metrics: Metrics, seconds: fl
         "seconds": round(seconds, 2),
         "env_steps_per_second": round(progress.env_steps_per_second),
         "outcomes": progress.outcomes,
-        "pursuer_return": round(float(metrics.pursuer_return) / games, 4),
-        "evader_return": round(float(metrics.evader_return) / games, 4),
+        "pursuer_return": round(float(metrics.returns.pursuer) / games, 4),
+        "evader_return": round(float(metrics.returns.evader) / games, 4),
         "losses": progress.losses,
     }
-    if progress.evaluation and progress.evaluation["env_steps"] == progress.env_steps:
-        line["evaluation"] = progress.evaluation
+    if progress.evaluation and progress.evaluation.env_steps == progress.env_steps:
+        line["evaluation"] = asdict(progress.evaluation)
     with open(path, "a") as file:
         file.write(json.dumps(line) + "\n")
         file.flush()

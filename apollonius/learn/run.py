@@ -6,41 +6,37 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jaxtyping import Array, Int
 
 from apollonius.agents.network import Network
-from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import at_best, load_network
+from apollonius.agents.trained import load_network
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
-from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import ROLES, Role
 from apollonius.learn.algorithm import require_fitting
-from apollonius.learn.checkpoint import load_checkpoint, load_progress, save_checkpoint
-from apollonius.learn.config import RunConfig
-from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
+from apollonius.learn.config import RunConfig, StageConfig
+from apollonius.learn.devices import agreed, begun, gathered, own_share, placed, share
+from apollonius.learn.evaluation import greedy_outcomes
+from apollonius.learn.fixed_target import fixed_target, start_fixed_target
 from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
-from apollonius.learn.renewal import renew_opponents
-from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan, TrainState
-from apollonius.playout import draw_starts, play_out
+from apollonius.learn.self_play import self_play, start_self_play
+from apollonius.learn.train_state import Plan, TrainState
 
-FIXED_TARGET, SELF_PLAY = "fixed-target", "self-play"
+FIXED_TARGET, SELF_PLAY = _STAGES = "fixed-target", "self-play"
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
-_EVALUATION_SEED = 20_200
-"""Seed of the evaluation games inside training, the same for all runs; the judge uses others."""
 
 
 class Saved(eqx.Module):
@@ -51,7 +47,8 @@ class Saved(eqx.Module):
 
 
 class Run:
-    """One training run. `execute` begins it or goes on from its checkpoint.
+    """One training run. `execute` begins it or goes on from its checkpoint. Where several processes share it, each has
+    its own `Run`, and the first one writes the files.
 
     Args:
         config: what to train.
@@ -71,132 +68,152 @@ class Run:
         self.folder = folder
         self.report = report
         self.should_stop = should_stop
+        self.leads = jax.process_index() == 0
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
         self.evaders = find_pool(config.evaders, Role.EVADER, config.game)
-        self.stages = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
+        self.plans = plans_of(config)
 
     @property
     def work(self) -> dict[str, int]:
         """About how much each stage takes, by name: its env steps, once for each side that learns."""
-        return {stage: self._plan(stage).stage.env_steps * (1 if stage == FIXED_TARGET else 2) for stage in self.stages}
+        sides = {FIXED_TARGET: 1, SELF_PLAY: 2}
+        return {stage: sides[stage] * plan.devices * plan.stage.env_steps for stage, plan in self.plans.items()}
 
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
 
         Raises:
             OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-            InvalidInput: when there is a checkpoint that this run cannot go on from.
+            InvalidInput: when there is a checkpoint that this run cannot go on from, or not the devices it asks for.
         """
-        progress = load_progress(self.checkpoint) if self.checkpoint.exists() else None
-        if progress is None:
-            truncate_metrics(self.metrics, 0)
-        elif progress["stage"] not in self.stages:
+        stand = load_stand(self.checkpoint) if self.checkpoint.exists() else None
+        if stand is not None and stand.stage not in self.plans:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
-        done = self.stages.index(progress["stage"]) if progress else 0
+        stages = list(self.plans)
+        done = stages.index(stand.stage) if stand else 0
+        self._truncate_metrics(stand.metrics_bytes if stand else 0)
         best: Network | None = None
-        for stage in self.stages[done:]:
-            plan = self._plan(stage)
-            here = progress if progress and progress["stage"] == stage else None
-            evader: Network | None = None
-            if not here:
-                best = load_first(self.config, Role.PURSUER) or best
-                evader = load_first(self.config, Role.EVADER)
-            train = self._start(stage, plan, best, evader)
-            saved = Saved(train, _copy(_pursuer(train)) if stage == FIXED_TARGET else None)
-            if here:
-                saved = load_checkpoint(self.checkpoint, saved)
+        for stage in stages[done:]:
+            plan = self.plans[stage]
+            if stand is None or stand.stage != stage:
+                first = ROLES.map(lambda role: load_first(self.config, role))
+                saved = self._start(stage, plan, BySide(first.pursuer or best, first.evader))
+                stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size if self.leads else 0)
             else:
-                here = {"stage": stage, "chunks": 0, "seconds": 0.0, "best": None, "evaluation": None}
-                here["metrics_bytes"] = self.metrics.stat().st_size
-            saved, finished = self._train_stage(stage, plan, saved, here)
+                saved = load_checkpoint(self.checkpoint, self._start(stage, plan, BySide(None, None)))
+                saved = Saved(placed(plan, saved.train), saved.best)
+            saved, finished = self._train_stage(plan, saved, stand)
             if not finished:
                 return False
             best = saved.best
         return True
 
-    def _plan(self, stage: str) -> Plan:
-        return Plan(self.config.learner, self.config.fixed_target if stage == FIXED_TARGET else self.config.self_play)
+    def _start(self, stage: str, plan: Plan, networks: BySide[Network | None]) -> Saved:
+        """What a stage begins with, whose networks go on from these."""
+        game, key = self.config.game, jax.random.fold_in(jax.random.key(self.config.seed), _STAGES.index(stage))
+        if stage == SELF_PLAY:
+            return Saved(begun(plan, lambda device: start_self_play(plan, game, key, networks, device)), None)
 
-    def _start(self, stage: str, plan: Plan, best: Network | None, evader: Network | None) -> TrainState:
-        key = jax.random.fold_in(jax.random.key(self.config.seed), [FIXED_TARGET, SELF_PLAY].index(stage))
-        if stage == FIXED_TARGET:
-            return start_fixed_target(plan, self.config.game, key, self.evaders, best)
-        return start_self_play(plan, self.config.game, key, best, evader)
+        def start(device: Int[Array, ""] | None) -> TrainState:
+            return start_fixed_target(plan, game, key, self.evaders, networks.pursuer, device=device)
 
-    def _train_stage(self, stage: str, plan: Plan, saved: Saved, here: dict[str, Any]) -> tuple[Saved, bool]:
+        train = begun(plan, start)
+        return Saved(train, _copy(own_share(plan, train).learners[Role.PURSUER].learner.average))
+
+    def _train_stage(self, plan: Plan, saved: Saved, stand: Stand) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        pursuer, evader = None, self.evaders if stage == FIXED_TARGET else None
-        train, best = saved.train, saved.best
-        game = plan.stage.rewarded(self.config.game)
-        truncate_metrics(self.metrics, here["metrics_bytes"])
-        began, last_save = time.monotonic() - here["seconds"], time.monotonic()
-        while here["chunks"] < plan.chunks:
-            chunk_began = time.monotonic()
-            if plan.renews_after(here["chunks"]):
-                train = renew_opponents(plan, game, train)
-            train, metrics = play_and_learn(plan, game, train, pursuer, evader)
-            env_steps = int(train.env_steps)
-            speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
-            before, here["chunks"] = here["chunks"], here["chunks"] + 1
-            if _crosses(before, here["chunks"], plan.chunks, plan.stage.evaluations):
-                best = self._evaluate(stage, plan, train, best, here)
-            self._keep_snapshots(stage, plan, train, before, here)
-            here["seconds"] = time.monotonic() - began
-            progress = measure(stage, plan, train, metrics, speed, here["evaluation"])
-            here["metrics_bytes"] = append_metrics(self.metrics, progress, metrics, here["seconds"])
+        train, best, game = saved.train, saved.best, plan.stage.rewarded(self.config.game)
+        if stand.stage == FIXED_TARGET:
+            chunks = fixed_target(plan, game, train, self.evaders, stand.chunks)
+        else:
+            chunks = self_play(plan, game, train, stand.chunks)
+        began, last_save = time.monotonic() - stand.seconds, time.monotonic()
+        chunk_began = time.monotonic()
+        for train, metrics in chunks:
+            own = own_share(plan, train)
+            ended = int(own.env_steps) >= plan.stage.env_steps
+            speed = plan.devices * plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
+            before, stand = stand.chunks, replace(stand, chunks=stand.chunks + 1)
+            if _crosses(before, stand.chunks, plan.chunks, plan.stage.evaluations):
+                best, stand = self._evaluate(plan, own, best, stand)
+            self._keep_snapshots(plan, own, before, stand)
+            stand = replace(stand, seconds=time.monotonic() - began)
+            progress = measure(stand, plan, own, metrics, speed)
+            if self.leads:
+                size = append_metrics(self.metrics, progress, metrics, stand.seconds)
+                stand = replace(stand, metrics_bytes=size)
             self.report(progress)
-            stop = self.should_stop()
-            if stop or env_steps >= plan.stage.env_steps or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
-                save_checkpoint(self.checkpoint, Saved(train, best), here)
+            stop = agreed(self.should_stop())
+            if agreed(stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS):
+                self._save(Saved(train, best), stand)
                 last_save = time.monotonic()
-            if stop and here["chunks"] < plan.chunks:
+            if stop and stand.chunks < plan.chunks:
                 return Saved(train, best), False
-        if best is not None:
-            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), here["best"], stage)
+            chunk_began = time.monotonic()
+        if best is not None and stand.best is not None:
+            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), asdict(stand.best), stand)
         return Saved(train, best), True
 
     def _evaluate(
-        self, stage: str, plan: Plan, train: TrainState, best: Network | None, here: dict[str, Any]
-    ) -> Network | None:
+        self, plan: Plan, own: TrainState, best: Network | None, stand: Stand
+    ) -> tuple[Network | None, Stand]:
         """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
         most wins would be one that waits until a random evader has failed.
         """
-        games = plan.stage.evaluation_games
-        start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
-        starts = draw_starts(self.config.game, start_key, games)
-        evader = self.evaders if train.evader is None else solo(at_best(train.evader.learner.average))
-        results = play_out(self.config.game, BySide(solo(at_best(_pursuer(train))), evader), starts, play_key)
-        outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
-        here["evaluation"] = {"env_steps": int(train.env_steps), "episodes": int(train.episodes), "outcomes": outcomes}
-        if stage != FIXED_TARGET:
-            return None
+        networks = {role: side.learner.average for role, side in own.learners.items()}
+        outcomes = greedy_outcomes(self.config.game, networks, self.evaders, plan.stage.evaluation_games)
+        found = Evaluation(plan.devices * int(own.env_steps), int(own.episodes), outcomes)
+        stand = replace(stand, evaluation=found)
+        if stand.stage != FIXED_TARGET:
+            return None, stand
         moving = self.config.evaders != ("still",)
-        if moving or here["best"] is None or outcomes["captured"] > here["best"]["outcomes"]["captured"]:
-            here["best"] = here["evaluation"]
-            return _copy(_pursuer(train))
-        return best
+        if moving or stand.best is None or outcomes["captured"] > stand.best.outcomes["captured"]:
+            return _copy(networks[Role.PURSUER]), replace(stand, best=found)
+        return best, stand
 
-    def _keep_snapshots(self, stage: str, plan: Plan, train: TrainState, before: int, here: dict[str, Any]) -> None:
-        if stage != SELF_PLAY or train.evader is None:
+    def _keep_snapshots(self, plan: Plan, own: TrainState, before: int, stand: Stand) -> None:
+        if stand.stage != SELF_PLAY:
             return
-        kind = "curriculum" if FIXED_TARGET in self.stages or self.config.pursuer else "scratch"
+        kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
+        record = {"env_steps": plan.devices * int(own.env_steps), "episodes": int(own.episodes)}
         for percent in self.config.self_play.snapshot_percents:
-            if before < -(-plan.chunks * percent // 100) <= here["chunks"]:
-                record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
-                self._save_agent(_pursuer(train), Role.PURSUER, f"P_{kind}", record, stage, percent)
-                self._save_agent(train.evader.learner.average, Role.EVADER, f"E_{kind}", record, stage, percent)
+            if before < -(-plan.chunks * percent // 100) <= stand.chunks:
+                for role, side in own.learners.items():
+                    name = f"{role.name[0]}_{kind}"
+                    self._save_agent(side.learner.average, role, name, record, stand, percent)
+
+    def _save(self, saved: Saved, stand: Stand) -> None:
+        train = gathered(self.plans[stand.stage], saved.train)
+        if self.leads:
+            save_checkpoint(self.checkpoint, Saved(train, saved.best), stand)
 
     def _save_agent(
-        self, network: Network, role: Role, name: str, record: dict[str, Any], stage: str, percent: int = 100
+        self, network: Network, role: Role, name: str, record: dict[str, Any], stand: Stand, percent: int = 100
     ) -> None:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
-        training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
-        agent = describe(network, role, to_dict(self.config.game), training)
-        save_agent(agent, agent_file(self.folder, name, percent))
+        training = {"command": command, "seed": self.config.seed, "stage": stand.stage, **record, "config": config}
+        if self.leads:
+            agent = describe(network, role, to_dict(self.config.game), training)
+            save_agent(agent, agent_file(self.folder, name, percent))
+
+    def _truncate_metrics(self, size: int) -> None:
+        if self.leads:
+            truncate_metrics(self.metrics, size)
+
+
+def plans_of(config: RunConfig) -> dict[str, Plan]:
+    """The stages of a run in their order, by name: each device's share of them.
+
+    Raises:
+        InvalidInput: when there are not so many devices, or a number cannot be shared out between them.
+    """
+    stages: dict[str, StageConfig] = {FIXED_TARGET: config.fixed_target, SELF_PLAY: config.self_play}
+    asked = list(stages) if config.stages == "both" else [config.stages]
+    return {stage: share(Plan(config.learner, stages[stage]), config.devices) for stage in asked}
 
 
 def load_first(config: RunConfig, role: Role) -> Network | None:
@@ -205,7 +222,7 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     Raises:
         InvalidInput: when there is no such agent, or its network is not of the kind that the config trains.
     """
-    name = config.pursuer if role == Role.PURSUER else config.evader
+    name = config.first[role]
     if name is None:
         return None
     network = load_network(name, role)
@@ -218,11 +235,6 @@ def _stage1_name(evaders: tuple[str, ...]) -> str:
     if evaders == ("still",):
         return "P_stage1"
     return f"P_{Path(evaders[0]).stem}" if len(evaders) == 1 else "P_pool"
-
-
-def _pursuer(train: TrainState) -> Network:
-    assert train.pursuer is not None, "every stage trains a pursuer"
-    return train.pursuer.learner.average
 
 
 def _copy(network: Network) -> Network:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.agents.network import GaussianActor, Layers, apply_to_batch, make_actor, make_layers
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.replay import Batch
+from apollonius.learn.replay_buffer import Batch
 from apollonius.observe.registry import find_observation
 
 Gears = Float[Array, "batch 2"]
@@ -32,7 +32,7 @@ class Critics(eqx.Module):
         return jnp.stack([apply_to_batch(layers, inputs)[:, 0] for layers in (self.first, self.second)])
 
 
-class Learner(eqx.Module):
+class SACLearner(eqx.Module):
     """One side's networks and optimisers. `updates` counts the updates so far.
 
     `average` is the running average of the actor's weights: the one that plays when it counts. `target` is that of the
@@ -51,30 +51,21 @@ class Learner(eqx.Module):
 _adam = optax.scale_by_adam()
 
 
-def init(config: SACConfig, key: PRNGKeyArray) -> Learner:
+def init(config: SACConfig, key: PRNGKeyArray) -> SACLearner:
     """A learner from scratch. The key is consumed."""
     actor_key, critic_key = jax.random.split(key)
     return start_from(config, make_actor(config.observation, config.width, config.depth, actor_key), critic_key)
 
 
-def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> Learner:
+def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> SACLearner:
     """A learner that goes on from a copy of an actor; its critics begin from random weights. The key is consumed."""
     sizes = [find_observation(config.observation).size + 2, *[config.width] * config.depth, 1]
     critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
-    return _fresh(actor, critics, jnp.log(config.first_temperature))
-
-
-def branch(learner: Learner) -> Learner:
-    """A learner that goes on from copies of another's averaged actor, critics and temperature."""
-    return _fresh(learner.average, learner.critics, learner.log_temperature)
-
-
-def _fresh(actor: GaussianActor, critics: Critics, log_temperature: Scalar) -> Learner:
     network, average, critics, target = (jax.tree.map(jnp.copy, part) for part in (actor, actor, critics, critics))
-    log_temperature = jnp.asarray(log_temperature, jnp.float32) + 0.0
+    log_temperature = jnp.asarray(jnp.log(config.first_temperature), jnp.float32)
     weights: Any = (network, critics, log_temperature)
     optimiser = _adam.init(weights)
-    return Learner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
+    return SACLearner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
 
 
 def draw(actor: GaussianActor, observations: Float[Array, "batch size"], noise: Gears) -> tuple[Gears, Array]:
@@ -136,13 +127,13 @@ def temperature_slope(log_density: Scalar, target_entropy: float) -> Scalar:
 
 
 def update(
-    learner: Learner,
+    learner: SACLearner,
     batch: Batch,
     key: PRNGKeyArray,
     learning_rate: Scalar,
     config: SACConfig,
     across: str | None = None,
-) -> tuple[Learner, Scalar]:
+) -> tuple[SACLearner, Scalar]:
     """The learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
 
     Args:
@@ -176,4 +167,4 @@ def update(
     average = jax.tree.map(lambda old, new: towards(old, new, config.averaging), learner.average, network)
     target = jax.tree.map(lambda old, new: towards(old, new, config.target_averaging), learner.target, critics)
     log_temperature = learner.log_temperature - acts * learning_rate * of_temperature
-    return Learner(network, average, critics, target, log_temperature, optimiser, learner.updates + 1), loss
+    return SACLearner(network, average, critics, target, log_temperature, optimiser, learner.updates + 1), loss

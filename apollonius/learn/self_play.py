@@ -1,31 +1,136 @@
-"""Stage 2, Algorithm 2: pursuer and evader learn against each other at the same time."""
+"""Stage 2, Algorithm 2: pursuer and evader learn against each other at the same time.
+
+Beyond the paper, they may meet earlier versions too: at intervals both learners enter their archives, seats are drawn
+anew by a scheme (`apollonius.learn.opponents`), and the games of these seats begin anew.
+"""
+
+import functools
+from collections.abc import Iterator
+from dataclasses import replace
 
 import jax
-from jaxtyping import Array, Int, PRNGKeyArray
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.game.game import Game
-from apollonius.learn.state import Plan, TrainState, first_learner, start
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import ROLES, Role
+from apollonius.learn.devices import on_each, own_share
+from apollonius.learn.opponents import archive
+from apollonius.learn.opponents.payoffs import play_missing
+from apollonius.learn.opponents.seats import has_seat
+from apollonius.learn.replay_buffer import cut
+from apollonius.learn.train_state import Past, Plan, TrainState, first_learner, start
+from apollonius.learn.train_step import Metrics, play_and_learn
+from apollonius.rollout import Games, anew, fresh_player
+
+Mixtures = BySide[Float[Array, " versions"]]
 
 
 def start_self_play(
     plan: Plan,
     game: Game,
     key: PRNGKeyArray,
-    pursuer: Network | None,
-    evader: Network | None = None,
+    networks: BySide[Network | None],
     device: Int[Array, ""] | None = None,
 ) -> TrainState:
-    """The state before the first step. The key is consumed.
+    """The state before the first step: empty memories, the networks (lines 1 to 4). The key is consumed.
 
     Args:
-        pursuer: the network to go on from, the best of stage 1; None starts from scratch (section V-A).
-        evader: the same for the evader; None starts from scratch (Algorithm 2, line 3).
+        networks: the ones to go on from, in the paper the pursuer's best of stage 1 (line 2); None starts from scratch,
+            as the paper's evader (line 3).
         device: number of the device, if several share the stage: all begin with the same networks, each with games and
             random numbers of its own.
     """
-    pursuer_key, evader_key, stage_key = jax.random.split(key, 3)
+    *network_keys, stage_key = jax.random.split(key, 3)
     if device is not None:
         stage_key = jax.random.fold_in(stage_key, device)
-    chaser, runner = first_learner(plan, pursuer_key, pursuer), first_learner(plan, evader_key, evader)
-    return start(plan, game, stage_key, chaser, runner)
+    learners = {role: first_learner(plan, network_keys[role], networks[role]) for role in Role}
+    return start(plan, game, stage_key, learners, {})
+
+
+def self_play(plan: Plan, game: Game, state: TrainState, done: int = 0) -> Iterator[tuple[TrainState, Metrics]]:
+    """The stage chunk by chunk (lines 5 to 14, as `train_step` has them); each state is consumed by the next one.
+
+    Args:
+        game: with the rewards of the stage.
+        state: before the next chunk.
+        done: chunks done before.
+    """
+    for chunk in range(done, plan.chunks):
+        if plan.renews_after(chunk):
+            state = renew_opponents(plan, game, state)
+        state, metrics = play_and_learn(plan, game, state, {})
+        yield state, metrics
+
+
+def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
+    """Both learners enter their archives where that is due, and who sits is drawn anew; the games of seats are broken
+    off and begin anew. The state is consumed.
+    """
+    state = admit(plan, game, state)
+    return _reseat(plan, game, state, _mixtures(plan, own_share(plan, state).past))
+
+
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
+def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
+    """New versions in both archives, where they are due; where a scheme asks for it, all then play each other."""
+
+    def admitted(state: TrainState, game: Game) -> TrainState:
+        if state.past is None:
+            return state
+        config, payoffs = plan.opponents, state.past.payoffs
+        interval = max(1, plan.stage.env_steps // config.versions)
+        since = plan.sitting * plan.learner.games
+        due = state.env_steps // interval > (state.env_steps - since) // interval
+        old, averages = state.past.archives, {role: side.learner.average for role, side in state.learners.items()}
+        archives = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
+        if payoffs is not None:
+            key = jax.random.fold_in(state.key, 3)
+            payoffs = play_missing(payoffs, game, archives, config.payoff_games, key)
+            payoffs = payoffs if plan.across is None else jax.lax.pmean(payoffs, plan.across)
+        return replace(state, past=Past(archives, payoffs))
+
+    return on_each(plan, admitted)(state, game)
+
+
+def _mixtures(plan: Plan, past: Past | None) -> Mixtures | None:
+    """How likely either side's versions are to sit, where a scheme solves the game between them. A linear programme is
+    not compiled, so it is solved between two calls that are.
+    """
+    if past is None or past.payoffs is None:
+        return None
+    counts = past.archives.map(lambda kept: int(kept.count))
+    known = np.asarray(past.payoffs, np.float64)[: counts.pursuer, : counts.evader]
+    mixed = plan.opponents.rule.mix(known)
+    return mixed and mixed.map(lambda shares: jnp.zeros(plan.opponents.versions).at[: len(shares)].set(shares))
+
+
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
+def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None) -> TrainState:
+    """Who sits is drawn anew, and the games of seats begin anew."""
+
+    def reseated(state: TrainState, game: Game, mixtures: Mixtures | None) -> TrainState:
+        if state.past is None:
+            return state
+        config, games = plan.opponents, plan.learner.games
+        start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
+        seated = has_seat(config, games)
+        words = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
+        fresh = ROLES.map(
+            lambda role: fresh_player(state.games.sides[role].member, words[role], plan.stage.disturbance)
+        )
+        old = state.past.archives
+        archives = ROLES.map(
+            lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
+        )
+        return replace(
+            state,
+            games=jax.vmap(anew)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
+            learners={role: replace(side, buffer=cut(side.buffer, seated)) for role, side in state.learners.items()},
+            past=Past(archives, state.past.payoffs),
+        )
+
+    return on_each(plan, reseated)(state, game, mixtures)

@@ -1,15 +1,14 @@
 """Training configurations: what cannot be trained is refused, and a file brings back what was saved."""
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
-from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.folder import create_run, load_config
@@ -76,10 +75,14 @@ def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_i
 
 
 @pytest.mark.parametrize("example", ["prioritised", "robust"])
-def test_an_example_is_what_two_agents_of_the_zoo_were_trained_by(example):
+def test_an_example_is_what_two_agents_of_the_zoo_were_trained_by(example, tmp_path):
+    """Whose records name numbers of schemes that there are no more."""
     config = load_config(Path(__file__).parents[2] / "examples" / f"{example}.toml")
     for name in (f"P_{example}", f"E_{example}"):
-        assert find_trained(name)[0].header.training["config"] == json.loads(json.dumps(to_dict(config)))
+        record = find_trained(name)[0].header.training["config"]
+        assert record["self_play"]["opponents"]["margin"] == 0.05
+        (tmp_path / "config.toml").write_text(tomli_w.dumps(record))
+        assert load_config(tmp_path / "config.toml") == config
 
 
 @pytest.mark.parametrize(

@@ -16,17 +16,18 @@ from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.exploit.best_response import best_response
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.run import Run, load_first
-from apollonius.learn.scheme import OpponentConfig
 from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan
+from apollonius.learn.train_state import Plan
+from apollonius.learn.train_step import play_and_learn
 from tests.learn.tiny import CHUNK, GAME, RUN, SMALL
 from tests.matches import a_match
 
@@ -57,32 +58,33 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
 
 @pytest.mark.slow
 def test_a_side_remembers_gears_and_learns_from_them():
-    plan = Plan(SAC, SelfPlayConfig(env_steps=4 * CHUNK, opponents=OpponentConfig(scheme="league", seats=4)))
-    state = start_self_play(plan, GAME, jax.random.key(0), None)
-    before = jax.tree.map(np.array, state.pursuer.learner.network)
-    state, metrics = play_and_learn(plan, GAME, state, None, None)
-    gears = np.asarray(state.pursuer.replay.rows.action)
+    plan = Plan(SAC, SelfPlayConfig(env_steps=4 * CHUNK, opponents=OpponentConfig(scheme="uniform", seats=4)))
+    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
+    before = jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network)
+    state, metrics = play_and_learn(plan, GAME, state, {})
+    gears = np.asarray(state.learners[Role.PURSUER].buffer.rows.action)
     assert gears.shape == (128, 64, 2)
     assert (np.abs(gears) <= 1).all()
     assert gears.std() > 0.1  # an actor that knows nothing has deviations of exp(-2)
-    assert metrics.updates == state.pursuer.learner.updates == state.evader.exploiter.updates == 1
-    state, metrics = play_and_learn(plan, GAME, state, None, None)
+    assert [metrics.updates, *(side.learner.updates for side in state.learners.values())] == [1, 1, 1]
+    state, metrics = play_and_learn(plan, GAME, state, {})
     assert metrics.updates == 128
-    assert np.isfinite(metrics.pursuer_loss)
-    assert not eqx.tree_equal(jax.tree.map(np.array, state.pursuer.learner.network), before)
+    assert np.isfinite(metrics.losses.pursuer)
+    assert not eqx.tree_equal(jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network), before)
 
 
 def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_side_has_its_own():
     """Actors that know nothing and say the same everywhere: what is left is the noise."""
     config = replace(SAC, noise_steps=16, learning_starts=10 * CHUNK)
-    state = start_self_play(Plan(config, SelfPlayConfig(env_steps=4 * CHUNK)), GAME, jax.random.key(0), None)
+    plan = Plan(config, SelfPlayConfig(env_steps=4 * CHUNK))
+    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
     state = eqx.tree_at(
-        lambda this: (this.pursuer.learner.network, this.evader.learner.network),
+        lambda this: [side.learner.network for side in this.learners.values()],
         state,
         replace_fn=lambda network: jax.tree.map(lambda leaf: 0 * leaf, network),
     )
-    state, _ = play_and_learn(Plan(config, SelfPlayConfig(env_steps=4 * CHUNK)), GAME, state, None, None)
-    chased, fled = (np.asarray(side.replay.rows.action).reshape(8, 16, 64, 2) for side in (state.pursuer, state.evader))
+    state, _ = play_and_learn(plan, GAME, state, {})
+    chased, fled = (np.asarray(side.buffer.rows.action).reshape(8, 16, 64, 2) for side in state.learners.values())
     for gears in (chased, fled):
         assert (gears == gears[:, :1]).all()
         assert np.unique(gears[:, 0, :, 0]).size == 8 * 64
@@ -126,5 +128,5 @@ def test_opponents_of_both_kinds_meet():
     plan = Plan(SAC, StageConfig(env_steps=4 * CHUNK))
     evader = solo(Uniform())
     state = start_fixed_target(plan, GAME, jax.random.key(0), evader)
-    state, metrics = play_and_learn(plan, GAME, state, None, evader)
+    state, metrics = play_and_learn(plan, GAME, state, {Role.EVADER: evader})
     assert metrics.outcomes.sum() > 0

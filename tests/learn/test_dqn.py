@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from apollonius.agents.network import make_network
-from apollonius.learn import dqn, replay
+from apollonius.learn import dqn, replay_buffer
 from apollonius.learn.learner_config import DQNConfig
 
 PLAIN = DQNConfig(double=False, averaging=0.25)
@@ -36,7 +36,7 @@ def random_batch(rng, size=32):
     def normal(*shape):
         return jnp.asarray(rng.normal(size=shape), jnp.float32)
 
-    return replay.Batch(
+    return replay_buffer.Batch(
         observation=normal(size, 8),
         action=jnp.asarray(rng.integers(9, size=size), jnp.int32),
         reward=normal(size),
@@ -67,7 +67,7 @@ def test_the_target_values_the_chosen_next_action(discount, next_choice, expecte
 def test_the_loss_is_the_mean_squared_error_of_the_chosen_actions(double, next_value):
     network = table([row(_3=2.0), row(_1=8.0)])
     target = table([row(), row(_1=4.0, _5=6.0)])
-    batch = replay.Batch(
+    batch = replay_buffer.Batch(
         observation=one_hot([0, 0]),
         action=jnp.array([3, 4]),
         reward=jnp.array([1.0, -10.0]),
@@ -99,7 +99,7 @@ def test_targets_and_loss_agree_with_rlax(config):
 def test_the_loss_has_no_gradient_through_the_target():
     """Only the chosen action's value moves, by -2 (target - value) / batch."""
     network = table([row(), row(_1=8.0)])
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]))
+    batch = replay_buffer.Batch(one_hot([0]), jnp.array([3]), jnp.array([1.0]), one_hot([1]), jnp.array([0.5]))
     gradient = eqx.filter_grad(dqn.loss)(network, network, batch, True).layers[0].weight
     expected = np.zeros((9, 8))
     expected[3, 0] = -2 * (1.0 + 0.5 * 8.0)
@@ -109,7 +109,7 @@ def test_the_loss_has_no_gradient_through_the_target():
 def test_an_update_is_one_step_of_adam():
     """Adam's first step is the step size against the gradient's sign, whatever the gradient's size."""
     learner = dqn.start_from(table([row(_3=2.0)]))
-    batch = replay.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]))
+    batch = replay_buffer.Batch(one_hot([0]), jnp.array([3]), jnp.array([100.0]), one_hot([1]), jnp.array([0.0]))
     after, loss = dqn.update(learner, batch, jnp.asarray(0.01), PLAIN)
     assert loss == pytest.approx(98.0**2)
     assert after.network(one_hot(0))[3] == pytest.approx(2.0 + 2 * 0.01, abs=1e-5)  # its weight and its bias
@@ -150,7 +150,7 @@ def chain_values():
 def chain_replay(steps=400, games=8):
     """The replay of random play."""
     rng = np.random.default_rng(0)
-    memory = replay.init(steps, games, 8, replay.DISCRETE)
+    memory = replay_buffer.init(steps, games, 8, replay_buffer.DISCRETE)
     state, age = rng.integers(STATES, size=games), np.zeros(games, int)
     rows = []
     for _ in range(steps):
@@ -163,9 +163,9 @@ def chain_replay(steps=400, games=8):
         state, age = np.where(over, rng.integers(STATES, size=games), after), np.where(over, 0, age)
     state, action, reward, after, terminated, truncated = (np.stack(part) for part in zip(*rows, strict=True))
     assert truncated.sum() > 100
-    return replay.add(
+    return replay_buffer.add(
         memory,
-        replay.Row(
+        replay_buffer.Row(
             one_hot(state),
             jnp.asarray(action, jnp.int32),
             jnp.asarray(reward, jnp.float32),
@@ -185,7 +185,7 @@ def test_a_chain_is_solved_and_its_time_limit_is_not_taken_for_an_end(config):
     def learn(learner):
         def one_update(learner, step):
             key = jax.random.fold_in(jax.random.key(1), step)
-            batch = replay.sample(memory, key, batch=64, max_n_step=1, n_step=1, gamma=GAMMA)
+            batch = replay_buffer.sample(memory, key, batch=64, max_n_step=1, n_step=1, gamma=GAMMA)
             rate = jnp.where(step < 3000, 3e-3, 3e-4)
             learner, loss = dqn.update(learner, batch, rate, config)
             return dqn.copy_to_target(learner, step % 50 == 0), loss

@@ -17,18 +17,18 @@ from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
-from apollonius.game.types import Outcome, Role
-from apollonius.learn import opponents
+from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.learn.config import SelfPlayConfig
-from apollonius.learn.renewal import admit, renew_opponents
-from apollonius.learn.scheme import OpponentConfig
-from apollonius.learn.self_play import start_self_play
-from apollonius.learn.stage import play_and_learn
-from apollonius.learn.state import Plan, players
+from apollonius.learn.opponents import archive as archives
+from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents.schemes import INSTEAD
+from apollonius.learn.self_play import admit, renew_opponents, start_self_play
+from apollonius.learn.train_state import Plan, players
+from apollonius.learn.train_step import play_and_learn
 from apollonius.rollout import collect
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 
-SCHEMES = ("uniform", "latest-80-20", "prioritised-hard", "prioritised-even", "gated", "league")
+SCHEMES = ("uniform", "prioritised-hard")
 CONFIG = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
 GAMES = DQN.games
 SEAT_GAMES = 8
@@ -48,9 +48,9 @@ def plan_of(config, disturbance=NONE):
 
 def archive_of(count, config=CONFIG, seed=0):
     first, *later = networks(count, seed)
-    archive = opponents.init(first, config)
+    archive = archives.init(first, config)
     for network in later:
-        archive = opponents.enter(archive, network, jnp.asarray(True))
+        archive = archives.enter(archive, network, jnp.asarray(True))
     return archive
 
 
@@ -74,32 +74,27 @@ def test_everyone_plays_their_own_games():
 def test_versions_enter_when_due_while_there_is_room():
     archive = archive_of(3)
     assert int(archive.count) == 3
-    assert int(opponents.enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
+    assert int(archives.enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
     full = archive_of(4)
     for index, network in enumerate(networks(4)):
         assert same(jax.tree.map(lambda leaf, index=index: leaf[index], full.networks), network)
-    assert same(opponents.enter(full, networks(5)[4], jnp.asarray(True)), full)
+    assert same(archives.enter(full, networks(5)[4], jnp.asarray(True)), full)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_seats_follow_the_stated_distribution(scheme):
-    config = replace(CONFIG, scheme=scheme, versions=5, exploiter_seats=1)
+    config = replace(CONFIG, scheme=scheme, versions=5)
     archive = replace(
         archive_of(4, config),
         games=jnp.asarray([8.0, 8.0, 8.0, 0.0, 0.0]),
         lost=jnp.asarray([7.0, 3.0, 0.0, 0.0, 0.0]),
-        quality=jnp.asarray([-1.0, 0.0, 0.5, 0.5, 0.0]),
     )
     w = np.array([0.8, 0.4, 0.1, 0.5])
-    quality = np.exp([-1.0, 0.0, 0.5, 0.5])
-    hard = (1 - w) ** 2
-    weights = {
-        "latest-80-20": quality, "prioritised-hard": hard, "league": hard, "prioritised-even": w * (1 - w)
-    }.get(scheme, np.ones(4))  # fmt: skip
-    drawn = jax.jit(jax.vmap(lambda key: opponents.renew(archive, config, key).seats))(
+    weights = {"uniform": np.ones(4), "prioritised-hard": (1 - w) ** 2}[scheme]
+    drawn = jax.jit(jax.vmap(lambda key: archives.renew(archive, config, key).seats))(
         jax.random.split(jax.random.key(3), 5000)
     )
-    drawn = np.asarray(drawn)[:, : config.version_seats]
+    drawn = np.asarray(drawn)
     seen = np.bincount(drawn.ravel(), minlength=5)
     assert seen[4] == 0, "a version that is not there yet"
     assert chisquare(seen[:4], drawn.size * weights / weights.sum()).pvalue > 0.001
@@ -108,7 +103,7 @@ def test_seats_follow_the_stated_distribution(scheme):
 
 def test_those_drawn_sit_down_and_old_games_count_less():
     archive = replace(archive_of(4), games=jnp.full(4, 8.0), lost=jnp.full(4, 6.0))
-    after = opponents.renew(archive, CONFIG, jax.random.key(0))
+    after = archives.renew(archive, CONFIG, jax.random.key(0))
     for seat, version in enumerate(after.seats.tolist()):
         sitting, kept = (
             jax.tree.map(lambda leaf, at=at: leaf[at], tree)
@@ -125,7 +120,7 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     outcome = rng.integers(1, len(Outcome), (7, GAMES))
     over = rng.random((7, GAMES)) < 0.2
     before = replace(archive_of(4), seats=jnp.asarray([2, 0]))
-    archive = opponents.record(before, CONFIG, role, jnp.asarray(outcome), jnp.asarray(over))
+    archive = archives.record(before, CONFIG, role, jnp.asarray(outcome), jnp.asarray(over))
     pursuer_won = np.isin(outcome, [Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE])
     lost = over & (~pursuer_won if role == Role.PURSUER else pursuer_won)
     first = 0 if role == Role.PURSUER else 2 * SEAT_GAMES
@@ -133,8 +128,6 @@ def test_games_are_counted_for_the_version_that_played_them(role):
         theirs = slice(first + seat * SEAT_GAMES, first + (seat + 1) * SEAT_GAMES)
         assert archive.games[version] == over[:, theirs].sum()
         assert archive.lost[version] == lost[:, theirs].sum()
-        # Four versions of equal quality: N p = 1.
-        np.testing.assert_allclose(archive.quality[version], -0.01 * lost[:, theirs].sum(), rtol=1e-5)
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
@@ -160,8 +153,8 @@ def test_the_record_of_a_version_is_its_share_of_all_games_long_ones_too(steps):
 
     @jax.jit
     def recorded(archive, outcome, over, played, before):
-        over = opponents.counted(over, played, before, SITTING, LONGEST)
-        return opponents.record(archive, CONFIG, Role.PURSUER, outcome, over)
+        over = archives.counted(over, played, before, SITTING, LONGEST)
+        return archives.record(archive, CONFIG, Role.PURSUER, outcome, over)
 
     archive, naive = archive_of(1), []
     for _ in range(4):
@@ -185,24 +178,24 @@ def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
     over = np.zeros((10, 4), bool)
     for game, steps in enumerate(ends):
         over[steps, game] = True
-    counted = opponents.counted(jnp.asarray(over), jnp.zeros(4, int), jnp.asarray(0), 10, 4)
+    counted = archives.counted(jnp.asarray(over), jnp.zeros(4, int), jnp.asarray(0), 10, 4)
     assert [np.flatnonzero(game).tolist() for game in counted.T] == [[3, 6], [2, 5, 6], [0, 9], [9]]
-    later = opponents.counted(jnp.asarray(over[7:]), jnp.asarray([0, 0, 6, 7]), jnp.asarray(7), 10, 4)
+    later = archives.counted(jnp.asarray(over[7:]), jnp.asarray([0, 0, 6, 7]), jnp.asarray(7), 10, 4)
     assert [np.flatnonzero(game).tolist() for game in later.T] == [[], [], [2], [2]]
-    sooner = opponents.counted(jnp.asarray(over[7:]), jnp.asarray([0, 1, 6, 7]), jnp.asarray(7), 11, 4)
+    sooner = archives.counted(jnp.asarray(over[7:]), jnp.asarray([0, 1, 6, 7]), jnp.asarray(7), 11, 4)
     assert [np.flatnonzero(game).tolist() for game in sooner.T] == [[2], [2], [2], [2]]
 
 
 def play(config, chunks, seed=0, renewed=(), disturbance=NONE):
     """States after each chunk, copied; before those named, opponents change."""
     plan = plan_of(config, disturbance)
-    state = start_self_play(plan, GAME, jax.random.key(seed), None)
+    state = start_self_play(plan, GAME, jax.random.key(seed), BySide(None, None))
     states = [jax.tree.map(jnp.copy, state)]
     for chunk in range(chunks):
         if chunk in renewed:
             state = renew_opponents(plan, GAME, state)
             states.append(jax.tree.map(jnp.copy, state))
-        state, _ = play_and_learn(plan, GAME, state, None, None)
+        state, _ = play_and_learn(plan, GAME, state, {})
         states.append(jax.tree.map(jnp.copy, state))
     return states
 
@@ -223,7 +216,7 @@ def test_no_opponent_changes_within_a_game(played):
         "games at large go on"
     )
     for one, other in pairwise(played[:4]):
-        assert same(one.pursuer.archive.seated, other.pursuer.archive.seated)
+        assert same(one.past.archives.pursuer.seated, other.past.archives.pursuer.seated)
     members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
@@ -241,12 +234,10 @@ def test_robots_of_games_that_begin_anew_are_new_ones_too():
 def test_an_opponents_number_is_in_every_transition_of_a_game(played):
     """Over several games in each place of the batch, which begin and end at different times."""
     plan, state = plan_of(CONFIG), played[-1]
-    pursuers, evaders = (
-        players(plan, role, side, None, jnp.ones(()))
-        for role, side in ((Role.PURSUER, state.pursuer), (Role.EVADER, state.evader))
-    )
+    networks = {role: side.learner.network for role, side in state.learners.items()}
+    playing = ROLES.map(lambda role: players(plan, role, networks, {}, state.past, jnp.ones(())))
     starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(GAME, jax.random.key(1), GAMES))
-    _, transitions = collect(GAME, BySide(pursuers, evaders), state.games, starts, jax.random.key(2), 200)
+    _, transitions = collect(GAME, playing, state.games, starts, jax.random.key(2), 200)
     assert (transitions.terminated | transitions.truncated).sum(axis=0).min() > 1
     seats = [1] * 8 + [2] * 8
     for side, expected in zip(transitions.sides, (seats + [0] * 48, [0] * 16 + seats + [0] * 32), strict=True):
@@ -254,8 +245,8 @@ def test_an_opponents_number_is_in_every_transition_of_a_game(played):
 
 
 def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
-    for side in ("pursuer", "evader"):
-        before, after = (getattr(state, side).replay for state in played[3:5])
+    for role in Role:
+        before, after = (state.learners[role].buffer for state in played[3:5])
         last = int(before.head) - 1
         terminated = before.rows.terminated[last]
         assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SEAT_GAMES] == [True] * 4 * SEAT_GAMES
@@ -265,22 +256,22 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
 
 
 def test_the_version_that_enters_is_the_average_that_learned(played):
-    before, after = played[3].pursuer, played[4].pursuer
-    assert (int(before.archive.count), int(after.archive.count)) == (1, 2)
-    entered = jax.tree.map(lambda leaf: leaf[1], after.archive.networks)
-    assert same(entered, before.learner.average)
-    assert not same(entered, jax.tree.map(lambda leaf: leaf[0], after.archive.networks))
+    before, after = (state.past.archives.pursuer for state in played[3:5])
+    assert (int(before.count), int(after.count)) == (1, 2)
+    entered = after.version(jnp.asarray(1))
+    assert same(entered, played[3].learners[Role.PURSUER].learner.average)
+    assert not same(entered, after.version(jnp.asarray(0)))
 
 
 def test_seated_games_that_began_in_time_end_in_the_records(played):
     """Those of the first chunk, which the memory still holds: 128 steps, of which a game can last 100."""
-    for side, first in (("pursuer", 0), ("evader", 2 * SEAT_GAMES)):
-        rows = getattr(played[1], side).replay.rows
+    for role, first in ((Role.PURSUER, 0), (Role.EVADER, 2 * SEAT_GAMES)):
+        rows = played[1].learners[role].buffer.rows
         over = np.asarray(rows.terminated | rows.truncated)[:, first : first + 2 * SEAT_GAMES]
         ends = [np.flatnonzero(game) for game in over.T]
         begins = [np.concatenate([[0], game[:-1] + 1]) for game in ends]
         counted = sum(int(np.sum(game <= CHUNK // GAMES - GAME.max_steps)) for game in begins)
-        archive = getattr(played[1], side).archive
+        archive = played[1].past.archives[role]
         assert over.sum() > counted == archive.games[0] >= 2 * SEAT_GAMES
         assert 0 < archive.lost[0] < archive.games[0]
 
@@ -296,23 +287,9 @@ def test_seats_change_hands_no_sooner_than_they_are_told_to():
 
 def test_one_seed_is_identical_and_two_are_not(played):
     again, other = (play(CONFIG, 4, seed, renewed=(3,))[-1] for seed in (0, 1))
-    keyless = lambda state: jax.tree.leaves((state.games, state.pursuer, state.evader))  # noqa: E731
+    keyless = lambda state: jax.tree.leaves((state.games, state.learners, state.past))  # noqa: E731
     assert same(keyless(again), keyless(played[-1]))
     assert not same(keyless(other), keyless(played[-1]))
-
-
-def test_sides_that_take_turns_learn_one_at_a_time():
-    config = OpponentConfig(scheme="alternating", renewal=3 * CHUNK)
-    states = play(config, 4)  # learning begins in the third chunk; the evader's turn is the fourth
-    moved = [
-        [
-            not same(getattr(one, side).learner.network, getattr(other, side).learner.network)
-            for side in ("pursuer", "evader")
-        ]
-        for one, other in pairwise(states)
-    ]
-    assert moved == [[False, False], [False, False], [True, False], [False, True]]
-    assert states[0].pursuer.archive is None
 
 
 def test_a_stage_without_opponents_of_the_past_has_no_archive():
@@ -325,11 +302,11 @@ def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
     """Every chunk and a half; seats are renewed after each chunk, though less is asked for."""
     plan = plan_of(replace(CONFIG, renewal=1))
     plan = replace(plan, stage=replace(plan.stage, env_steps=6 * CHUNK))
-    state = start_self_play(plan, GAME, jax.random.key(0), None)
+    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
     counts = []
     for chunks in (1, 2, 3):
         state = admit(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))
-        counts.append(int(state.pursuer.archive.count))
+        counts.append(int(state.past.archives.pursuer.count))
     assert counts == [1, 2, 3]
 
 
@@ -341,8 +318,7 @@ def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
         ({"versions": 0}, "versions = 0"),
         ({"renewal": 0}, "renewal = 0"),
         ({"payoff_games": 0}, "payoff_games = 0"),
-        ({"margin": -0.1}, "margin = -0.1"),
-        ({"scheme": "league", "exploiter_seats": 8}, "exploiter_seats = 8 .* less than seats = 8"),
+        *(({"scheme": gone}, f"^scheme = {gone} .* it must be {take}, .*gone.$") for gone, take in INSTEAD.items()),
     ],
 )
 def test_impossible_schemes_are_refused(change, complaint):
@@ -358,7 +334,7 @@ def test_an_unknown_scheme_is_refused():
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_scheme_that_would_judge_by_short_games_only_is_refused(scheme):
     past = replace(RUN.self_play, opponents=OpponentConfig(scheme=scheme, renewal=GAMES * GAME.max_steps - 1, seats=3))
-    if scheme in ("uniform", "gated"):
+    if scheme == "uniform":
         replace(RUN, self_play=past)
     else:
         with pytest.raises(InvalidInput, match=r"renewal = 6399 .* at least games x max_steps = 6,400"):

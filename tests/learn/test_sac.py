@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from apollonius.agents.network import make_actor, make_layers
-from apollonius.learn import replay, sac
+from apollonius.learn import replay_buffer, sac
 from apollonius.learn.learner_config import SACConfig
 
 CONFIG = SACConfig(observation="paper", width=16, depth=1, critics_first=0, averaging=0.25, target_averaging=0.5)
@@ -21,7 +21,7 @@ def random_batch(seed, size=32):
     def normal(*shape):
         return jnp.asarray(rng.normal(size=shape), jnp.float32)
 
-    return replay.Batch(
+    return replay_buffer.Batch(
         observation=normal(size, 8),
         action=jnp.asarray(rng.uniform(-1, 1, (size, 2)), jnp.float32),
         reward=normal(size),
@@ -154,14 +154,6 @@ def test_the_temperature_rises_where_entropy_is_wanting(log_density, rises):
     assert (slope < 0) == rises
 
 
-def test_a_branch_goes_on_from_what_plays_when_it_counts():
-    learner, _ = sac.update(sac.init(CONFIG, jax.random.key(1)), random_batch(2), jax.random.key(3), RATE, CONFIG)
-    branch = sac.branch(learner)
-    assert same(branch.network, learner.average)
-    assert same(branch.critics, learner.critics)
-    assert branch.updates == 0
-
-
 @pytest.mark.slow
 def test_it_finds_the_best_action_of_a_bandit():
     """Pay is highest at gears (0.5, -0.25); the temperature pulls to the middle and is small."""
@@ -173,7 +165,7 @@ def test_it_finds_the_best_action_of_a_bandit():
         action = jax.random.uniform(draw_key, (64, 2), minval=-1.0)
         pay = -4 * jnp.sum((action - best[None]) ** 2, axis=1)
         nothing = jnp.zeros((64, 8))
-        batch = replay.Batch(nothing, action, pay, nothing, jnp.zeros(64))
+        batch = replay_buffer.Batch(nothing, action, pay, nothing, jnp.zeros(64))
         return sac.update(learner, batch, update_key, jnp.asarray(3e-3), config)
 
     keys = jax.random.split(jax.random.key(1), 1500)

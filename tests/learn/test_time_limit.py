@@ -13,7 +13,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
-from apollonius.learn import replay
+from apollonius.learn import replay_buffer
 from apollonius.rollout import begin, collect
 
 GAMES, LIMIT, GAMMA = 8, 5, 0.9
@@ -28,13 +28,13 @@ def targets(profile, role):
     _, played = collect(game, still, begin(starts, still, words), rows, jax.random.key(1), 4 * LIMIT)
     part = played.sides[role]
     assert set(np.unique(played.outcome[LIMIT - 1 :: LIMIT])) == {Outcome.NO_RESULT}
-    memory = replay.add(
-        replay.init(4 * LIMIT, GAMES, part.observation.shape[-1], replay.DISCRETE),
-        replay.Row(
+    memory = replay_buffer.add(
+        replay_buffer.init(4 * LIMIT, GAMES, part.observation.shape[-1], replay_buffer.DISCRETE),
+        replay_buffer.Row(
             part.observation, part.action, part.reward, part.next_observation, played.terminated, played.truncated
         ),
     )
-    return replay.sample(memory, jax.random.key(2), 200, LIMIT, LIMIT, GAMMA)
+    return replay_buffer.sample(memory, jax.random.key(2), 200, LIMIT, LIMIT, GAMMA)
 
 
 @pytest.mark.parametrize("role", Role)

@@ -8,7 +8,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.state import Plan
+from apollonius.learn.train_state import Plan
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""

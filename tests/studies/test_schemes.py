@@ -14,7 +14,7 @@ from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
-from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.trainings import train
 from apollonius.reproduce.finding import write_finding
 from studies import judgement, schemes
@@ -70,7 +70,7 @@ def study(runs):
 
 def test_every_scheme_has_the_same_budget_and_start():
     configs = [schemes.run_config(scheme, 1, 4_000_000) for scheme in schemes.SCHEMES]
-    assert len({config.self_play.opponents.scheme for config in configs}) == len(schemes.SCHEMES) == 10
+    assert len({config.self_play.opponents.scheme for config in configs}) == len(schemes.SCHEMES) == 4
     same = [replace(config, self_play=replace(config.self_play, opponents=OpponentConfig())) for config in configs]
     assert all(config == same[0] for config in same)
     assert (same[0].pursuer, same[0].seed, same[0].self_play.env_steps) == ("P_stage1", 1, 4_000_000)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from apollonius.learn import replay
+from apollonius.learn import replay_buffer
 
 ROWS, GAMES, GAMMA = 12, 3, 0.9
 
-add = jax.jit(replay.add)
-draw = jax.jit(replay.sample, static_argnames=("batch", "max_n_step", "gamma"))
+add = jax.jit(replay_buffer.add)
+draw = jax.jit(replay_buffer.sample, static_argnames=("batch", "max_n_step", "gamma"))
 
 
 @dataclass
@@ -47,7 +47,7 @@ def as_rows(history):
     def leaf(name, dtype):
         return jnp.asarray(np.array([[getattr(one, name) for one in row] for row in history], dtype))
 
-    return replay.Row(
+    return replay_buffer.Row(
         observation=leaf("observation", np.float32),
         action=leaf("action", np.int32),
         reward=leaf("reward", np.float32),
@@ -58,7 +58,7 @@ def as_rows(history):
 
 
 def remember(history, steps_at_once=1):
-    memory = replay.init(ROWS, GAMES, size=2, action=replay.DISCRETE)
+    memory = replay_buffer.init(ROWS, GAMES, size=2, action=replay_buffer.DISCRETE)
     for time in range(0, len(history), steps_at_once):
         memory = add(memory, as_rows(history[time : time + steps_at_once]))
     return memory

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import pytest
 
-from apollonius.learn.schedule import linear
+from apollonius.learn.algorithm import linear
 
 
 @pytest.mark.parametrize(

@@ -18,17 +18,17 @@ from apollonius.agents.pool import solo
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
-from apollonius.game.types import Outcome
+from apollonius.game.types import Outcome, Role
 from apollonius.learn.fixed_target import start_fixed_target
-from apollonius.learn.stage import Metrics, play_and_learn
-from apollonius.learn.state import TrainState
+from apollonius.learn.train_state import TrainState
+from apollonius.learn.train_step import Metrics, play_and_learn
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
 EVADER = solo(Still())
 
 
 @dataclass(frozen=True)
-class Moment:
+class Snapshot:
     """A copy of the state after some chunks, and the metrics of the latest one."""
 
     state: TrainState
@@ -36,11 +36,11 @@ class Moment:
 
     @property
     def learner(self):
-        return self.state.pursuer.learner
+        return self.state.learners[Role.PURSUER].learner
 
     @property
     def seen(self):
-        return self.state.pursuer.replay.rows
+        return self.state.learners[Role.PURSUER].buffer.rows
 
 
 def copy(tree):
@@ -51,10 +51,10 @@ def copy(tree):
 
 def play_stage(seed, chunks, game=GAME, plan=PLAN):
     state = start_fixed_target(plan, game, jax.random.key(seed), EVADER)
-    moments = [Moment(copy(state), None)]
+    moments = [Snapshot(copy(state), None)]
     for _ in range(chunks):
-        state, metrics = play_and_learn(plan, game, state, None, EVADER)
-        moments.append(Moment(copy(state), copy(metrics)))
+        state, metrics = play_and_learn(plan, game, state, {Role.EVADER: EVADER})
+        moments.append(Snapshot(copy(state), copy(metrics)))
     return moments
 
 
@@ -108,8 +108,8 @@ def play_from(env_steps, key=0, game=GAME):
     start = eqx.tree_at(
         lambda state: (state.env_steps, state.key), start, (jnp.asarray(env_steps, jnp.int32), jax.random.key(key))
     )
-    state, metrics = play_and_learn(PLAN, game, start, None, EVADER)
-    return Moment(copy(state), copy(metrics))
+    state, metrics = play_and_learn(PLAN, game, start, {Role.EVADER: EVADER})
+    return Snapshot(copy(state), copy(metrics))
 
 
 def test_two_seeds_differ_in_their_first_batch():
@@ -156,21 +156,21 @@ def test_returns_are_summed_over_finished_games(stage):
         running += reward
         expected += running[over].sum()
         running[over] = 0
-    assert metrics.pursuer_return == pytest.approx(expected, rel=1e-4)
+    assert metrics.returns.pursuer == pytest.approx(expected, rel=1e-4)
 
 
 def test_nothing_is_learned_before_learning_starts(stage):
     start, _, greedy, learning, _ = stage
     assert identical(start.learner, greedy.learner)
-    assert greedy.metrics.pursuer_loss == 0
+    assert greedy.metrics.losses.pursuer == 0
     assert not identical(greedy.learner.network, learning.learner.network)
     assert not identical(greedy.learner.average, learning.learner.average)
-    assert learning.metrics.pursuer_loss > 0
+    assert learning.metrics.losses.pursuer > 0
 
 
 def test_a_side_that_does_not_learn_has_no_loss_and_no_memory(stage):
-    assert stage[4].state.evader is None
-    assert stage[4].metrics.evader_loss == 0
+    assert set(stage[4].state.learners) == {Role.PURSUER}
+    assert stage[4].metrics.losses.evader == 0
 
 
 def test_the_target_is_copied_at_its_period_and_kept_in_between(stage):
@@ -221,7 +221,7 @@ def test_a_stage_is_traced_once():
 def test_the_state_is_donated():
     """So that the replay is updated in place."""
     before = start_fixed_target(PLAN, GAME, jax.random.key(0), EVADER)
-    address = before.pursuer.replay.rows.observation.unsafe_buffer_pointer()
-    after, _ = play_and_learn(PLAN, GAME, before, None, EVADER)
-    assert before.pursuer.replay.rows.observation.is_deleted()
-    assert after.pursuer.replay.rows.observation.unsafe_buffer_pointer() == address
+    address = before.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer()
+    after, _ = play_and_learn(PLAN, GAME, before, {Role.EVADER: EVADER})
+    assert before.learners[Role.PURSUER].buffer.rows.observation.is_deleted()
+    assert after.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer() == address

@@ -26,7 +26,7 @@ class Row(eqx.Module):
     truncated: Bool[Array, "*steps games"]
 
 
-class Replay(eqx.Module):
+class ReplayBuffer(eqx.Module):
     """The ring. `head` is the row written next, `filled` how many rows hold transitions."""
 
     rows: Row
@@ -48,7 +48,7 @@ class Batch(eqx.Module):
     discount: Float[Array, " batch"]
 
 
-def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> Replay:
+def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> ReplayBuffer:
     """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one."""
 
     def observations() -> Float[Array, "rows games size"]:
@@ -65,48 +65,43 @@ def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> Repl
         terminated=flags(),
         truncated=flags(),
     )
-    return Replay(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
+    return ReplayBuffer(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
 
-def add(replay: Replay, new: Row) -> Replay:
+def add(buffer: ReplayBuffer, new: Row) -> ReplayBuffer:
     """The ring with new rows `[steps, games]`, over the oldest ones. Its rows must be a multiple of `steps`."""
-    rows, steps = replay.rows.reward.shape[0], new.reward.shape[0]
+    rows, steps = buffer.rows.reward.shape[0], new.reward.shape[0]
     written = jax.tree.map(
-        lambda ring, part: jax.lax.dynamic_update_slice_in_dim(ring, part, replay.head, axis=0), replay.rows, new
+        lambda ring, part: jax.lax.dynamic_update_slice_in_dim(ring, part, buffer.head, axis=0), buffer.rows, new
     )
-    return Replay(written, (replay.head + steps) % rows, jnp.minimum(replay.filled + steps, rows))
+    return ReplayBuffer(written, (buffer.head + steps) % rows, jnp.minimum(buffer.filled + steps, rows))
 
 
-def cut(replay: Replay, games: Bool[Array, " games"]) -> Replay:
+def cut(buffer: ReplayBuffer, games: Bool[Array, " games"]) -> ReplayBuffer:
     """The ring after some games were broken off: their latest transitions are truncated, unless they ended them."""
-    latest = (replay.head - 1) % replay.rows.reward.shape[0]
-    truncated = replay.rows.truncated[latest] | (games & ~replay.rows.terminated[latest])
-    return eqx.tree_at(lambda ring: ring.rows.truncated, replay, replay.rows.truncated.at[latest].set(truncated))
+    latest = (buffer.head - 1) % buffer.rows.reward.shape[0]
+    truncated = buffer.rows.truncated[latest] | (games & ~buffer.rows.terminated[latest])
+    return eqx.tree_at(lambda ring: ring.rows.truncated, buffer, buffer.rows.truncated.at[latest].set(truncated))
 
 
 def sample(
-    replay: Replay,
+    buffer: ReplayBuffer,
     key: PRNGKeyArray,
     batch: int,
     max_n_step: int,
     n_step: Int[Array, ""] | int,
     gamma: float,
-    among: tuple[int, int] | None = None,
 ) -> Batch:
     """Transitions drawn uniformly from the ring, each with the return of up to `n_step` steps. The key is consumed.
 
     At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
     its game stops there: a terminated game is worth nothing beyond, a truncated one what its final observation is.
-
-    Args:
-        among: draw from these games only: the first and how many follow, after the last the first again; None: all.
     """
-    rows, games = replay.rows.reward.shape
+    rows, games = buffer.rows.reward.shape
     age_key, game_key = jax.random.split(key)
-    age = jax.random.randint(age_key, (batch,), 0, replay.filled - max_n_step + 1)
-    first_game, count = among or (0, games)
-    game = (first_game + jax.random.randint(game_key, (batch,), 0, count)) % games
-    first = (replay.head - replay.filled + age) % rows
+    age = jax.random.randint(age_key, (batch,), 0, buffer.filled - max_n_step + 1)
+    game = jax.random.randint(game_key, (batch,), 0, games)
+    first = (buffer.head - buffer.filled + age) % rows
 
     reward = jnp.zeros(batch, jnp.float32)
     discount = jnp.ones(batch, jnp.float32)
@@ -114,16 +109,16 @@ def sample(
     going: Bool[Array, " batch"] = jnp.ones(batch, bool)
     for ahead in range(max_n_step):
         row = (first + ahead) % rows
-        reward = reward + jnp.where(going, discount * replay.rows.reward[row, game], 0.0)
-        terminated, truncated = replay.rows.terminated[row, game], replay.rows.truncated[row, game]
+        reward = reward + jnp.where(going, discount * buffer.rows.reward[row, game], 0.0)
+        terminated, truncated = buffer.rows.terminated[row, game], buffer.rows.truncated[row, game]
         discount = jnp.where(going, discount * _continues(terminated, gamma), discount)
         last = jnp.where(going, row, last)
         going = going & ~terminated & ~truncated & (ahead + 1 < n_step)
     return Batch(
-        observation=replay.rows.observation[first, game],
-        action=replay.rows.action[first, game],
+        observation=buffer.rows.observation[first, game],
+        action=buffer.rows.action[first, game],
         reward=reward,
-        next_observation=replay.rows.next_observation[last, game],
+        next_observation=buffer.rows.next_observation[last, game],
         discount=discount,
     )
 

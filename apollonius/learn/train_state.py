@@ -1,5 +1,6 @@
 """What a stage of training is and what changes in it: the plan, the learning sides, the games under way."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -12,17 +13,18 @@ from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import Role, Scalar
-from apollonius.learn import opponents, replay
+from apollonius.game.types import ROLES, Role, Scalar
+from apollonius.learn import replay_buffer
 from apollonius.learn.algorithm import Learner, algorithm_of
 from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import LearnerConfig
-from apollonius.learn.payoffs import Payoffs, nothing_played
-from apollonius.learn.scheme import OpponentConfig
+from apollonius.learn.opponents import archive
+from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents.payoffs import Payoffs, nothing_played
 from apollonius.observe.registry import find_observation
 from apollonius.rollout import Games, begin
 
-DEVICES = "devices"
+DEVICE_AXIS = "devices"
 """Name of the axis of devices that share a training."""
 _CHUNK_ENV_STEPS = 8192
 """Env steps of all devices between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small
@@ -41,7 +43,7 @@ class Plan:
     @property
     def across(self) -> str | None:
         """The axis over which devices agree, if there are several."""
-        return DEVICES if self.devices > 1 else None
+        return DEVICE_AXIS if self.devices > 1 else None
 
     @property
     def opponents(self) -> OpponentConfig:
@@ -78,59 +80,68 @@ class Plan:
         return -(-self.stage.env_steps // self.env_steps_per_chunk)
 
 
-class Learning(eqx.Module):
-    """One learning side: its networks, its memory and, where a scheme wants them, its earlier versions and a second
-    learner, the exploiter, which learns from the same memory how to beat the other side's learner.
-    """
+class LearnerState(eqx.Module):
+    """One learning side: its networks and its memory."""
 
     learner: Learner
-    replay: replay.Replay
-    archive: opponents.Archive | None = None
-    exploiter: Learner | None = None
+    buffer: replay_buffer.ReplayBuffer
+
+
+class Past(eqx.Module):
+    """Both sides' earlier versions and, where a scheme asks for it, how they fare against each other."""
+
+    archives: BySide[archive.Archive]
+    payoffs: Payoffs | None
 
 
 class TrainState(eqx.Module):
-    """Everything that changes while a stage is trained; a side that does not learn is None.
+    """Everything that changes while a stage is trained.
 
-    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `payoffs`
-    is how the versions of both sides fare against each other, where a scheme asks for it.
+    `learners` are the sides that learn. `key` is folded with the number of iterations, never replaced. `env_steps`
+    counts steps of single games. `past` is None where nobody meets earlier versions.
     """
 
     games: Games
-    pursuer: Learning | None
-    evader: Learning | None
+    learners: dict[Role, LearnerState]
     key: PRNGKeyArray
     iterations: Int[Array, ""]
     env_steps: Int[Array, ""]
     episodes: Int[Array, ""]
-    payoffs: Payoffs | None = None
+    past: Past | None = None
 
 
 def start(
-    plan: Plan,
-    game: Game,
-    key: PRNGKeyArray,
-    pursuer: Learner | Pool,
-    evader: Learner | Pool,
+    plan: Plan, game: Game, key: PRNGKeyArray, learners: Mapping[Role, Learner], fixed: Mapping[Role, Pool]
 ) -> TrainState:
-    """The state before the first step. A side given as a `Learner` learns; one given as a `Pool` does not.
+    """The state before the first step. The key is consumed.
 
-    The key is consumed.
+    Args:
+        learners: the sides that learn.
+        fixed: who plays the others.
     """
     start_key, member_key, train_key = jax.random.split(key, 3)
     games = plan.learner.games
     words = jax.random.bits(member_key, (2, games), jnp.uint32)
-    chaser, pursuers = _side(plan, Role.PURSUER, pursuer)
-    runner, evaders = _side(plan, Role.EVADER, evader)
+    algorithm, size = algorithm_of(plan.learner), find_observation(plan.learner.observation).size
+
+    past = None
+    if plan.opponents.share > 0:
+        archives = ROLES.map(lambda role: archive.init(learners[role].network, plan.opponents))
+        payoffs = nothing_played(plan.opponents.versions) if plan.opponents.rule.keeps_payoffs else None
+        past = Past(archives, payoffs)
+    networks = {role: learner.network for role, learner in learners.items()}
+    playing = ROLES.map(lambda role: players(plan, role, networks, fixed, past, jnp.ones(())))
     return TrainState(
-        games=begin(reset_batch(game, start_key, games), BySide(pursuers, evaders), words, plan.stage.disturbance),
-        pursuer=chaser,
-        evader=runner,
+        games=begin(reset_batch(game, start_key, games), playing, words, plan.stage.disturbance),
+        learners={
+            role: LearnerState(learner, replay_buffer.init(plan.learner.rows, games, size, algorithm.action))
+            for role, learner in learners.items()
+        },
         key=train_key,
         iterations=jnp.zeros((), jnp.int32),
         env_steps=jnp.zeros((), jnp.int32),
         episodes=jnp.zeros((), jnp.int32),
-        payoffs=nothing_played(plan.opponents.versions) if plan.opponents.keeps_payoffs else None,
+        past=past,
     )
 
 
@@ -142,28 +153,19 @@ def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None = None)
     return algorithm.start_from(plan.learner, network, key)
 
 
-def _side(plan: Plan, role: Role, side: Learner | Pool) -> tuple[Learning | None, Pool | Seated]:
-    """What one side begins with, and who plays it."""
-    if isinstance(side, Pool):
-        return None, side
-    algorithm = algorithm_of(plan.learner)
-    size = find_observation(plan.learner.observation).size
-    archive = opponents.init(side.network, plan.opponents) if plan.opponents.share else None
-    exploiter = algorithm.branch(side) if plan.opponents.has_exploiters else None
-    memory = replay.init(plan.learner.rows, plan.learner.games, size, algorithm.action)
-    learning = Learning(side, memory, archive, exploiter)
-    return learning, players(plan, role, learning, None, jnp.ones(()))
-
-
-def players(plan: Plan, role: Role, side: Learning | None, pool: Pool | None, amount: Scalar) -> Pool | Seated:
+def players(
+    plan: Plan,
+    role: Role,
+    learning: Mapping[Role, Network],
+    fixed: Mapping[Role, Pool],
+    past: Past | None,
+    amount: Scalar,
+) -> Pool | Seated:
     """Who plays one side: a given pool, or its learner, exploring by some amount (`agents.trained.exploring`), and, in
     the seats, its earlier versions.
     """
-    if pool is not None:
-        return pool
-    assert side is not None, "a side without players must learn"
-    if side.archive is None:
-        return solo(exploring(side.learner.network, amount))
-    exploiter = side.exploiter.network if side.exploiter else None
-    learner = side.learner.network
-    return opponents.seat(side.archive, plan.opponents, role, learner, amount, plan.learner.games, exploiter)
+    if role in fixed:
+        return fixed[role]
+    if past is None:
+        return solo(exploring(learning[role], amount))
+    return archive.seat(past.archives[role], plan.opponents, role, learning[role], amount, plan.learner.games)

@@ -1,1 +1,0 @@
-"""Studies that have no other home yet."""

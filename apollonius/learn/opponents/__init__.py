@@ -1,0 +1,1 @@
+"""Whom the sides of self-play meet: each other's learners, and earlier versions by a scheme."""

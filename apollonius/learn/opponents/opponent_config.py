@@ -1,0 +1,45 @@
+"""Whom the sides of self-play meet: the scheme, and the numbers of it."""
+
+from dataclasses import dataclass
+
+from apollonius.errors import require, require_positive
+from apollonius.learn.opponents.scheme import AbstractScheme, find_scheme
+from apollonius.learn.opponents.schemes import INSTEAD, SCHEMES
+
+
+@dataclass(frozen=True)
+class OpponentConfig:
+    """Whom the sides of self-play meet (`apollonius.learn.opponents`)."""
+
+    scheme: str = "latest"
+    """`latest`: each other, as in Algorithm 2. The rest: in a share of the games an earlier version, drawn by the
+    scheme."""
+    past_share: float = 0.5
+    """Share of the games with an earlier version, half of them of either side, where the scheme does not say it."""
+    versions: int = 16
+    """Earlier versions kept of each side, taken evenly over the stage."""
+    seats: int = 8
+    """Earlier versions of each side that play at a time."""
+    renewal: int = 524_288
+    """Env steps between two draws of who plays. Versions are judged by games that can last to the time limit before the
+    next draw, so it must leave that time."""
+    payoff_games: int = 32
+    """Games of every version with every version of the other side, where the scheme asks who beats whom."""
+
+    def __post_init__(self) -> None:
+        instead = INSTEAD.get(self.scheme)
+        bound = f"{instead}, as this scheme is gone" if instead else f"one of {', '.join(SCHEMES)}"
+        require(self.scheme in SCHEMES, "scheme", self.scheme, bound)
+        require_positive(self, "versions", "seats", "renewal", "payoff_games")
+        require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
+
+    @property
+    def rule(self) -> AbstractScheme:
+        """What the scheme decides."""
+        return find_scheme(self.scheme)
+
+    @property
+    def share(self) -> float:
+        """Share of the games with an earlier version."""
+        said = self.rule.share
+        return self.past_share if said is None else said
