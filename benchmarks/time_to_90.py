@@ -28,6 +28,7 @@ from apollonius.agents.network import QNetwork, make_network
 from apollonius.agents.pool import solo
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_match
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import StageConfig
@@ -45,9 +46,8 @@ LOOKS = 40
 
 def judge(network: QNetwork) -> float:
     """Share of captures of a standing evader, greedily, from starts that no training sees."""
-    result = play_match(
-        Match(make_game("paper"), Named("ours", Greedy(network)), find_player("still", Role.EVADER), GAMES, seed=90)
-    )
+    players = BySide(Named("ours", Greedy(network)), find_player("still", Role.EVADER))
+    result = play_match(Match(make_game("paper"), players, GAMES, seed=90))
     return result.outcomes["captured"] / GAMES
 
 

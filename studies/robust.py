@@ -47,7 +47,7 @@ def kept_comparison(folder: Path, match: Match) -> Comparison:
     def play() -> Comparison:
         return compare(match, play_games(match), simulate_match(match, Drive()))
 
-    path = match_file(folder, match.pursuer.name, match.evader.name)
+    path = match_file(folder, match.players.pursuer.name, match.players.evader.name)
     return kept_result(path, facts_of(match) | {"drive": to_dict(Drive())}, Comparison, play)
 
 

@@ -102,7 +102,7 @@ class Smooth(driver.AbstractStudy):
         pairs = pairings(found)
         fleeing = _first_of(CONTINUOUS, matches.players.evader)
         pursuers = [_first_of(kind, matches.players.pursuer) for kind in (DISCRETE, CONTINUOUS)]
-        draw([Match(matches.game, pursuer, fleeing, _TRIALS) for pursuer in pursuers], self.out / "smooth.png")
+        draw([Match(matches.game, BySide(pursuer, fleeing), _TRIALS) for pursuer in pursuers], self.out / "smooth.png")
         text = comparison(pairs) + "\n\n" + table(pairs, dt)
         return Finding("Smooth motion", text, ("smooth.png",), data=driver.as_data(found))
 

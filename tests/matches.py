@@ -2,8 +2,9 @@
 
 from apollonius.agents.kind import Named
 from apollonius.evaluate.match import Match
+from apollonius.game.by_side import BySide
 
 
 def a_match(game, pursuer, evader, games, seed=0, **which):
     """A match of two policies."""
-    return Match(game, Named("pursuer", pursuer), Named("evader", evader), games, seed, **which)
+    return Match(game, BySide(Named("pursuer", pursuer), Named("evader", evader)), games, seed, **which)

@@ -25,8 +25,8 @@ from apollonius.replay import as_state, load_replay, save_replay, trace
 
 GAME = make_game("robot")
 GAMES = 24
-PLAYERS = find_player("P_stage1", Role.PURSUER), find_player("random", Role.EVADER)
-MATCH = Match(make_game("paper"), *PLAYERS, GAMES, seed=3)
+PLAYERS = BySide(find_player("P_stage1", Role.PURSUER), find_player("random", Role.EVADER))
+MATCH = Match(make_game("paper"), PLAYERS, GAMES, seed=3)
 
 
 def test_a_trace_is_the_course_of_the_game_that_was_played_out():
@@ -74,7 +74,7 @@ def test_a_game_of_both_kinds_of_players_survives_its_file_and_plays_again_to_th
     actor = make_actor("paper", 8, 1, jax.random.key(0))
     wild = Named("wild", SquashedGaussian(actor, jnp.asarray(1.0)))
     for pair in ((wild, find_player("random", Role.EVADER)), (wild, wild)):
-        kept = record_game(Match(make_game("paper"), *pair, games=4, seed=3), index=2)
+        kept = record_game(Match(make_game("paper"), BySide(*pair), games=4, seed=3), index=2)
         assert kept.actions.shape == (len(kept.states) - 1, 2, 2)
         save_replay(kept, tmp_path / "both.json")
         loaded = load_replay(tmp_path / "both.json")

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.pool import Pool, solo
+from apollonius.agents.pool import Pool
 from apollonius.bodies.drive import Drive, References
 from apollonius.bodies.physics import Physics
 from apollonius.evaluate.match import Match, begin
@@ -114,7 +114,8 @@ def simulate_match(match: Match, drive: Drive, report: Report = lambda done, tot
     """
     SIMULATED_GAMES.require("games", match.games)
     starts, key = begin(match)
-    return simulate(match.game, solo(match.pursuer.policy), solo(match.evader.policy), starts, key, drive, report)
+    players = match.pools
+    return simulate(match.game, players.pursuer, players.evader, starts, key, drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
@@ -124,8 +125,8 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
         index: which of the games, from 0.
     """
     outcome = Outcome(int(simulated.results.outcome[index]))
-    names, games = (match.pursuer.name, match.evader.name), len(simulated.results.outcome)
-    return Replay(match.game, *names, match.seed, games, index, *simulated.course(index), outcome)
+    names, games = match.players.map(lambda player: player.name), len(simulated.results.outcome)
+    return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)
 
 
 def _members(pursuer: Pool, evader: Pool, key: PRNGKeyArray, count: int) -> Int[Array, "2 games"]:

@@ -75,7 +75,7 @@ def requested_match(options: argparse.Namespace) -> "Match":
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     """What was asked for, for programs."""
-    names = {"pursuer": match.pursuer.name, "evader": match.evader.name}
+    names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
     return names | {"game": options.game, "starts": options.starts, "seed": match.seed}
 
 

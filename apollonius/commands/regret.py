@@ -15,6 +15,7 @@ from apollonius.commands.options import (
 )
 from apollonius.commands.values import count, existing_file, named
 from apollonius.errors import require
+from apollonius.game.by_side import BySide
 from apollonius.limits import GAMES, RECORDS, TARGETS
 
 if TYPE_CHECKING:
@@ -110,10 +111,10 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     sides = {table.contest.role: table for _, table in tables}
     require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
     agent = find_player(options.agent, role, game)
-    own, other = sides[role], sides[Role(1 - role)]
+    own, other = sides[role], sides[role.other]
     opponent = Named(next(name for name, table in tables if table is other), other)
-    pursuer, evader = (agent, opponent) if role == Role.PURSUER else (opponent, agent)
-    match = Match(game, pursuer, evader, options.games, options.seed)
+    players = BySide(agent, opponent) if role == Role.PURSUER else BySide(opponent, agent)
+    match = Match(game, players, options.games, options.seed)
     response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
     display = options.display
     display.begin("playing against the table", compiles=True)

@@ -52,7 +52,8 @@ def run_simulate(options: argparse.Namespace) -> int:
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
         print(json.dumps(match_facts(options, match) | {"drives": found}))
     else:
-        print(f"{match.pursuer.name} (pursuer) against {match.evader.name} (evader), {match.games:,} games")
+        pursuer, evader = (player.name for player in match.players)
+        print(f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games")
         print(_table(comparisons["as it is"]))
         for kind, comparison in list(comparisons.items())[1:]:
             print(f"{kind}:", *_differences(comparison), sep="\n")

@@ -13,6 +13,7 @@ from apollonius.agents.kind import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
@@ -87,7 +88,7 @@ def measure_card(
         InvalidInput: as `play_match`, and unless the tables are of two sides and one payoff.
     """
     role, game = own.contest.role, match.game
-    other = match.player(Role(1 - role)).policy
+    other = match.players[role.other].policy
     two = isinstance(other, SaddlePolicy) and other.contest.role != role
     require(two, "tables", "of one side", "one of the pursuer and one of the evader")
     assert isinstance(other, SaddlePolicy)
@@ -99,8 +100,8 @@ def measure_card(
     gaps = sure - payoffs
     answered = None
     if response is not None:
-        opponent = {Role(1 - role).name.lower(): Named("response", response)}
-        answer = replace(match, games=response_games, **opponent)
+        both = BySide(match.players[role], Named("response", response))
+        answer = replace(match, players=both if role == Role.PURSUER else both.swap(), games=response_games)
         lost_to = play_games(answer, report=partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
     own_starts = (starts.pursuer, starts.evader)[role]

@@ -53,15 +53,15 @@ def kept_match(folder: Path, match: Match, report: Report = lambda done, total: 
     Raises:
         InvalidInput: as `kept_result` and `play_match`.
     """
-    path = match_file(folder, match.pursuer.name, match.evader.name)
+    path = match_file(folder, match.players.pursuer.name, match.players.evader.name)
     return kept_result(path, facts_of(match), MatchResult, lambda: play_match(match, report=report))
 
 
 def facts_of(match: Match) -> dict[str, Any]:
     """All that the result of a match depends on, as JSON-like data."""
     return {
-        "pursuer": fingerprint(match.pursuer.policy),
-        "evader": fingerprint(match.evader.policy),
+        "pursuer": fingerprint(match.players.pursuer.policy),
+        "evader": fingerprint(match.players.evader.policy),
         "game": to_dict(match.game),
         "games": match.games,
         "seed": match.seed,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
@@ -18,7 +18,7 @@ from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
-from apollonius.game.types import GameState, Outcome, Role
+from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.limits import GAMES, SEED
 from apollonius.playout import Report, Results, draw_starts, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
@@ -58,7 +58,7 @@ class Match:
 
     Attributes:
         game: by whose rules.
-        pursuer, evader: who plays.
+        players: who plays either side.
         games: how many.
         seed: of the starts and of everything random in the games.
         starts: which of the game's starts are played.
@@ -68,8 +68,7 @@ class Match:
     """
 
     game: Game
-    pursuer: Named
-    evader: Named
+    players: BySide[Named]
     games: int
     seed: int = 0
     starts: StartFilter = StartFilter.ALL
@@ -89,12 +88,13 @@ class Match:
             InvalidInput: as `find_game` and `find_player`, and as a match.
         """
         rules, which = starting(find_game(game), starts)
-        chasing, fleeing = find_player(pursuer, Role.PURSUER, rules), find_player(evader, Role.EVADER, rules)
-        return cls(rules, chasing, fleeing, games, seed, which)
+        names = BySide(pursuer, evader)
+        return cls(rules, ROLES.map(lambda role: find_player(names[role], role, rules)), games, seed, which)
 
-    def player(self, role: Role) -> Named:
-        """Who plays a side."""
-        return self.pursuer if role == Role.PURSUER else self.evader
+    @property
+    def pools(self) -> BySide[Pool]:
+        """The same players, as a batch of games has them."""
+        return self.players.map(lambda player: solo(player.policy))
 
 
 @jax.jit
@@ -163,8 +163,7 @@ def play_match(match: Match, slots: int | None = None, report: Report = lambda d
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    players = BySide(solo(match.pursuer.policy), solo(match.evader.policy))
-    return play_out(match.game, players, *begin(match), slots=slots, watcher=Changes(), report=report)
+    return play_out(match.game, match.pools, *begin(match), slots=slots, watcher=Changes(), report=report)
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
@@ -177,7 +176,7 @@ def replay_game(match: Match, index: int) -> Trajectory:
         InvalidInput: when there is no such game, and as `play_match`.
     """
     require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
-    return trace(match.game, BySide(solo(match.pursuer.policy), solo(match.evader.policy)), *begin(match), index)
+    return trace(match.game, match.pools, *begin(match), index)
 
 
 def worst_first(results: Results) -> list[int]:
@@ -190,7 +189,7 @@ def record_game(match: Match, index: int) -> Replay:
     """One game of a match as a replay; arguments and errors as those of `replay_game`."""
     course = replay_game(match, index)
     return Replay(
-        match.game, match.pursuer.name, match.evader.name, match.seed, match.games, index,
+        match.game, match.players.pursuer.name, match.players.evader.name, match.seed, match.games, index,
         as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),
     )  # fmt: skip
 

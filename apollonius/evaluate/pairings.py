@@ -10,8 +10,9 @@ from apollonius.agents.store import load_header
 from apollonius.catalogue import find_player
 from apollonius.document import write_atomically
 from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Role
+from apollonius.game.types import ROLES
 from apollonius.playout import Report
 
 
@@ -39,8 +40,8 @@ def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str
     """The matches of a run's last agents, by the names that they have in it."""
     agents, found = last_agents(run), {}
     for pair in pairings(agents):
-        pursuer, evader = (find_player(str(agents.get(pair[role], pair[role])), role) for role in Role)
-        found[pair] = Match(game, pursuer, evader, games, seed)
+        files = BySide(*pair).map(lambda name: str(agents.get(name, name)))
+        found[pair] = Match(game, ROLES.map(lambda role, files=files: find_player(files[role], role)), games, seed)
     return found
 
 

@@ -65,7 +65,7 @@ class RoundRobin:
     def result(self, pursuer: str, evader: str) -> Any:
         """What a match comes to, read where it is kept or else played."""
         both = self.players.pursuer[pursuer], self.players.evader[evader]
-        return self.play(self.folder, Match(self.game, *both, self.games, self.seed))
+        return self.play(self.folder, Match(self.game, BySide(*both), self.games, self.seed))
 
     def results(self) -> dict[tuple[str, str], Any]:
         """All matches, by pursuer and evader."""

@@ -14,6 +14,7 @@ from apollonius.errors import require
 from apollonius.evaluate.kept import kept_match
 from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
 from apollonius.evaluate.ratings import Ratings, rate
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.matrix_game import Equilibrium, broadest_equilibrium
 from apollonius.playout import Report
@@ -141,7 +142,7 @@ def play_tournament(
             def of_all(done: int, _: int, before: int = before) -> None:
                 report(before + done, total)
 
-            match = Match(game, pursuer, evader, games, seed, starts)
+            match = Match(game, BySide(pursuer, evader), games, seed, starts)
             row.append(kept_match(keep, match, of_all) if keep else play_match(match, report=of_all))
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))

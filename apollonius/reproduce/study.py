@@ -8,6 +8,7 @@ from typing import Any
 from apollonius import Game, Match, Named, Role, find_player
 from apollonius.catalogue import SHIELDED
 from apollonius.evaluate.match import MatchResult, count, play_games
+from apollonius.game.by_side import BySide
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import last_metrics
@@ -86,7 +87,7 @@ class Study:
         """The match between two agents of a seed, those of self-play at a percentage of it."""
         chasing = self.agent(pursuer, Role.PURSUER, seed, percent)
         fleeing = self.agent(evader, Role.EVADER, seed, percent)
-        return Match(self.game, chasing, fleeing, self.games, MATCH_SEED)
+        return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
         """The games of a pairing."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from apollonius.agents.chasing import PurePursuit
+from apollonius.agents.classical import Still
 from apollonius.agents.kind import Named, fingerprint
 from apollonius.catalogue import find_player
 from apollonius.cli import main
@@ -14,14 +15,14 @@ from apollonius.evaluate import kept
 from apollonius.evaluate.kept import kept_match, match_file
 from apollonius.evaluate.match import Match, StartFilter, play_match
 from apollonius.evaluate.tournament import play_tournament
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 GAME = replace(make_game("paper"), max_steps=40)
 PURSUER = find_player("pure-pursuit", Role.PURSUER, GAME)
 EVADER = find_player("flee", Role.EVADER, GAME)
-MATCH = Match(GAME, PURSUER, EVADER, 30, 1)
+MATCH = Match(GAME, BySide(PURSUER, EVADER), 30, 1)
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
         {"games": 31},
         {"seed": 2},
         {"starts": StartFilter.VIABLE},
-        {"pursuer": find_player("pure-pursuit", Role.PURSUER, replace(GAME, pursuer=Unicycle(u1_max=0.2)))},
+        {"players": BySide(replace(PURSUER, policy=Still()), EVADER)},
     ],
     ids=lambda other: next(iter(other)),
 )
@@ -79,7 +80,7 @@ def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
     played = []
 
     def counted(match, **options):
-        played.append(type(match.pursuer.policy).__name__)
+        played.append(type(match.players.pursuer.policy).__name__)
         return play_match(match, **options)
 
     monkeypatch.setattr(kept, "play_match", counted)
@@ -89,7 +90,7 @@ def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
 
 def test_names_of_shielded_players_and_runs_make_files(tmp_path):
     odd = Named("latest/seed-0", PURSUER.policy), Named("shielded:flee", EVADER.policy)
-    kept_match(tmp_path, Match(GAME, *odd, 5, 1))
+    kept_match(tmp_path, Match(GAME, BySide(*odd), 5, 1))
     assert [path.name for path in tmp_path.iterdir()] == ["latest-seed-0--shielded-flee.json"]
 
 

@@ -10,6 +10,7 @@ from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.tournament import play_tournament
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.terminal import tournament_table
@@ -37,7 +38,7 @@ def tournament(players, told):
 def test_every_cell_is_the_match_of_its_two_players(players, tournament):
     for pursuer, row in zip(players[0], tournament.matches, strict=True):
         for evader, result in zip(players[1], row, strict=True):
-            assert result == play_match(Match(GAME, pursuer, evader, games=40, seed=3))
+            assert result == play_match(Match(GAME, BySide(pursuer, evader), games=40, seed=3))
     assert tournament.win_rates[1, 0] == tournament.matches[1][0].pursuer_win_rate
     assert tournament.win_rates[1, 0] > tournament.win_rates[0, 0]
 

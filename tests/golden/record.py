@@ -10,6 +10,7 @@ import numpy as np
 
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.replay import save_replay
@@ -32,7 +33,7 @@ def record(name, starts, pursuer_name, evader_name, max_steps):
     game = make_game(name)
     game = replace(game, starts=replace(game.starts, speed=starts), max_steps=max_steps)
     pursuer, evader = find_player(pursuer_name, Role.PURSUER, game), find_player(evader_name, Role.EVADER, game)
-    match = Match(game, pursuer, evader, GAMES)
+    match = Match(game, BySide(pursuer, evader), GAMES)
     ended = np.asarray(play_games(match).outcome)
     for outcome in Outcome:
         path = FOLDER / f"{name}-{outcome.name.lower()}.json"

@@ -93,14 +93,14 @@ def test_a_match_is_kept_once_for_those_who_played_it(tmp_path):
         find_player(name, role, game)
         for name, role in (("pure-pursuit", Role.PURSUER), ("still", Role.EVADER), ("flee", Role.EVADER))
     )
-    match = Match(game, pursuer, still, 3)
+    match = Match(game, BySide(pursuer, still), 3)
     comparison = kept_comparison(tmp_path, match)
     (file,) = tmp_path.iterdir()
     written = file.stat().st_mtime_ns
     assert kept_comparison(tmp_path, match) == comparison
     assert file.stat().st_mtime_ns == written
     assert sum(comparison.bodies.outcomes.values()) == sum(comparison.rules.outcomes.values()) == 3
-    for other in ({"seed": 1}, {"games": 4}, {"evader": replace(flee, name="still")}):
+    for other in ({"seed": 1}, {"games": 4}, {"players": BySide(pursuer, replace(flee, name="still"))}):
         with pytest.raises(InvalidInput, match="is of other players, rules, games or starts"):
             kept_comparison(tmp_path, replace(match, **other))
     pairs = [("P", "E"), ("P", "s"), ("s", "E"), ("s", "s"), ("x", "E"), ("x", "y"), ("s", "y"), ("x", "s"), ("P", "y")]

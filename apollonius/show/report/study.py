@@ -9,6 +9,7 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents
 from apollonius.evaluate.paper import TABLE_2, TABLE_3
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
@@ -68,6 +69,6 @@ def _games(seed: Path) -> list[Shown]:
         assert hunter.header, "a trained agent's file has a header"
         game = from_dict(Game, hunter.header.game, f"'{files[pursuer]}'")
         shown += games_to_show(
-            Match(game, hunter, find_player(str(files.get(evader, evader)), Role.EVADER), GAMES, SEED)
+            Match(game, BySide(hunter, find_player(str(files.get(evader, evader)), Role.EVADER)), GAMES, SEED)
         )
     return shown

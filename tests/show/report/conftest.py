@@ -8,6 +8,7 @@ import pytest
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.pairings import last_agents
+from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run
@@ -22,6 +23,6 @@ def finished_run(tmp_path_factory):
     with jax.numpy_dtype_promotion("standard"):
         assert Run(RUN, folder).execute()
     pursuer = find_player(str(last_agents(folder)["P_curriculum"]), Role.PURSUER)
-    result = play_match(Match(RUN.game, pursuer, find_player("random", Role.EVADER), games=150, seed=1))
+    result = play_match(Match(RUN.game, BySide(pursuer, find_player("random", Role.EVADER)), games=150, seed=1))
     (folder / "evaluation.json").write_text(json.dumps({"P_curriculum against random": result.to_dict()}))
     return folder

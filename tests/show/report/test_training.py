@@ -16,6 +16,7 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.evaluate.paper import paper_shares
+from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, Role
 from apollonius.show.report import page as page_module
@@ -132,7 +133,7 @@ def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_r
             find_player(str(agents.get(name, name)), role)
             for name, role in zip(names, (Role.PURSUER, Role.EVADER), strict=True)
         )
-        match = Match(RUN.game, pursuer, evader, GAMES, SEED)
+        match = Match(RUN.game, BySide(pursuer, evader), GAMES, SEED)
         outcomes = np.asarray(play_games(match).outcome)
         assert {Outcome[game["outcome"].upper()] for game in own} == {Outcome(outcome) for outcome in outcomes}
         replay = record_game(match, own[0]["index"])
