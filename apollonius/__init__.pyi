@@ -10,6 +10,7 @@ from apollonius.agents.pool import stack as stack
 from apollonius.agents.shield import shielded as shielded
 from apollonius.agents.store import load_agent as load_agent
 from apollonius.agents.store import save_agent as save_agent
+from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
 from apollonius.evaluate.card import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
@@ -27,6 +28,7 @@ from apollonius.game.game import reset_batch as reset_batch
 from apollonius.game.polygon import Polygon as Polygon
 from apollonius.game.presets import make_game as make_game
 from apollonius.game.reward import Reward as Reward
+from apollonius.game.scenario import in_arenas as in_arenas
 from apollonius.game.starts import Starts as Starts
 from apollonius.game.types import GameState as GameState
 from apollonius.game.types import Outcome as Outcome

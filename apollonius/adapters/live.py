@@ -47,6 +47,7 @@ class LiveGame:
         self.idle = np.zeros(self._space.shape or ())
         """What stands for the action of a side that is played from inside."""
         size = find_observation(observation).size
+        game.require_one_arena("an environment of a single game")
         self.game = game
         self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
         # The game is a constant of both functions.

@@ -10,6 +10,7 @@ import dacite
 from apollonius.arenas.map_file import load_map
 from apollonius.errors import InvalidInput
 from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.scenario import Scenario
 
 T = TypeVar("T")
 _LARGEST_WHOLE = 2**1000
@@ -85,6 +86,8 @@ def _whole(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Scenario):
+        raise InvalidInput("a game in one of several arenas has no file: write it in each of them.")
     if isinstance(value, OccupancyMap):
         return {"file": value.file, "sha256": value.digest}
     if is_dataclass(value):

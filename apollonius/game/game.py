@@ -1,16 +1,20 @@
 """The game: the rules composed. One reset, one step, neither batched nor auto-reset."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
+from apollonius.errors import require
 from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
+from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.game.validation import check_game
@@ -30,6 +34,7 @@ class Game(eqx.Module):
         max_steps: time limit [steps].
         reward: what each side is paid.
         starts: where games begin.
+        scenario: the arenas of which each game has one (`in_arenas`); None where all are played in `arena`.
 
     Raises:
         InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
@@ -43,6 +48,7 @@ class Game(eqx.Module):
     max_steps: int = 1000
     reward: Reward = Reward()
     starts: Starts = Starts()
+    scenario: Scenario | None = None
 
     def __check_init__(self) -> None:
         check_game(self)
@@ -53,8 +59,29 @@ class Game(eqx.Module):
         return BySide((self.pursuer,), (self.evader,))
 
     def reset(self, key: PRNGKeyArray) -> GameState:
-        """An initial state from the game's distribution of starts. The key is consumed."""
-        return self.starts.draw(key, self.arena, self.pursuer, self.evader)
+        """An initial state from the game's distribution of arenas and starts. The key is consumed."""
+        if self.scenario is None:
+            return self.starts.draw(key, self.arena, self.pursuer, self.evader)
+        place_key, start_key = jax.random.split(key)
+        place = self.scenario.draw(place_key)
+        state = self.starts.draw(start_key, self.scenario.arena(place), self.pursuer, self.evader)
+        return replace(state, place=place)
+
+    def arena_of(self, state: GameState) -> Arena:
+        """Where a game in this state is played."""
+        return self.arena if self.scenario is None else self.scenario.arena(state.place)
+
+    def require_one_arena(self, who: str) -> None:
+        """Refuse a game in one of several arenas.
+
+        Args:
+            who: what has to know the arena beforehand, for the message.
+
+        Raises:
+            InvalidInput: with how many there are.
+        """
+        if self.scenario is not None:
+            require(False, "arenas", self.scenario.size, f"one, which {who} has to know beforehand")
 
     def step(self, state: GameState, pursuer_action: Action, evader_action: Action) -> Timestep:
         """Both robots hold their actions for `dt`; then the rules judge the step."""
@@ -68,7 +95,7 @@ class Game(eqx.Module):
             robots = zip(self.bodies[role], state.robots[role], controls[role], strict=True)
             return tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
 
-        after = GameState(ROLES.map(moved), state.steps + 1)
+        after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome = judge(self, state, after)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
@@ -94,12 +121,13 @@ def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 @computed_apart
 def judge(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
     """How the game stands after a step, from the states at its two ends."""
+    arena = game.arena_of(before)
     return decide(
         captured=is_captured(before, after, game.capture_distance),
-        pursuer_hit=game.arena.hits_obstacle(before.pursuer, after.pursuer, game.pursuer.radius),
-        pursuer_out=game.arena.is_out_of_range(after.pursuer, game.pursuer.radius),
-        evader_hit=game.arena.hits_obstacle(before.evader, after.evader, game.evader.radius),
-        evader_out=game.arena.is_out_of_range(after.evader, game.evader.radius),
+        pursuer_hit=arena.hits_obstacle(before.pursuer, after.pursuer, game.pursuer.radius),
+        pursuer_out=arena.is_out_of_range(after.pursuer, game.pursuer.radius),
+        evader_hit=arena.hits_obstacle(before.evader, after.evader, game.evader.radius),
+        evader_out=arena.is_out_of_range(after.evader, game.evader.radius),
         out_of_time=after.steps >= game.max_steps,
-        territory_reached=game.arena.reaches_territory(before.evader, after.evader) if game.arena.territory else None,
+        territory_reached=arena.reaches_territory(before.evader, after.evader) if arena.territory else None,
     )

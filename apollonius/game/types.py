@@ -72,10 +72,14 @@ class RobotState(eqx.Module):
 
 
 class GameState(eqx.Module):
-    """The robots of both sides, and the number of control steps played since the start."""
+    """The robots of both sides, and the number of control steps played since the start.
+
+    `place` is the number of the arena that the game is played in, None where there is only one (`game.scenario`).
+    """
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
+    place: Int[Array, ""] | None = None
 
     @classmethod
     def of_two(cls, pursuer: RobotState, evader: RobotState, steps: Int[Array, ""]) -> "GameState":

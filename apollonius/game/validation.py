@@ -70,7 +70,7 @@ def _numbers(game: "Game") -> list[tuple[str, Any]]:
     """All its numbers by name, but for a map's field of distances and what an arena need not have."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
-    left_out = {("arena.map", True), ("arena.territory", True), ("arena.map.field", False)}
+    left_out = {("arena.map", True), ("arena.territory", True), ("scenario", True), ("arena.map.field", False)}
     return [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
 
 

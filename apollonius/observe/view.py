@@ -57,7 +57,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
         return tuple(Robot(*both) for both in zip(game.bodies[role], state.robots[role], strict=True))
 
     ours = robots(role)
-    return View(game.arena, ours[number], ours[:number] + ours[number + 1 :], robots(role.other))
+    return View(game.arena_of(state), ours[number], ours[:number] + ours[number + 1 :], robots(role.other))
 
 
 class Views(eqx.Module):

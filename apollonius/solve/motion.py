@@ -82,4 +82,5 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
         InvalidInput: unless an action is held for at least one step, and for no more than memory has room for.
     """
     HOLD.require("hold", steps)
+    game.require_one_arena("a table")
     return Motion(game.pursuer if role == Role.PURSUER else game.evader, game.arena, game.dt, steps)
