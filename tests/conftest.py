@@ -34,7 +34,7 @@ def forget_compilations():
         jax.clear_caches()
 
 
-TRAINING = ("exploit", "experiments", "learn", "reproduce", "studies")
+TRAINING = ("exploit", "learn", "reproduce", "studies")
 """Folders whose tests train."""
 
 

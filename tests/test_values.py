@@ -34,12 +34,12 @@ KINDS: dict[str, set[str]] = {
     "name": EVERYTHING | {"9" * 5_000},
 }
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
-COUNTS = "games targets hold responses env_steps seeds port"
+COUNTS = "games targets hold responses env_steps seeds port devices processes"
 REALS = "gap size opponent opponent_speed opponent_heading speed heading target"
 CHOICES = "action what role by on to starts stage algorithm opponents preset profile budget payoff side"
 ARGUMENTS = {
     **dict.fromkeys(COUNTS.split(), "count"),
-    **dict.fromkeys(["record", "response_games", "discs"], "count from 0"),
+    **dict.fromkeys(["record", "response_games", "discs", "process"], "count from 0"),
     "seed": "seed",
     **dict.fromkeys(
         ["gap", "size", "opponent", "opponent_speed", "opponent_heading", "speed", "heading", "target"], "real"
@@ -69,7 +69,9 @@ ARGUMENTS = {
     **dict.fromkeys(["train out", "exploit out", "reproduce out", "replays", "keep", "site"], "folder to write"),
     **dict.fromkeys(["table", "tables", "config", "drive"], "file to read"),
     "folder": "folder to read",
-    **dict.fromkeys(["game", "pursuer", "evader", "pursuers", "evaders", "agent", "first", "against"], "name"),
+    **dict.fromkeys(
+        ["game", "pursuer", "evader", "pursuers", "evaders", "agent", "first", "against", "coordinator"], "name"
+    ),
 }
 """The kind of each argument, by its name, or by command and name where commands differ."""
 ENOUGH = {

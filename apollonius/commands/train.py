@@ -78,7 +78,7 @@ def add_resume(subparsers: Any) -> None:
 def _add_processes(parser: argparse.ArgumentParser) -> None:
     """What each of several processes is told that train together."""
     several = parser.add_argument_group("several processes or hosts, each of which is given the same command")
-    several.add_argument("--coordinator", metavar="HOST:PORT", help="where the first process listens")
+    several.add_argument("--coordinator", type=named, metavar="HOST:PORT", help="where the first process listens")
     several.add_argument("--processes", type=count(DEVICES), default=1, help="how many there are (default: 1)")
     several.add_argument(
         "--process", type=count(PROCESS), default=0, help="number of this one, from 0, who leads (default: 0)"

@@ -74,7 +74,7 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     networks = jax.tree.map(
         lambda all_, one: all_.at[place].set(jnp.where(due, one, all_[place])), archive.networks, network
     )
-    return replace(archive, networks=networks, count=archive.count + due)
+    return replace(archive, networks=networks, count=archive.count + due.astype(jnp.int32))
 
 
 def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
