@@ -15,7 +15,6 @@ from apollonius.commands.options import (
 )
 from apollonius.commands.values import count, existing_file, named
 from apollonius.errors import require
-from apollonius.game.by_side import BySide
 from apollonius.limits import GAMES, RECORDS, TARGETS
 
 if TYPE_CHECKING:
@@ -97,6 +96,7 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     from apollonius.catalogue import find_player
     from apollonius.evaluate.card import WORST, measure_card
     from apollonius.evaluate.match import Match, record_game
+    from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
     from apollonius.solve.players import ResponsePolicy
     from apollonius.solve.solved import table_player
