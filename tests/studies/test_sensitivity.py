@@ -7,7 +7,7 @@ import pytest
 from apollonius.arenas.record import to_dict
 from apollonius.learn.config import PRESETS
 from apollonius.reproduce.claims import rate_claim
-from studies.sensitivity import table, variants
+from studies.sensitivity import Sensitivity, table, variants
 
 QUICK = PRESETS["quick"]
 
@@ -54,3 +54,10 @@ def test_the_table_has_each_claim_of_each_variant_below_the_papers():
     assert lines[2] == "| the paper | 70.0% | 90.0% |"
     assert lines[3].startswith("| first | 80.0% [77.4%, 82.4%] | 50.0% [")
     assert lines[4].startswith("| second | 30.0% [27.2%, 32.9%] |")
+
+
+def test_every_variant_is_a_reproduction_of_its_own(tmp_path):
+    study = Sensitivity(out=tmp_path, seeds=2)
+    folders = [folder.relative_to(tmp_path).parts for folder in study.trainings()]
+    assert len(folders) == len(set(folders)) == 6 * 2 * 3
+    assert ("c-is-3-in-self-play", "seed-1", "scratch") in folders
