@@ -41,12 +41,11 @@ ARROWS = {
     "web": "catalogue",
     "apollonius": "learn adapters",
     "reproduce": "apollonius",
-    "experiments": "bodies exploit reproduce",
     "studies": "bodies exploit reproduce",
     "bench": "learn evaluate",
     "display": "errors estimate interrupts",
     "terminal": "display learn evaluate",
-    "commands": "experiments web bench terminal",
+    "commands": "bodies exploit reproduce web bench terminal",
     "cli": "commands",
 }
 """What each part may know besides itself, with all that stands behind it. `apollonius` is the list of public names,

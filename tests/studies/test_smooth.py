@@ -1,15 +1,15 @@
 """Continuous agents beside discrete ones: matches go on where they were stopped, and seeds become means."""
 
-import json
 from dataclasses import replace
 
 import jax.numpy as jnp
 import pytest
+import tomli_w
 
 from apollonius.agents.trained import find_trained
-from apollonius.arenas.record import to_dict
 from apollonius.evaluate.round_robin import RoundRobin, play_row
 from apollonius.game.by_side import BySide
+from apollonius.learn.folder import load_config
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from studies import smooth
 from studies.smooth import CONTINUOUS, DISCRETE, comparison, kind_of, pairings, table, turn_rates
@@ -116,10 +116,11 @@ def test_everyone_trains_alike_but_for_seed_and_kind_and_meets_the_zoo(tmp_path)
     assert [kind_of(name) for name in evaders] == kinds
 
 
-def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default():
+def test_the_zoos_smooth_agents_are_what_the_first_seed_comes_to_by_default(tmp_path):
     config = smooth.run_config(CONTINUOUS, 0, 6_000_000, 8_000_000)
     for name in ("P_smooth", "E_smooth"):
-        assert find_trained(name)[0].header.training["config"] == json.loads(json.dumps(to_dict(config)))
+        (tmp_path / "config.toml").write_text(tomli_w.dumps(find_trained(name)[0].header.training["config"]))
+        assert load_config(tmp_path / "config.toml") == config
 
 
 @pytest.mark.slow
