@@ -2,12 +2,15 @@
 
 import ast
 import graphlib
+import re
 from pathlib import Path
 
 import pytest
 
 REPOSITORY = Path(__file__).parents[1]
 LONGEST_FILE = 250
+FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
+MAY_NAME_FLAGS = {"commands", "cli", "studies"}
 NAMELESS = {"utils", "common", "helpers"}
 
 ARROWS = {
@@ -128,6 +131,8 @@ def violations(sources):
             found.append(f"{module}: has more than {LONGEST_FILE} lines, so it holds more than one noun")
         if NAMELESS & set(module.split(".")):
             found.append(f"{module}: is called after nothing in particular")
+        flags = FLAG.findall(source) if here not in MAY_NAME_FLAGS else []
+        found += [f"{module}: names {flag}, which only a command knows" for flag in flags]
         if here == "zoo" and any(not is_docstring(node) for node in ast.parse(source).body):
             found.append(f"{module}: is code, but the zoo holds data only")
     try:
@@ -212,6 +217,7 @@ def test_good_imports_pass(module, source):
         ("apollonius.game.utils", "", "after nothing in particular"),
         ("apollonius.helpers.arena", "", "after nothing in particular"),
         ("apollonius.sundry", "", "no arrow says"),
+        ("apollonius.learn.folder", 'require(force, "--out", folder, "new")', "names --out"),
         ("apollonius.zoo", "import jax", "data only"),
     ],
 )

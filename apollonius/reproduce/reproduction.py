@@ -47,12 +47,12 @@ def reproduce(
         InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
             `resume` is not given.
     """
-    require(budget in PRESETS, "--budget", budget, f"one of {', '.join(PRESETS)}")
-    SEEDS.require("--seeds", seeds)
-    STUDY_GAMES.require("--games", games)
-    STUDY_GAMES.require("--games x --seeds", games * seeds)
+    require(budget in PRESETS, "budget", budget, f"one of {', '.join(PRESETS)}")
+    SEEDS.require("seeds", seeds)
+    STUDY_GAMES.require("games", games)
+    STUDY_GAMES.require("games x seeds", games * seeds)
     is_new = not folder.exists() or not any(folder.iterdir())
-    require(resume or is_new, "--out", folder, "a new folder, as this one is not empty; choose another or add --resume")
+    require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
     watch("training the agents", study.work_done)

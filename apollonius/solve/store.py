@@ -104,7 +104,7 @@ def load_solution(path: Path) -> Solution:
     """
     if not path.is_file():
         raise InvalidInput(f"there is no solution '{path}': check the path, or solve it with apollonius solve.")
-    foreign = f"'{path}' holds no whole Apollonius solution: solve it again, with another --out"
+    foreign = f"'{path}' holds no whole Apollonius solution: solve it again, into another file"
     try:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             fields = parse_json(_text(archive), foreign)

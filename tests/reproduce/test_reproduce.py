@@ -139,9 +139,9 @@ def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
 @pytest.mark.parametrize(
     ("changes", "naming"),
     [
-        ({"budget": "huge"}, "--budget = huge .*quick"),
-        ({"seeds": 0}, "--seeds = 0 .*at least 1"),
-        ({"games": 0}, "--games = 0 .*at least 1"),
+        ({"budget": "huge"}, "budget = huge .*quick"),
+        ({"seeds": 0}, "seeds = 0 .*at least 1"),
+        ({"games": 0}, "games = 0 .*at least 1"),
     ],
     ids=str,
 )
@@ -155,7 +155,7 @@ def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_pat
 @pytest.mark.slow
 def test_a_study_is_overwritten_by_no_other(study):
     before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
-    with pytest.raises(InvalidInput, match="--resume"):
+    with pytest.raises(InvalidInput, match="resume it"):
         reproduce(study, "tiny", 1, resume=False, games=GAMES)
     with pytest.raises(InvalidInput, match="another training"):
         reproduce(study, "quick", 1, resume=True, games=GAMES)
