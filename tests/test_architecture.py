@@ -241,3 +241,29 @@ def test_an_import_that_does_not_run_on_loading_closes_no_circle(when):
         "apollonius.game.game": "from apollonius.game.arena import Arena",
     }
     assert violations(sources) == []
+
+
+def walks(document):
+    """The files that each walk of a document passes, in order."""
+    sections = document.split("\n## ")[1:]
+    return {section.splitlines()[0]: re.findall(r"^\d+\. `([^`]+)`", section, re.MULTILINE) for section in sections}
+
+
+def knows(path, other):
+    """Whether a file imports another one, Python or JavaScript."""
+    text = (REPOSITORY / path).read_text()
+    if path.endswith(".js"):
+        return f'from "./{Path(other).name}"' in text
+    module, known = (name.removesuffix(".py").replace("/", ".") for name in (path, other))
+    return known in imports(text, module, set(read(REPOSITORY / "apollonius")))[0]
+
+
+WALKS = walks((REPOSITORY / "docs" / "architecture.md").read_text())
+
+
+@pytest.mark.parametrize("walk", WALKS)
+def test_a_walk_through_the_house_never_goes_back_up(walk):
+    files = WALKS[walk]
+    assert len(files) >= 5
+    for number, path in enumerate(files[1:], start=1):
+        assert any(knows(before, path) for before in files[:number]), f"nothing above imports {path}"
