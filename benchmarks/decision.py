@@ -48,7 +48,7 @@ def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
         rows = state if role == Role.PURSUER else jnp.roll(state, 4)
         seen = player.observation(look(game, as_state(rows, jnp.asarray(0)), role))
         action = player(seen, jnp.uint32(0))
-        body = game.pursuer if role == Role.PURSUER else game.evader
+        body = game.body(role)
         said = [] if is_continuous(action) else [action.astype(jnp.float32)]
         return jnp.stack([*said, *body.controls(action)])
 

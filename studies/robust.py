@@ -140,7 +140,7 @@ def gap_table(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str
 
 def _failures(found: Comparisons, role: Role, own: str, opponent: str) -> dict[str, float]:
     """In how many of its games an agent fails, by the rules and with bodies [%]."""
-    match = found[(own, opponent) if role == Role.PURSUER else (opponent, own)]
+    match = found[BySide.of(role, own, opponent).pair]
     rates = match.differences[f"{role.name.lower()} fails"]
     return {"rules": 100 * rates.rules, "bodies": 100 * rates.bodies}
 

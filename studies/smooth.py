@@ -135,7 +135,7 @@ def comparison(pairs: Pairings) -> str:
     lines: list[list[str]] = []
     for role, win in zip(Role, WINS, strict=True):
         for opponent in dict.fromkeys(pair[1 - role] for pair in pairs):
-            both = [(kind, opponent) if role == Role.PURSUER else (opponent, kind) for kind in KINDS]
+            both = [BySide.of(role, kind, opponent).pair for kind in KINDS]
             if not all(pair in pairs for pair in both):  # of one seed alone, no two of a kind are strangers
                 continue
             meetings = [pairs[pair] for pair in both]

@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Actions, GameState, Outcome, Role
 from apollonius.observe.observation import AbstractObservation
@@ -83,8 +84,7 @@ def step_games(
 ) -> tuple[Standing, Told]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
     answer = sitting.answer(now.state, word)
-    both = (action, answer) if sitting.role == Role.PURSUER else (answer, action)
-    after = jax.vmap(sitting.game.step)(now.state, *both)
+    after = jax.vmap(sitting.game.step)(now.state, *BySide.of(sitting.role, action, answer).pair)
     reward = after.reward[sitting.role]
     led_to = Standing(after.state, sitting.see(after.state))
     told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)

@@ -185,7 +185,7 @@ def brakes(game: Game, role: Role) -> Backup:
         InvalidInput: when that side's robot cannot brake to rest, and for a game in one of several arenas.
     """
     game.require_one_arena("a shield")
-    body = game.pursuer if role == Role.PURSUER else game.evader
+    body = game.body(role)
     bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
     require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     steps = ceil(body.v_max / (body.u1_max * game.dt))

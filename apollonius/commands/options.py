@@ -111,14 +111,12 @@ def requested_grid(
     reference: "Callable[[Game, Role], tuple[Grid, int]] | None" = None,
 ) -> tuple["Grid", int]:
     """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
-    from apollonius.game.types import Role
     from apollonius.solve.grid import make_grid
     from apollonius.solve.reference import reference_grid
 
     grid, hold = (reference or reference_grid)(game, role)
     if options.grid is not None:
-        body = game.pursuer if role == Role.PURSUER else game.evader
-        grid = make_grid(game.arena, body, options.grid)
+        grid = make_grid(game.arena, game.body(role), options.grid)
     if options.hold is not None:
         hold = options.hold
     return grid, hold

@@ -113,7 +113,7 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     agent = find_player(options.agent, role, game)
     own, other = sides[role], sides[role.other]
     opponent = Named(next(name for name, table in tables if table is other), other)
-    players = BySide(agent, opponent) if role == Role.PURSUER else BySide(opponent, agent)
+    players = BySide.of(role, agent, opponent)
     match = Match(game, players, options.games, options.seed)
     response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
     display = options.display

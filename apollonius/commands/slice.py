@@ -38,6 +38,7 @@ def run_slice(options: argparse.Namespace) -> int:
 
     from apollonius.agents.trained import find_valued
     from apollonius.arenas.file import find_game
+    from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
     from apollonius.solve.solved import SUFFIX, table_player
 
@@ -57,7 +58,7 @@ def run_slice(options: argparse.Namespace) -> int:
     options.display.begin("asking the agent all over the arena", compiles=True)
     save_slice(player, role, path.stem, game, own, opponent, options.out)
     options.display.end()
-    players = (options.agent, "random") if role == Role.PURSUER else ("random", options.agent)
+    players = BySide.of(role, options.agent, "random")
     finish(
         options.out, then=command("show", *players, *chosen_rules(options), "--out", options.out.with_suffix(".gif"))
     )

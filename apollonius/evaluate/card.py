@@ -100,8 +100,8 @@ def measure_card(
     gaps = sure - payoffs
     answered = None
     if response is not None:
-        both = BySide(match.players[role], Named("response", response))
-        answer = replace(match, players=both if role == Role.PURSUER else both.swap(), games=response_games)
+        both = BySide.of(role, match.players[role], Named("response", response))
+        answer = replace(match, players=both, games=response_games)
         lost_to = play_games(answer, report=partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
     own_starts = (starts.pursuer, starts.evader)[role]

@@ -21,6 +21,11 @@ class BySide(eqx.Module, Generic[T_co]):
     pursuer: T_co
     evader: T_co
 
+    @classmethod
+    def of(cls, role: int, own: U, other: U) -> "BySide[U]":
+        """What one side, a `Role`, has of its own, and what the other has."""
+        return BySide(other, own) if role else BySide(own, other)
+
     def __getitem__(self, role: int) -> T_co:
         """The value of one side, a `Role`."""
         return (self.pursuer, self.evader)[role]
@@ -28,6 +33,11 @@ class BySide(eqx.Module, Generic[T_co]):
     def __iter__(self) -> Iterator[T_co]:
         """The pursuer's value, then the evader's."""
         return iter((self.pursuer, self.evader))
+
+    @property
+    def pair(self) -> tuple[T_co, T_co]:
+        """The pursuer's value and the evader's."""
+        return self.pursuer, self.evader
 
     def map(self, function: Callable[[T_co], U]) -> "BySide[U]":
         """What a function makes of either side's value."""

@@ -10,7 +10,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.errors import require
 from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide
+from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
@@ -57,6 +57,10 @@ class Game(eqx.Module):
     def bodies(self) -> BySide[tuple[Unicycle, ...]]:
         """The limits of every robot of either side."""
         return BySide((self.pursuer,), (self.evader,))
+
+    def body(self, role: Role) -> Unicycle:
+        """The limits of one side's robot, in a game of two robots."""
+        return one_each(self.bodies)[role]
 
     def reset(self, key: PRNGKeyArray) -> GameState:
         """An initial state from the game's distribution of arenas and starts. The key is consumed."""

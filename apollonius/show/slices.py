@@ -17,6 +17,7 @@ from matplotlib.patches import Circle, Patch
 
 from apollonius.agents.policy import AbstractValued
 from apollonius.errors import require
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.view import look
@@ -67,15 +68,15 @@ def slice_values(
     )
     speed, heading = (jnp.float32(number) for number in own)
     cell_size = max(arena.x_max - arena.x_min, arena.y_max - arena.y_min) / cells
-    body = game.pursuer if role == Role.PURSUER else game.evader
+    body = game.body(role)
 
     @jax.jit
     @jax.vmap
     def row(own_y: Float[Array, ""]) -> Float[Array, "columns 9"]:
         @jax.vmap
         def cell(own_x: Float[Array, ""]) -> Float[Array, "9"]:
-            robots = (RobotState(own_x, own_y, speed, heading), opponent)
-            state = GameState.of_two(*(robots if role == Role.PURSUER else robots[::-1]), steps=jnp.int32(0))
+            robots = BySide.of(role, RobotState(own_x, own_y, speed, heading), opponent)
+            state = GameState.of_two(*robots, steps=jnp.int32(0))
             values = player.values(player.observation(look(game, state, role)))
             return jnp.where(arena.clearance(own_x, own_y) > body.radius - cell_size, values, jnp.nan)
 
@@ -107,13 +108,13 @@ def save_slice(
     Raises:
         InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.
     """
-    bodies = (game.pursuer, game.evader) if role == Role.PURSUER else (game.evader, game.pursuer)
-    for what, speed, body in (("speed", own[0], bodies[0]), ("opponent's speed", float(opponent.v), bodies[1])):
+    other = ("opponent's speed", float(opponent.v), game.body(role.other))
+    for what, speed, body in (("speed", own[0], game.body(role)), other):
         slowest, fastest = np.float32(body.v_min), np.float32(body.v_max)  # as precise as the speeds themselves
         require(slowest <= speed <= fastest, what, f"{speed:g}", f"from {slowest:g} to {fastest:g} m/s")
     place = (float(opponent.x), float(opponent.y))
     require(
-        game.arena.clearance(opponent.x, opponent.y) > bodies[1].radius, "opponent", place,
+        game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius, "opponent", place,
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -167,7 +168,7 @@ def _draw_actions(axes: Axes, found: Slice) -> None:
 
 def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, capture_distance: float) -> None:
     """The opponent with its heading, and how near the robots must come for a capture."""
-    colour = palette.EVADER if role == Role.PURSUER else palette.PURSUER
+    colour = BySide(palette.PURSUER, palette.EVADER)[role.other]
     x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
     axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=palette.PAPER, linewidth=3))
     axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.errors import require
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Real, RobotState, Role
@@ -41,7 +42,7 @@ class Contest(eqx.Module):
 
     def pair(self, own: RobotState, other: RobotState) -> tuple[RobotState, RobotState]:
         """The pursuer's state and the evader's."""
-        return (own, other) if self.role == Role.PURSUER else (other, own)
+        return BySide.of(self.role, own, other).pair
 
     def event(self, own: RobotState, other: RobotState) -> tuple[Bool[Array, ""], Float[Array, ""]]:
         """Whether the rules end the game along two courses (leaves `[steps + 1]`), and what that is worth."""

@@ -83,4 +83,4 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
     """
     HOLD.require("hold", steps)
     game.require_one_arena("a table")
-    return Motion(game.pursuer if role == Role.PURSUER else game.evader, game.arena, game.dt, steps)
+    return Motion(game.body(role), game.arena, game.dt, steps)

@@ -30,7 +30,7 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     Returns:
         The grid, and the control steps for which an action is held.
     """
-    body = game.pursuer if role == Role.PURSUER else game.evader
+    body = game.body(role)
     dt = float(game.dt)
     hold = max(1, round(HOLD / dt))
     speeds = max(2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6))
@@ -54,7 +54,7 @@ def joint_grid(game: Game, role: Role) -> tuple[Grid, int]:
     places = _PAIRS**0.5 / (_SPEEDS * headings)
     shape = (float(arena.x_max) - float(arena.x_min)) / (float(arena.y_max) - float(arena.y_min))
     x, y = (max(2, round((places * ratio) ** 0.5)) for ratio in (shape, 1 / shape))
-    return make_grid(arena, game.pursuer if role == Role.PURSUER else game.evader, (x, y, _SPEEDS, headings)), hold
+    return make_grid(arena, game.body(role), (x, y, _SPEEDS, headings)), hold
 
 
 def _cells(angle: float, count: int) -> float:

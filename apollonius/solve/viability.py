@@ -70,7 +70,7 @@ def _solve(game: Game) -> Viability:
 
 
 def _judge(game: Game, role: Role) -> Backup | Kept:
-    body = game.pursuer if role == Role.PURSUER else game.evader
+    body = game.body(role)
     grid, hold = reference_grid(game, role)
     table = solve_safety(game, role, grid, hold).table
     return steered_brakes(game, role, grid, table) if body.brakes_to_rest else Kept(grid, table)

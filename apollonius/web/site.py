@@ -12,6 +12,7 @@ from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import require
 from apollonius.game.arena import Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
@@ -59,7 +60,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     bound = f"discs and polygons, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon), bound)
     games = {} if game in game_names() else {Path(game).stem: rules}
-    side = Role.EVADER if person == Role.PURSUER else Role.PURSUER
+    side = person.other
     name = against or BEST[side]
     bare = name.removeprefix(SHIELDED)
     found = find_player(name, side, rules)
@@ -71,8 +72,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         # Two runs give their agents the same names, and those of the zoo.
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
-    pursuer, evader = (name, YOU) if side == Role.PURSUER else (YOU, name)
-    return Choice(pursuer, evader, Path(game).stem if games else game, seed, agents, games)
+    return Choice(*BySide.of(side, name, YOU).pair, Path(game).stem if games else game, seed, agents, games)
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:

@@ -18,6 +18,7 @@ def test_values_are_indexed_by_role_mapped_and_swapped():
     assert values[Role.PURSUER.other] == values.swap()[Role.PURSUER] == "a"
     assert values.map(str) == BySide("3", "a")
     assert ROLES.map(lambda role: role.other) == ROLES.swap()
+    assert [BySide.of(role, role, role.other).pair for role in Role] == [(Role.PURSUER, Role.EVADER)] * 2
 
 
 def test_both_values_are_leaves_the_pursuers_first():

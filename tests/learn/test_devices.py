@@ -17,7 +17,7 @@ from apollonius.agents.store import load_agent
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
-from apollonius.learn import dqn
+from apollonius.learn import dqn, replay_buffer
 from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.devices import share
 from apollonius.learn.folder import create_run

@@ -57,13 +57,13 @@ def test_a_slice_is_drawn(network, role, tmp_path):
 @pytest.mark.parametrize(
     ("own", "opponent", "naming"),
     [
-        ((1.3, 0.0), (5, 5, 0, 0), "--speed = 1.3 .* 1.2"),
-        ((-0.1, 0.0), (5, 5, 0, 0), "--speed = -0.1 .* 0 to"),
-        ((0.0, 0.0), (5, 5, 2, 0), "--opponent-speed = 2 .* 1.2"),
-        ((0.0, 0.0), (3, 3, 0, 0), r"--opponent = \(3.0, 3.0\) .*discs"),
-        ((0.0, 0.0), (11, 3, 0, 0), "--opponent = .*walls"),
-        ((float("nan"), 0.0), (5, 5, 0, 0), "--speed = nan"),
-        ((0.0, 0.0), (float("nan"), 5, 0, 0), "--opponent = "),
+        ((1.3, 0.0), (5, 5, 0, 0), "^speed = 1.3 .* 1.2"),
+        ((-0.1, 0.0), (5, 5, 0, 0), "^speed = -0.1 .* 0 to"),
+        ((0.0, 0.0), (5, 5, 2, 0), "opponent's speed = 2 .* 1.2"),
+        ((0.0, 0.0), (3, 3, 0, 0), r"^opponent = \(3.0, 3.0\) .*discs"),
+        ((0.0, 0.0), (11, 3, 0, 0), "^opponent = .*walls"),
+        ((float("nan"), 0.0), (5, 5, 0, 0), "^speed = nan"),
+        ((0.0, 0.0), (float("nan"), 5, 0, 0), "^opponent = "),
     ],
 )
 def test_states_that_cannot_be_are_refused(network, own, opponent, naming, tmp_path):
