@@ -54,7 +54,7 @@ def test_its_file_is_a_player(capsys, tables):
     assert match["pursuer"] == "pursuer"
     assert match["pursuer_win_rate"] > match["evader_win_rate"]
     assert_refused(
-        capsys, "evaluate", tables["evader"], "random", naming=("pursuer = ", "evader.npz", "--role pursuer")
+        capsys, "evaluate", tables["evader"], "random", naming=("pursuer = ", "evader.npz", "solved for the pursuer")
     )
 
 
