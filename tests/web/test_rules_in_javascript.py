@@ -116,8 +116,11 @@ def test_networks_and_shields_choose_the_same_actions(agent_file):
 
     @jax.jit
     def expected(row):
-        seen = agent.policy.observation(look(game, as_state(row, jnp.asarray(0)), role))
-        own, behind_shield = (jnp.stack(gears(player.policy(seen, word))) for player in (agent, guarded))
+        view = look(game, as_state(row, jnp.asarray(0)), role)
+        seen = agent.policy.observation(view)
+        own, behind_shield = (
+            jnp.stack(gears(player.policy(player.policy.observation(view), word))) for player in (agent, guarded)
+        )
         return seen, apply(agent.policy.network.layers, seen), own, behind_shield
 
     seen, outputs, own, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
