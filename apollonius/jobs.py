@@ -87,7 +87,7 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
         free.put(core)
         if process.exitcode != 0:
             over.set()
-        if process.exitcode not in (0, STOPPED):
+        if process.exitcode not in (0, STOPPED, -signal.SIGINT):  # it hears of Ctrl-C again while it is leaving
             raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
         return process.exitcode == 0
 

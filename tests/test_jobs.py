@@ -39,6 +39,12 @@ def interrupt_all(path, should_stop):
     return not should_stop()
 
 
+def be_ended_by_ctrl_c(path, should_stop):
+    """As one that is interrupted when its interpreter has let go of signals."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
 def jobs_of(work, folder, count=3):
     return [Job(f"job {number}", work, (folder / str(number),)) for number in range(count)]
 
@@ -59,7 +65,7 @@ def test_a_job_that_fails_is_named_and_none_begins_after_it(tmp_path, capfd):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("work", [stop, interrupt_all])
+@pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
 def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
     assert not run_jobs([*jobs_of(work, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], lambda line: None)
     assert not list(tmp_path.iterdir())
