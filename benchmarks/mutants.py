@@ -30,8 +30,8 @@ LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.
 """Imported once, before the processes that run the tests are forked."""
 ROOT = Path(__file__).parents[1]
 LEARNING = (
-    "tests/learn/test_dqn.py tests/learn/test_replay.py tests/learn/test_opponents.py tests/learn/test_payoffs.py"
-    " tests/learn/test_stage.py tests/learn"
+    "tests/learn/test_dqn.py tests/learn/test_replay_buffer.py tests/learn/test_opponents.py"
+    " tests/learn/test_payoffs.py tests/learn/test_train_step.py tests/learn"
 )
 """The quick ones first."""
 TESTS = {
@@ -39,10 +39,9 @@ TESTS = {
     " tests/agents/test_classical.py",
     "apollonius/rollout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
     "apollonius/playout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
-    "apollonius/learn/replay.py": LEARNING,
+    "apollonius/learn/replay_buffer.py": LEARNING,
     "apollonius/learn/dqn.py": LEARNING,
-    "apollonius/learn/opponents.py": LEARNING,
-    "apollonius/learn/seats.py": LEARNING,
+    "apollonius/learn/opponents": LEARNING,
     "apollonius/solve": "tests/solve tests/evaluate/test_regret.py",
     "apollonius/agents/shield.py": "tests/agents",
 }

@@ -3,8 +3,8 @@
 from apollonius.learn.opponents.scheme import AbstractScheme
 
 
-class Uniform(AbstractScheme):
+class FictitiousSelfPlay(AbstractScheme):
     """Every version as likely as another."""
 
 
-SCHEME = Uniform()
+SCHEME = FictitiousSelfPlay()
