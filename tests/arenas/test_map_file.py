@@ -182,7 +182,7 @@ def test_a_map_is_checked_and_drawn(hall, tmp_path, capsys):
 
 
 def test_the_page_and_exports_refuse_maps(hall):
-    with pytest.raises(InvalidInput, match="without an occupancy map"):
+    with pytest.raises(InvalidInput, match=r"obstacles = OccupancyMap .* as in the page"):
         choose(Role.EVADER, None, str(hall), 0)
     with pytest.raises(InvalidInput, match="obstacles = OccupancyMap"):
         make_blueprint("P", find_trained("P_pool")[0], find_game(str(hall)))
