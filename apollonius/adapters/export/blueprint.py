@@ -20,6 +20,7 @@ from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.observe.registry import OBSERVATIONS
 
 STATE = ("x", "y", "v", "heading")
 """What a robot's four numbers are: metres, metres, m/s along the heading, radians."""
@@ -152,8 +153,8 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     """The policy of a trained agent in a game.
 
     Raises:
-        InvalidInput: for clearances from polygons or a map, a robot whose braking does not end at rest, and a network
-            with numbers that are none.
+        InvalidInput: for an observation that is not exported, clearances from other obstacles than discs, a robot whose
+            braking does not end at rest, and a network with numbers that are none.
     """
     layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
     finite = all(np.isfinite(part).all() for layer in layers for part in layer)
@@ -161,8 +162,11 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     if isinstance(agent.network, GaussianActor):
         *hidden, (weight, bias) = layers
         layers = (*hidden, (weight[:2], bias[:2]))  # the means; how far it explores is of no use on a robot
+    reads = agent.network.observation
+    known = ", ".join(name for name, one in OBSERVATIONS.items() if one.exported)
+    require(reads.exported, "observation", reads.name, f"one that exported policies can make: {known}")
     bound = "discs, the only ones that an exported policy measures the clearances in its observation from"
-    if agent.network.observation.measures:
+    if reads.measures:
         game.arena.require_only((Disc,), bound)
     blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)
     own = blueprint.own
