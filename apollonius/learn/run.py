@@ -5,10 +5,9 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -191,7 +190,7 @@ class Run:
             save_checkpoint(self.checkpoint, Saved(train, saved.best), stand)
 
     def _save_agent(
-        self, network: Network, role: Role, name: str, record: dict[str, Any], stand: Stand, percent: int = 100
+        self, network: Network, role: Role, name: str, record: Mapping[str, object], stand: Stand, percent: int = 100
     ) -> None:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
