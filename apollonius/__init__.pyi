@@ -41,7 +41,6 @@ from apollonius.playout import play_out as play_out
 from apollonius.replay import load_replay as load_replay
 from apollonius.replay import save_replay as save_replay
 from apollonius.rollout import collect as collect
-from apollonius.solve.contest import make_contest as make_contest
 from apollonius.solve.guarantee import make_duel as make_duel
 from apollonius.solve.guarantee import solve_duel as solve_duel
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy
@@ -53,4 +52,5 @@ from apollonius.solve.safety import kernel_shielded as kernel_shielded
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.store import load_solution as load_solution
 from apollonius.solve.table_policy import TablePolicy as TablePolicy
+from apollonius.solve.zero_sum_game import make_zero_sum_game as make_zero_sum_game
 from apollonius.version import __version__ as __version__

@@ -31,8 +31,8 @@ from apollonius.learn.train_step import play_and_learn
 from apollonius.limits import BENCHED_GAMES
 from apollonius.observe.registry import find_observation
 from apollonius.playout import Report
+from apollonius.random_bits import fold_in
 from apollonius.rollout import Games, begin, collect
-from apollonius.words import fold_in
 
 CLASSIC = DQNConfig(
     observation="paper",

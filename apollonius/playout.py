@@ -20,7 +20,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
-from apollonius.rollout import Games, Transition, anew, begin, random_words, step_games
+from apollonius.rollout import Games, Transition, begin, random_bits_of, reset_where_done, step_games
 
 Report = Callable[[int, int], None]
 """Told now and then how many games have ended, and how many there are."""
@@ -83,7 +83,7 @@ def play_out(
 ) -> Results:
     """Play each of the given starts to its end, once.
 
-    At most `slots` games are under way at a time; the next start takes the place of a finished game. The random words
+    At most `slots` games are under way at a time; the next start takes the place of a finished game. The random bits
     of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
 
     Args:
@@ -122,7 +122,7 @@ def play_out(
     return jax.device_put(results)
 
 
-def draw_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
+def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
 
     Returns:
@@ -160,7 +160,7 @@ def _empty(
 ) -> _Places:
     """Places without a game, one for each of some starts."""
     nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = begin(starts, players, random_words(key, nobody, nobody))
+    games = begin(starts, players, random_bits_of(key, nobody, nobody))
     return _Places(games, _no_results(watcher, len(nobody)).watched, nobody)
 
 
@@ -212,11 +212,11 @@ def _play(
         fresh = free & (upcoming < count)
         index = jnp.where(fresh, first + upcoming, places.index)
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
-        begun = begin(state, players, random_words(key, index, jnp.full(index.shape, -1)))
-        games = jax.vmap(anew)(fresh, begun, places.games)
-        watched = jax.vmap(anew, in_axes=(0, None, 0))(fresh, unwatched, places.watched)
+        begun = begin(state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
+        games = jax.vmap(reset_where_done)(fresh, begun, places.games)
+        watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, places.watched)
 
-        games, transition = step_games(game, players, games, random_words(key, index, games.state.steps))
+        games, transition = step_games(game, players, games, random_bits_of(key, index, games.state.steps))
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)

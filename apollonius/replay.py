@@ -26,7 +26,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
 from apollonius.game.validation import MAX_SIZE
 from apollonius.limits import MOST_COUNTED, SEED
-from apollonius.rollout import begin, random_words, step_games
+from apollonius.rollout import begin, random_bits_of, step_games
 
 FORMAT = 1
 """Version of the file format."""
@@ -74,11 +74,11 @@ def _actions(
 ) -> Int[Array, "length 2"] | Float[Array, "length 2 2"]:
     """Both sides' actions in a game of `play_out`; it never stops."""
     state = jax.tree.map(lambda leaf: leaf[None], start)
-    games = begin(state, players, random_words(key, index, jnp.full(1, -1)))
+    games = begin(state, players, random_bits_of(key, index, jnp.full(1, -1)))
 
     def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"] | Float[Array, "2 2"]]:
-        words = random_words(key, index, games.state.steps)
-        after, transition = step_games(game, players, games, words)
+        bits = random_bits_of(key, index, games.state.steps)
+        after, transition = step_games(game, players, games, bits)
         return after, together(*transition.sides.map(lambda side: side.action[0]))
 
     return jax.lax.scan(one_step, games, None, length)[1]

@@ -11,15 +11,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap, step_disturbed
-from apollonius.agents.pool import Held, Pool, Seated
+from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, step_disturbed, with_sensor_noise
+from apollonius.agents.pool import PersistentNoise, Pool, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, GameState, Role
 from apollonius.observe.view import Views
-from apollonius.words import fold_in, random_bits
+from apollonius.random_bits import fold_in, random_bits
 
-Players = Pool | Seated | Held
+Players = Pool | Seated | PersistentNoise
 """All who play one side of a batch of games."""
 
 
@@ -66,42 +66,42 @@ class Games(eqx.Module):
 def begin(
     starts: GameState,
     players: BySide[Players],
-    words: UInt32[Array, "2 games"],
+    bits: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
 ) -> Games:
-    """Games at their starts, with a member of either pool drawn for each from the upper bits of random words."""
-    members = ROLES.map(lambda role: players[role].draw(words[role]))
-    return Games(starts, ROLES.map(lambda role: fresh_player(members[role], words[role], disturbance)))
+    """Games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
+    members = ROLES.map(lambda role: players[role].sample(bits[role]))
+    return Games(starts, ROLES.map(lambda role: fresh_player(members[role], bits[role], disturbance)))
 
 
-def fresh_player(member: Int[Array, " games"], words: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
-    """Members of a pool at the beginnings of games, with handicaps drawn from random words where there are any."""
-    handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(words, disturbance)
-    return Player(member, jnp.zeros(words.shape, jnp.float32), handicap)
+def fresh_player(member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
+    """Members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any."""
+    handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
+    return Player(member, jnp.zeros(bits.shape, jnp.float32), handicap)
 
 
 def step_games(
     game: Game,
     players: BySide[Players],
     games: Games,
-    words: UInt32[Array, "2 games"],
+    bits: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
-    """Every game one step on; nothing is reset. `words` are fresh random bits for each side of each game."""
+    """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
 
-    def sees(state: GameState, words: UInt32[Array, "2 games"]) -> BySide[Any]:
-        seen = ROLES.map(lambda role: jax.vmap(blurred, in_axes=(0, 0, None))(state, words[role], disturbance))
+    def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
+        seen = ROLES.map(lambda role: jax.vmap(with_sensor_noise, in_axes=(0, 0, None))(state, bits[role], disturbance))
         return ROLES.map(lambda role: players[role].observation.together(Views(game, seen[role], role)))
 
-    seen = sees(games.state, words)
-    actions = ROLES.map(lambda role: players[role].act(games.sides[role].member, seen[role], words[role]))
+    seen = sees(games.state, bits)
+    actions = ROLES.map(lambda role: players[role].act(games.sides[role].member, seen[role], bits[role]))
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
-    next_seen = sees(after.state, ~words)
+    next_seen = sees(after.state, ~bits)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + after.reward[role])
 
     def numbers(seen: Any) -> Float[Array, "games _"]:
-        return jnp.zeros((words.shape[1], 0)) if isinstance(seen, Views) else seen
+        return jnp.zeros((bits.shape[1], 0)) if isinstance(seen, Views) else seen
 
     def experience(role: Role) -> Experience:
         made = numbers(seen[role]), actions[role], after.reward[role], numbers(next_seen[role]), returns[role]
@@ -137,34 +137,34 @@ def collect(
     rows = jax.tree.leaves(starts)[0].shape[0]
     batch = games.state.steps.shape[0]
 
-    def draw(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
+    def sample(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
         """Words for the actions and for the next members of the pools; lone members need none of their own."""
-        kinds = 2 if any(pool.draws for pool in players) else 1
-        words = random_bits(step_key, (2 * kinds, batch))
-        return words[:2], words[-2:]
+        kinds = 2 if any(pool.samples for pool in players) else 1
+        bits = random_bits(step_key, (2 * kinds, batch))
+        return bits[:2], bits[-2:]
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
-        words, fresh_words = draw(fold_in(key, step))
-        after, transition = step_games(game, players, games, words, disturbance)
+        bits, fresh_bits = sample(fold_in(key, step))
+        after, transition = step_games(game, players, games, bits, disturbance)
         over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(fresh_state, players, fresh_words, disturbance)
-        return jax.vmap(anew)(over, fresh, after), transition
+        fresh = begin(fresh_state, players, fresh_bits, disturbance)
+        return jax.vmap(reset_where_done)(over, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
 
-def random_words(
+def random_bits_of(
     key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
 ) -> UInt32[Array, "2 games"]:
-    """Random words of either side: they depend on the game's index and its step alone; step -1 is the beginning."""
+    """Random bits of either side: they depend on the game's index and its step alone; step -1 is the beginning."""
 
-    def draw(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
+    def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
         return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
 
-    return jax.vmap(draw)(index, step).T
+    return jax.vmap(sample)(index, step).T
 
 
-def anew(over: Bool[Array, ""], new: Any, old: Any) -> Any:
+def reset_where_done(over: Bool[Array, ""], new: Any, old: Any) -> Any:
     """The new one of a game that is over, else the old one."""
     return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)

@@ -22,7 +22,7 @@ from apollonius.adapters.export import numpy as numpy_file
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import Answer, Decide, compare, largest_difference, microseconds
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.trained import at_best, find_trained
+from apollonius.agents.trained import find_trained, greedy
 from apollonius.evaluate.decisions import Decisions, decisions
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--calls", type=int, default=20_000)
     options = parser.parse_args()
     agent, path = find_trained(options.agent)
-    player = at_best(agent.network)
+    player = greedy(agent.network)
     game, role = make_game(options.game), Role[agent.header.role.upper()]
     blueprint = make_blueprint(path.stem, agent, game)
     played = decisions(game, player, role, STATES)

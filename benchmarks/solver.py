@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import apollonius
 from apollonius.commands.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.side import make_side
 from apollonius.solve.solved import joint_grids
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 _RUNS = 5
 
@@ -59,7 +59,7 @@ def main() -> None:
     print(f"{grid.size * NUM_ACTIONS / once / 1e6:,.0f} M backups/s")
 
     grids = joint_grids(game, list(options.grid))
-    duel = make_duel(make_contest(game, grids, options.hold, Role.PURSUER, "win"))
+    duel = make_duel(make_zero_sum_game(game, grids, options.hold, Role.PURSUER, "win"))
     lanes = lanes_of(duel.first.grid)
     table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
     pairs = table.size
@@ -70,7 +70,7 @@ def main() -> None:
     if options.solve:
         for role in Role:
             begun = time.perf_counter()
-            solved = solve_duel(make_duel(make_contest(game, grids, options.hold, role, "win")))
+            solved = solve_duel(make_duel(make_zero_sum_game(game, grids, options.hold, role, "win")))
             print(f"{role.name.lower()}: {time.perf_counter() - begun:,.0f} s, {solved.sweeps} sweeps, ", end="")
             print(f"residual {solved.residual:.1e}", flush=True)
 

@@ -48,10 +48,10 @@ def main() -> None:
     options = parser.parse_args()
     game = apollonius.make_game("paper")
     table = table_player(options.table, game)
-    role = table.contest.role
+    role = table.zero_sum_game.role
     agent = apollonius.find_player(options.agent, Role(1 - role), game).policy
     moving = replace(game, starts=replace(game.starts, speed="moving"))
-    players = {"by the table": table, "knowing the agent": ResponsePolicy(table.contest, table.table, agent)}
+    players = {"by the table": table, "knowing the agent": ResponsePolicy(table.zero_sum_game, table.table, agent)}
     for name, player in players.items():
         for games in (64, 512):
             print(f"{name}, {games} games: {microseconds(moving, player, role, games):.1f} us a decision", flush=True)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
-from apollonius.evaluate.kept import kept_result
-from apollonius.exploit.attack import Attack, LossRate, judge_opponent
-from apollonius.exploit.responses import kept_response, train_response
+from apollonius.evaluate.match_cache import cached_result
+from apollonius.exploit.attack import Attack, LossRate, measure_loss
+from apollonius.exploit.responses import cached_response, train_response
 from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.jobs import ShouldStop
@@ -84,13 +84,13 @@ def judge(run: Path, role: Role, percent: int, effort: Effort) -> Judgement:
     def losses() -> Judgement:
         folder = run / "responses" / _file(run, role, percent).stem
         train_response(attack, folder, seed=0)
-        against = {"response": judge_opponent(attack, kept_response(folder, 0), effort.games)}
+        against = {"response": measure_loss(attack, cached_response(folder, 0), effort.games)}
         for name in ZOO[attack.role.other]:
-            against[name] = judge_opponent(attack, find_player(name, attack.role.other).policy, effort.games)
+            against[name] = measure_loss(attack, find_player(name, attack.role.other).policy, effort.games)
         return Judgement(against)
 
     asked = attack.record | {"games": effort.games, "opponents": ZOO[attack.role.other], "dqn": to_dict(QUICK)}
-    return kept_result(_file(run, role, percent), asked, Judgement, losses)
+    return cached_result(_file(run, role, percent), asked, Judgement, losses)
 
 
 def _file(run: Path, role: Role, percent: int) -> Path:

@@ -17,14 +17,9 @@ import numpy as np
 
 from apollonius.agents.disturbance import NONE
 from apollonius.arenas.record import to_dict
-from apollonius.bodies.comparison import Comparison, compare
-from apollonius.bodies.drive import Drive
-from apollonius.bodies.physics import Physics
-from apollonius.bodies.scene import SIDES
-from apollonius.bodies.simulation import simulate_match
 from apollonius.errors import InvalidInput, exit_status, require
-from apollonius.evaluate.kept import facts_of, kept_result, match_file
 from apollonius.evaluate.match import Match, MatchResult, play_games
+from apollonius.evaluate.match_cache import cached_result, facts_of, match_file
 from apollonius.evaluate.round_robin import RoundRobin
 from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
@@ -33,6 +28,11 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
 from apollonius.reproduce.finding import Finding, mean_shares, outcome_table
 from apollonius.show.markdown import markdown_table, mean_over_seeds
+from apollonius.simulate.comparison import Comparison, compare
+from apollonius.simulate.drive import Drive
+from apollonius.simulate.physics import Physics
+from apollonius.simulate.scene import SIDES
+from apollonius.simulate.simulation import simulate_match
 from studies import driver
 
 Comparisons = Mapping[tuple[str, str], Comparison]
@@ -48,7 +48,7 @@ def kept_comparison(folder: Path, match: Match) -> Comparison:
         return compare(match, play_games(match), simulate_match(match, Drive()))
 
     path = match_file(folder, match.players.pursuer.name, match.players.evader.name)
-    return kept_result(path, facts_of(match) | {"drive": to_dict(Drive())}, Comparison, play)
+    return cached_result(path, facts_of(match) | {"drive": to_dict(Drive())}, Comparison, play)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -321,3 +321,16 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
     said = capsys.readouterr().out
     assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
     assert "hall/P_curriculum against standing targets: 4 games, 1 targets" in said
+
+
+GLOSSARY = re.findall(r"^\| [^|]+ \| .+ \| ([^|]+) \|$", (DOCS / "glossary.md").read_text(), re.MULTILINE)
+
+
+def test_every_name_in_the_glossary_is_in_the_code():
+    code = "\n".join(path.read_text() for path in (REPOSITORY / "apollonius").rglob("*.py"))
+    names = [name for cell in GLOSSARY for name in re.findall(r"`([\w.]+)`", cell)]
+    assert len(names) > 60
+    for name in names:
+        *owner, last = name.split(".")
+        assert re.search(rf"\b(def|class) {last}\b|\b{last}\b *[:=]", code), name
+        assert not owner or re.search(rf"class {owner[0]}\b", code), name

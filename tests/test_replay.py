@@ -17,7 +17,7 @@ from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
-from apollonius.game.game import judge, reset_batch
+from apollonius.game.game import outcome_after, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.playout import play_out
@@ -41,7 +41,7 @@ def test_a_trace_is_the_course_of_the_game_that_was_played_out():
         assert course.states.pursuer.x[0] == starts.pursuer.x[index]
         last = jax.tree.map(lambda leaf: leaf[-1], course.states)
         before = jax.tree.map(lambda leaf: leaf[-2], course.states)
-        assert judge(GAME, before, last) == course.outcome
+        assert outcome_after(GAME, before, last) == course.outcome
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
-from apollonius.playout import draw_starts, play_at_once, play_out
+from apollonius.playout import play_at_once, play_out, sample_starts
 from apollonius.rollout import begin, collect
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
@@ -46,8 +46,8 @@ class Scripted(AbstractPolicy):
     action: Array
     observation: AbstractObservation = eqx.field(static=True, default=PAPER)
 
-    def __call__(self, observation, word):
-        return jnp.where(self.action < 0, uniform_action(word), self.action)
+    def __call__(self, observation, bits):
+        return jnp.where(self.action < 0, uniform_action(bits), self.action)
 
 
 RANDOM = -1
@@ -65,8 +65,8 @@ def evaders(*actions):
 def played(game, players, starts, key):
     """Games that begin at row 0 of their starts, played on for a while."""
     word_key, play_key = jax.random.split(key)
-    words = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
-    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, words)
+    bits = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
+    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, bits)
     return collect(game, players, games, starts, play_key, STEPS)
 
 
@@ -210,10 +210,10 @@ def test_one_key_one_play_bit_for_bit_and_another_key_another():
 
 
 def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
-    words = jax.random.bits(jax.random.key(0), (9,), jnp.uint32)
+    bits = jax.random.bits(jax.random.key(0), (9,), jnp.uint32)
     members, seen = jnp.arange(9) % 3, jnp.zeros((9, 8))
-    alone = solo(Uniform()).act(jnp.zeros(9, int), seen, words)
-    np.testing.assert_array_equal(Pool(Uniform(), 3).act(members, seen, words), alone)
+    alone = solo(Uniform()).act(jnp.zeros(9, int), seen, bits)
+    np.testing.assert_array_equal(Pool(Uniform(), 3).act(members, seen, bits), alone)
 
 
 def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
@@ -245,7 +245,7 @@ def test_one_compilation_serves_every_number_of_games(monkeypatch):
 def test_starts_are_those_of_a_reset_however_many_are_drawn():
     reset = jax.tree.map(np.ravel, random_starts())
     for games in (ROWS * GAMES, 1500):
-        drawn = numpy(draw_starts(GAME, jax.random.key(0), games))
+        drawn = numpy(sample_starts(GAME, jax.random.key(0), games))
         assert len(drawn.steps) == games
         assert identical(row(drawn, slice(ROWS * GAMES)), reset)
 
@@ -330,9 +330,9 @@ def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
 
     @jax.jit
     def played_late(starts, key):
-        words = jax.random.bits(key, (2, GAMES), jnp.uint32)
+        bits = jax.random.bits(key, (2, GAMES), jnp.uint32)
         players = BySide(pursuers(7), evaders(RANDOM))
-        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, words, disturbance)
+        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, bits, disturbance)
         return games, *collect(GAME, players, games, starts, key, STEPS, disturbance)
 
     first, last, transitions = numpy(played_late(random_starts(), jax.random.key(3)))

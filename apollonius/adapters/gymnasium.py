@@ -60,7 +60,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """A new game from the game's distribution of starts."""
         super().reset(seed=seed)
-        self._live.reset(self._word())
+        self._live.reset(self._bits())
         self._view.begin()
         return self._live.observation(self._role), {"outcome": self._live.outcome}
 
@@ -74,7 +74,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         live = self._live
         if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        live.step(BySide.of(self._role, action, live.idle).pair, self._word())
+        live.step(BySide.of(self._role, action, live.idle).pair, self._bits())
         self._view.follow()
         reward = live.rewards[self._role]
         return live.observation(self._role), reward, live.terminated, live.truncated, {"outcome": live.outcome}
@@ -83,7 +83,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
         return self._view.render()
 
-    def _word(self) -> np.uint32:
+    def _bits(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 

@@ -20,7 +20,7 @@ _ROBOTS = slice(0, 8)
 _REWARDS = slice(-5, -3)
 _TERMINATED, _TRUNCATED, _OUTCOME = -3, -2, -1
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
-_NO_WORD = np.uint32(0)
+_NO_BITS = np.uint32(0)
 
 
 class LiveGame:
@@ -62,16 +62,16 @@ class LiveGame:
         """Whether there is a game."""
         return self._told is not None
 
-    def reset(self, word: np.uint32) -> None:
-        """Begin a new game; a word of random bits decides where."""
-        self._take(self._begin(word), 0)
+    def reset(self, bits: np.uint32) -> None:
+        """Begin a new game; random bits decide where."""
+        self._take(self._begin(bits), 0)
 
-    def step(self, actions: tuple[Any, Any], word: np.uint32 = _NO_WORD) -> None:
+    def step(self, actions: tuple[Any, Any], bits: np.uint32 = _NO_BITS) -> None:
         """Both sides hold their actions for one step; that of a side played from inside is not looked at.
 
         Args:
             actions: of the pursuer and the evader, both of the kind of this game's actions.
-            word: random bits for a player inside.
+            bits: random bits for a player inside.
 
         Raises:
             InvalidInput: for an action that is none.
@@ -79,7 +79,7 @@ class LiveGame:
         pursuer, evader = (as_actions(action, self._space) for action in actions)
         given = np.empty(1 + 2 * pursuer.size, pursuer.dtype)
         given[0], given[1 : 1 + pursuer.size], given[1 + pursuer.size :] = self._steps, pursuer, evader
-        self._take(self._step(self._told, given, word), self._steps + 1)
+        self._take(self._step(self._told, given, bits), self._steps + 1)
 
     def _take(self, told: Array, steps: int) -> None:
         self._told, self._read, self._steps = told, np.asarray(told), steps
@@ -114,18 +114,18 @@ class LiveGame:
         return self._read[_ROBOTS].tolist()
 
 
-def _begin(game: Game, observation: str, word: UInt32[Array, ""]) -> Float[Array, " told"]:
-    return _tell(game, observation, game.reset(jax.random.key(word)), [jnp.zeros(())] * 5)
+def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array, " told"]:
+    return _tell(game, observation, game.reset(jax.random.key(bits)), [jnp.zeros(())] * 5)
 
 
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
-    told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], word: UInt32[Array, ""],
+    told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], bits: UInt32[Array, ""],
 ) -> Float[Array, " told"]:  # fmt: skip
     actions: list[Action] = list(given[1:].reshape(2, *shape))
     state = GameState.of_two(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
     for role, player in players.items():
-        actions[role] = player(player.observation(look(game, state, role)), word)
+        actions[role] = player(player.observation(look(game, state, role)), bits)
     after: Timestep = game.step(state, *actions)
     flags = [after.terminated, after.truncated, after.outcome]
     return _tell(game, observation, after.state, [*after.reward, *flags])

@@ -47,11 +47,11 @@ class Sitting:
         """What the side from outside sees."""
         return self.observation.together(Views(self.game, state, self.role))
 
-    def answer(self, state: GameState, word: UInt32[Array, ""]) -> Actions:
+    def answer(self, state: GameState, bits: UInt32[Array, ""]) -> Actions:
         """What the opponent does."""
-        words = jax.random.bits(jax.random.key(word), (self.num_envs,), jnp.uint32)
+        bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         views = Views(self.game, state, Role(1 - self.role))
-        return views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), words)
+        return views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), bits)
 
 
 class Standing(eqx.Module):
@@ -71,19 +71,19 @@ class Told(eqx.Module):
     outcome: Int[Array, " games"]
 
 
-def draw_starts(sitting: Sitting, word: UInt32[Array, ""]) -> Standing:
+def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
     """A pile of starts."""
-    keys = jax.random.split(jax.random.key(word), SPARE * sitting.num_envs)
+    keys = jax.random.split(jax.random.key(bits), SPARE * sitting.num_envs)
     starts = jax.lax.map(sitting.game.reset, keys, batch_size=_TOGETHER)
     return Standing(starts, sitting.see(starts))
 
 
 def step_games(
     sitting: Sitting, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
-    action: Actions, word: UInt32[Array, ""],
+    action: Actions, bits: UInt32[Array, ""],
 ) -> tuple[Standing, Told]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
-    answer = sitting.answer(now.state, word)
+    answer = sitting.answer(now.state, bits)
     after = jax.vmap(sitting.game.step)(now.state, *BySide.of(sitting.role, action, answer).pair)
     reward = after.reward[sitting.role]
     led_to = Standing(after.state, sitting.see(after.state))
@@ -104,10 +104,10 @@ def step_games(
             return led_to, told
 
 
-def renew(now: Standing, starts: Standing, used: Int[Array, ""], anew: Bool[Array, " games"]) -> Standing:
+def renew(now: Standing, starts: Standing, used: Int[Array, ""], resets: Bool[Array, " games"]) -> Standing:
     """Games, some of them begun anew from the first starts that have not been used."""
-    place = jnp.where(anew, used + jnp.cumsum(anew.astype(jnp.int32)) - 1, 0)
-    return _choose(anew, jax.tree.map(lambda leaf: leaf[place], starts), now)
+    place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
+    return _choose(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
 
 
 def _choose(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:

@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool
 
 from apollonius.adapters.compiled import Compiled
-from apollonius.adapters.sitting import SPARE, Sitting, Standing, draw_starts, renew, step_games
+from apollonius.adapters.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
@@ -75,7 +75,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         # The game is a constant of what is compiled.
         sitting = Sitting(game, role, find_observation(observation), player, num_envs, mode)
         self._draw, self._step, self._renew = (
-            Compiled(draw_starts, sitting),
+            Compiled(sample_starts, sitting),
             Compiled(step_games, sitting),
             Compiled(renew),
         )
@@ -98,15 +98,15 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             InvalidInput: for a list of seeds, as one seeds them all, and for a mask that is none.
         """
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
-        anew = self._mask(options)
+        resets = self._mask(options)
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]
-        if seed is not None or anew.all():
+        if seed is not None or resets.all():
             self._left = 0
         self._provide()
         now = jax.tree.map(lambda leaf: leaf[: self.num_envs], self._starts) if self._now is None else self._now
-        self._now = now = self._renew(now, self._starts, self._used, anew)
-        self._left -= int(anew.sum())
-        self._ended = self._ended & ~anew
+        self._now = now = self._renew(now, self._starts, self._used, resets)
+        self._left -= int(resets.sum())
+        self._ended = self._ended & ~resets
         return np.array(now.seen), {}
 
     def step(
@@ -129,7 +129,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded(f"{ended} games have ended; reset(options={{'reset_mask': ended}})")
         actions = as_actions(actions, self._actions, (self.num_envs,))
         self._provide()
-        now, told = self._step(self._now, self._ended, self._starts, self._used, actions, self._word())
+        now, told = self._step(self._now, self._ended, self._starts, self._used, actions, self._bits())
         self._now, seen, reward = now, np.array(now.seen), np.array(told.reward)
         terminated, truncated, outcome = np.array(told.terminated), np.array(told.truncated), np.array(told.outcome)
         over = terminated | truncated
@@ -151,7 +151,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _provide(self) -> None:
         """A new pile of starts where the last might not do; each is used once, from the first on."""
         if self._left < self.num_envs:
-            self._starts, self._left = self._draw(self._word()), SPARE * self.num_envs
+            self._starts, self._left = self._draw(self._bits()), SPARE * self.num_envs
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " games"]:
         """Which games begin again."""
@@ -165,7 +165,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded("games begin with reset(), of all of them")
         return mask
 
-    def _word(self) -> np.uint32:
+    def _bits(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
 
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, AbstractValued
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
@@ -27,11 +27,11 @@ class Still(AbstractPolicy):
         """It does not look; whoever collects its transitions has the paper's observation."""
         return PAPER
 
-    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32)
 
 
-class AbstractClassical(AbstractValued):
+class AbstractClassical(AbstractActionValuePolicy):
     """A player that reads the view and follows a rule.
 
     Attributes:

@@ -19,7 +19,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, GameState, Real, RobotState, Role, Scalar, Timestep
 
 _HANDICAP, _NOISE = 1, 2
-"""What a random word is used for besides the player's own use of it."""
+"""What random bits are used for besides the player's own use of it."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Disturbance:
             require(0 <= getattr(self, name) < 1e3, name, getattr(self, name), "at least 0 and less than 1000")
 
     @property
-    def blurs(self) -> bool:
+    def has_sensor_noise(self) -> bool:
         """Whether what is seen has errors."""
         return self.position_noise > 0 or self.speed_noise > 0 or self.heading_noise > 0
 
@@ -90,9 +90,9 @@ class Handicap(eqx.Module):
         return (u1, mean), replace(self, turn_rate=self.turn_rate + made, pending=known[: self.pending.shape[0]])
 
 
-def draw_handicap(word: UInt32[Array, ""], disturbance: Disturbance) -> Handicap:
-    """A robot's handicap for a game that begins, from a random word. Its past is one at rest."""
-    shares = jax.random.uniform(jax.random.fold_in(jax.random.key(word), _HANDICAP), (5,))
+def draw_handicap(bits: UInt32[Array, ""], disturbance: Disturbance) -> Handicap:
+    """A robot's handicap for a game that begins, from random bits. Its past is one at rest."""
+    shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _HANDICAP), (5,))
     spread = disturbance.limits * (2 * shares[:3] - 1)
     return Handicap(
         delay=jnp.floor(shares[3] * (disturbance.delay + 1)).astype(jnp.int32),
@@ -103,12 +103,12 @@ def draw_handicap(word: UInt32[Array, ""], disturbance: Disturbance) -> Handicap
     )
 
 
-def blurred(state: GameState, word: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
-    """A state as one side sees it: all robots with errors of their own, from a random word."""
-    if not disturbance.blurs:
+def with_sensor_noise(state: GameState, bits: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
+    """A state as one side sees it: all robots with errors of their own, from random bits."""
+    if not disturbance.has_sensor_noise:
         return state
     robots, sides = jax.tree.flatten(state.robots, is_leaf=lambda node: isinstance(node, RobotState))
-    errors = jax.random.normal(jax.random.fold_in(jax.random.key(word), _NOISE), (len(robots), 4))
+    errors = jax.random.normal(jax.random.fold_in(jax.random.key(bits), _NOISE), (len(robots), 4))
 
     def seen(robot: RobotState, error: Float[Array, "4"]) -> RobotState:
         return RobotState(

@@ -5,13 +5,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractPolicy, AbstractValued
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.uniform import uniform_action
 from apollonius.game.types import Scalar
 from apollonius.observe.observation import AbstractObservation
 
 
-class Greedy(AbstractValued):
+class Greedy(AbstractActionValuePolicy):
     """The action of highest value; among equals, the lowest index."""
 
     network: QNetwork
@@ -25,12 +25,12 @@ class Greedy(AbstractValued):
         """The network's action values."""
         return self.network(seen)
 
-    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The best action for each observation."""
-        return jnp.argmax(self.weigh_together(seen, words), axis=-1).astype(jnp.int32)
+        return jnp.argmax(self.weigh_together(seen, bits), axis=-1).astype(jnp.int32)
 
     def weigh_together(
-        self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]
+        self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]
     ) -> Float[Array, "games 9"]:
         """The network's action values for each observation."""
         return self.network.together(seen)
@@ -47,14 +47,14 @@ class EpsilonGreedy(AbstractPolicy):
         """What the network reads."""
         return self.network.observation
 
-    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return self._explore(self.network(seen), word)
+    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
+        return self._explore(self.network(seen), bits)
 
-    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The action for each observation."""
-        return jax.vmap(self._explore)(self.network.together(seen), words)
+        return jax.vmap(self._explore)(self.network.together(seen), bits)
 
-    def _explore(self, values: Float[Array, "9"], word: UInt32[Array, ""]) -> Int[Array, ""]:
+    def _explore(self, values: Float[Array, "9"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
         best = jnp.argmax(values).astype(jnp.int32)
-        explore = (word & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
-        return jnp.where(explore, uniform_action(word), best)
+        explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
+        return jnp.where(explore, uniform_action(bits), best)

@@ -1,4 +1,4 @@
-"""What every player is: what it reads of its view and a random word in, an action out."""
+"""What every player is: what it reads of its view and random bits in, an action out."""
 
 from abc import abstractmethod
 from typing import Any
@@ -28,54 +28,54 @@ class AbstractPolicy(eqx.Module):
         return False
 
     @abstractmethod
-    def __call__(self, seen: Any, word: UInt32[Array, ""]) -> Action:
+    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Action:
         """The action for what is seen; always of the same kind.
 
         Args:
             seen: what the policy's `observation` makes of the view of the robot that it plays.
-            word: 32 random bits, fresh for every step; consumed. One word instead of a key, since splitting keys for
+            bits: 32 random bits, fresh for every step; consumed. Bits instead of a key, since splitting keys for
                 thousands of games costs more than the games themselves.
         """
 
-    def together(self, seen: Any, words: UInt32[Array, " games"]) -> Actions:
+    def together(self, seen: Any, bits: UInt32[Array, " games"]) -> Actions:
         """The actions for what is seen in many games, each its own: a `vmap`, or what is quicker and the same.
 
         Args:
             seen: `observation.together` of the views.
-            words: random bits for each game.
+            bits: random bits for each game.
         """
-        return each(self, seen, words)
+        return each(self, seen, bits)
 
-    def weigh(self, seen: Any, word: UInt32[Array, ""]) -> Any:
+    def weigh(self, seen: Any, bits: UInt32[Array, ""]) -> Any:
         """All that `choose` has to know, before it is known which actions are allowed: here the player's own action."""
-        return self(seen, word)
+        return self(seen, bits)
 
-    def weigh_together(self, seen: Any, words: UInt32[Array, " games"]) -> Any:
+    def weigh_together(self, seen: Any, bits: UInt32[Array, " games"]) -> Any:
         """The same for many games, as in `together`."""
-        return self.together(seen, words)
+        return self.together(seen, bits)
 
     def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
         return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
 
 
-class AbstractValued(AbstractPolicy):
+class AbstractActionValuePolicy(AbstractPolicy):
     """A player that values all nine actions and takes the best; among equals, the one of lowest index."""
 
     @abstractmethod
     def values(self, seen: Any) -> Float[Array, "9"]:
         """The values of the nine actions for what is seen: the higher the better."""
 
-    def __call__(self, seen: Any, word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.argmax(self.weigh(seen, word)).astype(jnp.int32)
+    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Int[Array, ""]:
+        return jnp.argmax(self.weigh(seen, bits)).astype(jnp.int32)
 
-    def weigh(self, seen: Any, word: UInt32[Array, ""]) -> Float[Array, "9"]:
+    def weigh(self, seen: Any, bits: UInt32[Array, ""]) -> Float[Array, "9"]:
         """The values of the nine actions."""
         return self.values(seen)
 
-    def weigh_together(self, seen: Any, words: UInt32[Array, " games"]) -> Float[Array, "games 9"]:
+    def weigh_together(self, seen: Any, bits: UInt32[Array, " games"]) -> Float[Array, "games 9"]:
         """The same for many games."""
-        return each(self.weigh, seen, words)
+        return each(self.weigh, seen, bits)
 
     def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """The allowed action of highest value."""
@@ -91,7 +91,7 @@ class AbstractContinuous(AbstractPolicy):
         return True
 
     @abstractmethod
-    def __call__(self, seen: Any, word: UInt32[Array, ""]) -> Float[Array, "2"]:
+    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Float[Array, "2"]:
         """The two gears for what is seen."""
 
     def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
@@ -106,14 +106,14 @@ class AbstractContinuous(AbstractPolicy):
 
 
 def acts_by_chance(policy: AbstractPolicy, view: View) -> bool:
-    """Whether the random word can matter to a player; it is not asked for any action, its program is looked through.
+    """Whether random bits can matter to a player; it is not asked for any action, its program is looked through.
 
     Args:
         view: any in its game.
     """
-    program = jax.make_jaxpr(lambda word: policy(policy.observation(view), word))(
+    program = jax.make_jaxpr(lambda bits: policy(policy.observation(view), bits))(
         jax.ShapeDtypeStruct((), jnp.uint32)
     ).jaxpr
-    (word,) = program.invars
+    (bits,) = program.invars
     read = [variable for equation in program.eqns for variable in equation.invars]
-    return any(variable is word for variable in [*read, *program.outvars])
+    return any(variable is bits for variable in [*read, *program.outvars])

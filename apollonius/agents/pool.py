@@ -31,26 +31,26 @@ class Pool(eqx.Module):
         return self.members.observation
 
     @property
-    def draws(self) -> bool:
-        """Whether it takes random words to say who plays a game."""
+    def samples(self) -> bool:
+        """Whether it takes random bits to say who plays a game."""
         return self.size > 1
 
-    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The member that each game meets, from the upper bits of random words."""
+    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets, from the upper half of random bits."""
         if self.size == 1:
-            return jnp.zeros(words.shape, jnp.int32)
-        return (((words >> 16) * self.size) >> 16).astype(jnp.int32)
+            return jnp.zeros(bits.shape, jnp.int32)
+        return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
     def act(
         self,
         member: Int[Array, " games"],
         seen: Any,
-        word: UInt32[Array, " games"],
+        bits: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by the member of this pool that it meets."""
         if self.size == 1:
-            return jax.tree.map(lambda leaf: leaf[0], self.members).together(seen, word)
-        everyone = jax.vmap(lambda policy: policy.together(seen, word), axis_size=self.size)(self.members)
+            return jax.tree.map(lambda leaf: leaf[0], self.members).together(seen, bits)
+        everyone = jax.vmap(lambda policy: policy.together(seen, bits), axis_size=self.size)(self.members)
         theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
         return jnp.take_along_axis(everyone, theirs, axis=0)[0]
 
@@ -81,20 +81,20 @@ class Seated(eqx.Module):
         return self.at_large.observation
 
     @property
-    def draws(self) -> bool:
-        """Whether it takes random words to say who plays a game: seats are fixed."""
+    def samples(self) -> bool:
+        """Whether it takes random bits to say who plays a game: seats are fixed."""
         return False
 
-    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The member that each game meets."""
-        game = jnp.arange(words.shape[0]) - self.first
+        game = jnp.arange(bits.shape[0]) - self.first
         return jnp.where((game >= 0) & (game < self.seats * self.games), game // self.games + 1, 0).astype(jnp.int32)
 
     def act(
         self,
         member: Int[Array, " games"],
         seen: Float[Array, "games size"],
-        word: UInt32[Array, " games"],
+        bits: UInt32[Array, " games"],
     ) -> Actions:
         """Each game's action, by the player whose it is."""
         end = self.first + self.seats * self.games
@@ -102,23 +102,23 @@ class Seated(eqx.Module):
         others = jax.vmap(lambda policy, *given: jax.vmap(policy)(*given))(
             self.seated,
             seen[self.first : end].reshape(*seats, -1),
-            word[self.first : end].reshape(seats),
+            bits[self.first : end].reshape(seats),
         )
-        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (seen, word)]
+        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (seen, bits)]
         own = jax.vmap(self.at_large)(*beside)
         return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
 
 
-class Held(eqx.Module):
-    """Players who are given random words of their own instead of every step's, so that what they try can last.
+class PersistentNoise(eqx.Module):
+    """Players who are given random bits of their own instead of every step's, so that what they try can last.
 
     Attributes:
         players: whoever they are.
-        words: one for each game.
+        bits: some for each game.
     """
 
     players: Pool | Seated
-    words: UInt32[Array, " games"]
+    bits: UInt32[Array, " games"]
 
     @property
     def observation(self) -> Whole:
@@ -126,22 +126,22 @@ class Held(eqx.Module):
         return self.players.observation
 
     @property
-    def draws(self) -> bool:
-        """Whether it takes random words to say who plays a game."""
-        return self.players.draws
+    def samples(self) -> bool:
+        """Whether it takes random bits to say who plays a game."""
+        return self.players.samples
 
-    def draw(self, words: UInt32[Array, " games"]) -> Int[Array, " games"]:
+    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
         """The member that each game meets."""
-        return self.players.draw(words)
+        return self.players.sample(bits)
 
     def act(
         self,
         member: Int[Array, " games"],
         seen: Any,
-        word: UInt32[Array, " games"],
+        bits: UInt32[Array, " games"],
     ) -> Actions:
-        """Each game's action, by its own word."""
-        return self.players.act(member, seen, self.words)
+        """Each game's action, by its own bits."""
+        return self.players.act(member, seen, self.bits)
 
 
 def solo(policy: AbstractPolicy) -> Pool:

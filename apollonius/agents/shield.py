@@ -133,14 +133,14 @@ class Shielded(AbstractPolicy):
         """Whether those of the player behind the shield are."""
         return self.policy.continuous
 
-    def __call__(self, seen: View, word: UInt32[Array, ""]) -> Action:
-        own, weighed = seen.own.state, self.policy.weigh(self.policy.observation(seen), word)
+    def __call__(self, seen: View, bits: UInt32[Array, ""]) -> Action:
+        own, weighed = seen.own.state, self.policy.weigh(self.policy.observation(seen), bits)
         wanted = self._wanted(weighed)
         keeps = self.backup.room_after(own, wanted) > MARGIN
         room = jax.vmap(self.backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
         return jnp.where(keeps, wanted, self._instead(weighed, room))
 
-    def together(self, seen: Views, words: UInt32[Array, " games"]) -> Actions:
+    def together(self, seen: Views, bits: UInt32[Array, " games"]) -> Actions:
         """The actions for the views in many games.
 
         Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
@@ -148,7 +148,7 @@ class Shielded(AbstractPolicy):
         is then read from memory in a row.
         """
         own = seen.each(lambda view: view.own.state)
-        weighed = self.policy.weigh_together(self.policy.observation.together(seen), words)
+        weighed = self.policy.weigh_together(self.policy.observation.together(seen), bits)
         wanted = jax.vmap(self._wanted)(weighed)
         held_back = ~(jax.vmap(self.backup.room_after)(own, wanted) > MARGIN)
         games = held_back.shape[0]

@@ -20,7 +20,7 @@ class SquashedMean(AbstractContinuous):
         """What the network reads."""
         return self.network.observation
 
-    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
+    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Float[Array, "2"]:
         return jnp.tanh(self.network(seen)[0])
 
 
@@ -35,24 +35,24 @@ class SquashedGaussian(AbstractContinuous):
         """What the network reads."""
         return self.network.observation
 
-    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Float[Array, "2"]:
-        return self._sample(*self.network(seen), word)
+    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Float[Array, "2"]:
+        return self._sample(*self.network(seen), bits)
 
-    def together(self, seen: Float[Array, "games size"], words: UInt32[Array, " games"]) -> Float[Array, "games 2"]:
+    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Float[Array, "games 2"]:
         """The two gears for each observation."""
-        return jax.vmap(self._sample)(*self.network.together(seen), words)
+        return jax.vmap(self._sample)(*self.network.together(seen), bits)
 
     def _sample(
-        self, mean: Float[Array, "2"], deviation: Float[Array, "2"], word: UInt32[Array, ""]
+        self, mean: Float[Array, "2"], deviation: Float[Array, "2"], bits: UInt32[Array, ""]
     ) -> Float[Array, "2"]:
-        return jnp.tanh(mean + self.spread * deviation * normal_pair(word))
+        return jnp.tanh(mean + self.spread * deviation * normal_pair(bits))
 
 
-def normal_pair(word: UInt32[Array, ""]) -> Float[Array, "2"]:
-    """Two independent standard normal numbers from the halves of a random word (Box and Muller, 1958).
+def normal_pair(bits: UInt32[Array, ""]) -> Float[Array, "2"]:
+    """Two independent standard normal numbers from the halves of random bits (Box and Muller, 1958).
 
     The upper half says how far, the lower half where to; none is beyond 4.9.
     """
-    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in (word >> 16, word & 0xFFFF))
+    upper, lower = ((half.astype(jnp.float32) + 0.5) / 65536 for half in (bits >> 16, bits & 0xFFFF))
     radius, angle = jnp.sqrt(-2 * jnp.log(upper)), 2 * jnp.pi * lower
     return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])

@@ -22,7 +22,7 @@ _RUNS = Path("runs")
 """The folder that training runs lie in unless they were put elsewhere."""
 
 
-def at_best(network: Network) -> Greedy | SquashedMean:
+def greedy(network: Network) -> Greedy | SquashedMean:
     """The player that does what the network thinks best."""
     return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
 
@@ -60,7 +60,7 @@ class Trained(AbstractKind):
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
-        return Named(name if name.startswith(_FROM_ZOO) else called(path), at_best(agent.network), agent.header)
+        return Named(name if name.startswith(_FROM_ZOO) else called(path), greedy(agent.network), agent.header)
 
 
 TRAINED = Trained()
@@ -78,14 +78,14 @@ def find_trained(name: str) -> tuple[Agent, Path]:
     return load_agent(path), path
 
 
-def find_valued(name: str) -> tuple[Greedy, Agent, Path]:
+def find_action_value_policy(name: str) -> tuple[Greedy, Agent, Path]:
     """The player of a trained agent that values the nine actions, the agent and its file.
 
     Raises:
         InvalidInput: as `find_trained`, and for one whose actions are continuous.
     """
     agent, path = find_trained(name)
-    player = at_best(agent.network)
+    player = greedy(agent.network)
     if not isinstance(player, Greedy):
         raise InvalidInput(f"'{name}' has continuous actions and values none: name an agent trained by DQN.")
     return player, agent, path

@@ -9,9 +9,9 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 
 
-def uniform_action(word: UInt32[Array, ""]) -> Int[Array, ""]:
-    """One of the 9 actions from the upper 16 bits of a random word, uniform to 1.5e-5."""
-    return (((word >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
+def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
+    """One of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
+    return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
 
 
 class Uniform(AbstractPolicy):
@@ -22,5 +22,5 @@ class Uniform(AbstractPolicy):
         """It does not look; whoever collects its transitions has the paper's observation."""
         return PAPER
 
-    def __call__(self, seen: Float[Array, " size"], word: UInt32[Array, ""]) -> Int[Array, ""]:
-        return uniform_action(word)
+    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
+        return uniform_action(bits)

@@ -108,14 +108,14 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     check_records(options, WORST, f"{WORST}")
     role = Role[(options.role or "pursuer").upper()]
     tables = [(path.stem, table_player(path, game)) for path in options.tables]
-    sides = {table.contest.role: table for _, table in tables}
+    sides = {table.zero_sum_game.role: table for _, table in tables}
     require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
     agent = find_player(options.agent, role, game)
     own, other = sides[role], sides[role.other]
     opponent = Named(next(name for name, table in tables if table is other), other)
     players = BySide.of(role, agent, opponent)
     match = Match(game, players, options.games, options.seed)
-    response = ResponsePolicy(other.contest, other.table, agent.policy) if options.response_games else None
+    response = ResponsePolicy(other.zero_sum_game, other.table, agent.policy) if options.response_games else None
     display = options.display
     display.begin("playing against the table", compiles=True)
 

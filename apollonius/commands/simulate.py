@@ -10,7 +10,7 @@ from apollonius.commands.values import existing_file
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
-    from apollonius.bodies.comparison import Comparison
+    from apollonius.simulate.comparison import Comparison
 
 
 def add_simulate(subparsers: Any) -> None:
@@ -26,10 +26,10 @@ def add_simulate(subparsers: Any) -> None:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Play a match by the rules and with bodies, and print both."""
-    from apollonius.bodies.comparison import compare
-    from apollonius.bodies.drive import PARTS, load_drive, without
-    from apollonius.bodies.simulation import record_course, simulate_match
     from apollonius.evaluate.match import play_games, worst_first
+    from apollonius.simulate.comparison import compare
+    from apollonius.simulate.drive import PARTS, load_drive, without
+    from apollonius.simulate.simulation import record_course, simulate_match
 
     check_records(options, options.games, f"--games = {options.games}")
     match, drive, display = requested_match(options), load_drive(options.drive), options.display

@@ -36,7 +36,7 @@ def run_slice(options: argparse.Namespace) -> int:
     """Draw the slice."""
     import jax.numpy as jnp
 
-    from apollonius.agents.trained import find_valued
+    from apollonius.agents.trained import find_action_value_policy
     from apollonius.arenas.file import find_game
     from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
@@ -51,9 +51,9 @@ def run_slice(options: argparse.Namespace) -> int:
     game = find_game(options.game)
     if options.agent.endswith(SUFFIX):
         path, player = Path(options.agent), table_player(Path(options.agent), game)
-        role = player.contest.role
+        role = player.zero_sum_game.role
     else:
-        player, agent, path = find_valued(options.agent)
+        player, agent, path = find_action_value_policy(options.agent)
         role = Role[agent.header.role.upper()]
     options.display.begin("asking the agent all over the arena", compiles=True)
     save_slice(player, role, path.stem, game, own, opponent, options.out)

@@ -215,14 +215,14 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     """Play the agents of a finished run, and print how good they are."""
-    from apollonius.evaluate.pairings import judge_run
+    from apollonius.evaluate.pairings import evaluate_run
     from apollonius.evaluate.trend import trend_of_run
     from apollonius.terminal import match_table
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match.players.pursuer.name, match.players.evader.name, result), end="\n\n", flush=True)
 
-    judge_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
+    evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()
     if trend := trend_of_run(folder):
         print(trend, end="\n\n")

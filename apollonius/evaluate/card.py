@@ -87,16 +87,16 @@ def measure_card(
     Raises:
         InvalidInput: as `play_match`, and unless the tables are of two sides and one payoff.
     """
-    role, game = own.contest.role, match.game
+    role, game = own.zero_sum_game.role, match.game
     other = match.players[role.other].policy
-    two = isinstance(other, SaddlePolicy) and other.contest.role != role
+    two = isinstance(other, SaddlePolicy) and other.zero_sum_game.role != role
     require(two, "tables", "of one side", "one of the pursuer and one of the evader")
     assert isinstance(other, SaddlePolicy)
-    same = (own.contest.win, own.contest.lose) == (-other.contest.lose, -other.contest.win)
+    same = (own.zero_sum_game.win, own.zero_sum_game.lose) == (-other.zero_sum_game.lose, -other.zero_sum_game.win)
     require(same, "tables", "of two payoffs", "two that were solved with the same payoff")
     starts, _ = begin(match)
     results = play_games(match, report=partial(report, "table"))
-    payoffs, sure = _payoffs(own, results), np.asarray(own.best_worth(starts))
+    payoffs, sure = _payoffs(own, results), np.asarray(own.best_value(starts))
     gaps = sure - payoffs
     answered = None
     if response is not None:
@@ -109,7 +109,7 @@ def measure_card(
         role=role.name.lower(),
         games=match.games,
         sure=float(np.mean(sure)),
-        at_most=-float(jnp.mean(other.best_worth(starts))),
+        at_most=-float(jnp.mean(other.best_value(starts))),
         agent=_score(role, results, payoffs),
         gap=float(np.mean(gaps)),
         gap_interval=_mean_interval(gaps),
@@ -120,8 +120,8 @@ def measure_card(
 
 
 def _payoffs(own: SaddlePolicy, results: Results) -> np.ndarray:
-    seconds = results.steps.astype(jnp.float32) * own.contest.game.dt
-    return np.asarray(jax.vmap(own.contest.payoff_of)(results.outcome, seconds))
+    seconds = results.steps.astype(jnp.float32) * own.zero_sum_game.game.dt
+    return np.asarray(jax.vmap(own.zero_sum_game.payoff_of)(results.outcome, seconds))
 
 
 def _score(role: Role, results: Results, payoffs: np.ndarray) -> Score:

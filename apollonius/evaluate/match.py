@@ -20,7 +20,7 @@ from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.limits import GAMES, SEED
-from apollonius.playout import Report, Results, draw_starts, play_out
+from apollonius.playout import Report, Results, play_out, sample_starts
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
@@ -32,14 +32,14 @@ class StartFilter(Enum):
     VIABLE = "viable"
     """Those from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
 
-    def draw(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
+    def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
         """Initial states of several games, leaves `[games]`. The key is consumed.
 
         Raises:
             InvalidInput: when hardly any start of the game is viable.
         """
         if self is StartFilter.ALL or _starts_at_rest(game):
-            return draw_starts(game, key, games)
+            return sample_starts(game, key, games)
         return viable_starts(game, solve_viability(game), key, games)
 
     def doomed_rate(self, game: Game) -> float:
@@ -197,7 +197,7 @@ def record_game(match: Match, index: int) -> Replay:
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
     """The starts of a match, and the key of everything random in its games."""
     start_key, play_key = _keys(np.uint32(match.seed))
-    return match.starts.draw(match.game, start_key, match.games), play_key
+    return match.starts.sample(match.game, start_key, match.games), play_key
 
 
 def count(match: Match, results: Results) -> MatchResult:

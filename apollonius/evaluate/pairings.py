@@ -45,7 +45,7 @@ def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str
     return found
 
 
-def judge_run(
+def evaluate_run(
     run: Path,
     game: Game,
     games: int,

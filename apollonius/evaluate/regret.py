@@ -19,7 +19,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, distance
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.limits import GAMES, SEED, TARGETS
-from apollonius.playout import draw_starts, play_out
+from apollonius.playout import play_out, sample_starts
 from apollonius.solve.reach import Chase, Reach, solve_reach
 from apollonius.solve.table_policy import TablePolicy
 
@@ -83,7 +83,7 @@ def measure_regret(
     require(games % targets == 0, "games", games, f"a multiple of the {targets} targets")
     SEED.require("seed", seed)
     target_key, start_key, play_key = jax.random.split(jax.random.key(seed), 3)
-    places = draw_starts(game, target_key, targets).evader
+    places = sample_starts(game, target_key, targets).evader
     parts: list[dict[str, np.ndarray]] = []
     for index, place in enumerate(zip(places.x.tolist(), places.y.tolist(), strict=True)):
         reach, _ = solve_reach(chase, place)
@@ -100,7 +100,7 @@ def _starts(game: Game, target: tuple[float, float], key: PRNGKeyArray, games: i
         InvalidInput: when that leaves hardly any.
     """
     still = RobotState(*(jnp.asarray(number, jnp.float32) for number in (*target, 0.0, 0.0)))
-    drawn = draw_starts(game, key, 4 * games + 64)
+    drawn = sample_starts(game, key, 4 * games + 64)
     starts = jax.vmap(lambda state: GameState.of_two(state.pursuer, still, state.steps))(drawn)
     chosen = np.flatnonzero(jax.vmap(distance)(starts) >= game.starts.separation)[:games]
     require(

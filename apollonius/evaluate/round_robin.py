@@ -8,8 +8,8 @@ from typing import Any
 
 from apollonius.agents.kind import Named
 from apollonius.catalogue import find_player
-from apollonius.evaluate.kept import kept_match, match_file
 from apollonius.evaluate.match import Match
+from apollonius.evaluate.match_cache import cached_match, match_file
 from apollonius.evaluate.tournament import Tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -37,7 +37,7 @@ class RoundRobin:
     games: int
     seed: int
     game: Game = field(default_factory=lambda: make_game("paper"))
-    play: Callable[[Path, Match], Any] = kept_match
+    play: Callable[[Path, Match], Any] = cached_match
     apart: tuple[str, ...] = ()
 
     def jobs(self) -> list[Job]:

@@ -10,13 +10,13 @@ import numpy as np
 from apollonius.agents.shield import BRAKING
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.playout import draw_starts
+from apollonius.playout import sample_starts
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import Reach
 from apollonius.solve.safety import steered_brakes
-from apollonius.solve.solved import contest_of
+from apollonius.solve.solved import zero_sum_game_of
 from apollonius.solve.store import Solution
 
 STARTS = 20_000
@@ -41,7 +41,7 @@ def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     body = (game.pursuer, game.evader)[role]
     grid = make_grid(game.arena, body, tuple(solution.problem.counts))
     moving = replace(game, starts=replace(game.starts, speed="moving"))
-    starts = draw_starts(moving, jax.random.key(0), STARTS)
+    starts = sample_starts(moving, jax.random.key(0), STARTS)
     robots = (starts.pursuer, starts.evader)[role]
     if not body.brakes_to_rest:
         kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
@@ -62,7 +62,7 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
     grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))
     reach = Reach(game, motion_of(game, role, solution.problem.hold), grid, x, y, solution.table)
-    robots = draw_starts(game, jax.random.key(0), STARTS).pursuer
+    robots = sample_starts(game, jax.random.key(0), STARTS).pursuer
     seconds = np.asarray(jax.jit(jax.vmap(reach.seconds))(robots))
     caught = np.isfinite(seconds)
     return {
@@ -74,9 +74,9 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     """What the side is sure of at the game's starts."""
-    player = SaddlePolicy(contest_of(solution.problem, game), solution.table)
-    starts = draw_starts(game, jax.random.key(0), STARTS)
-    sure = np.asarray(player.best_worth(starts))
+    player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
+    starts = sample_starts(game, jax.random.key(0), STARTS)
+    sure = np.asarray(player.best_value(starts))
     return {
         "payoff": solution.problem.payoff,
         f"the {role.name.lower()} is sure of, on average over starts": float(np.mean(sure)),

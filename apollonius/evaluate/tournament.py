@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from apollonius.agents.kind import Named
 from apollonius.errors import require
-from apollonius.evaluate.kept import kept_match
 from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
+from apollonius.evaluate.match_cache import cached_match
 from apollonius.evaluate.ratings import Ratings, rate
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -143,7 +143,7 @@ def play_tournament(
                 report(before + done, total)
 
             match = Match(game, BySide(pursuer, evader), games, seed, starts)
-            row.append(kept_match(keep, match, of_all) if keep else play_match(match, report=of_all))
+            row.append(cached_match(keep, match, of_all) if keep else play_match(match, report=of_all))
             on_match(pursuer.name, evader.name, row[-1])
         rows.append(tuple(row))
     return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.errors import require
-from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
@@ -65,10 +65,10 @@ class Game(eqx.Module):
     def reset(self, key: PRNGKeyArray) -> GameState:
         """An initial state from the game's distribution of arenas and starts. The key is consumed."""
         if self.scenario is None:
-            return self.starts.draw(key, self.arena, self.pursuer, self.evader)
+            return self.starts.sample(key, self.arena, self.pursuer, self.evader)
         place_key, start_key = jax.random.split(key)
-        place = self.scenario.draw(place_key)
-        state = self.starts.draw(start_key, self.scenario.arena(place), self.pursuer, self.evader)
+        place = self.scenario.sample(place_key)
+        state = self.starts.sample(start_key, self.scenario.arena(place), self.pursuer, self.evader)
         return replace(state, place=place)
 
     def arena_of(self, state: GameState) -> Arena:
@@ -100,7 +100,7 @@ class Game(eqx.Module):
             return tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
-        outcome = judge(self, state, after)
+        outcome = outcome_after(self, state, after)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
@@ -122,8 +122,8 @@ def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     return jax.vmap(game.reset)(jax.random.split(key, games))
 
 
-@computed_apart
-def judge(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
+@fusion_barrier
+def outcome_after(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
     """How the game stands after a step, from the states at its two ends."""
     arena = game.arena_of(before)
     return decide(

@@ -31,7 +31,7 @@ class Scenario(eqx.Module):
     arenas: Arena
     size: int = eqx.field(static=True)
 
-    def draw(self, key: PRNGKeyArray) -> Int[Array, ""]:
+    def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
         """The number of one of them. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
 

@@ -26,7 +26,7 @@ class Starts(eqx.Module):
     clearance: Real = 0.3
     separation: Real = 1.0
 
-    def draw(self, key: PRNGKeyArray, arena: Arena, pursuer: Unicycle, evader: Unicycle) -> GameState:
+    def sample(self, key: PRNGKeyArray, arena: Arena, pursuer: Unicycle, evader: Unicycle) -> GameState:
         """One initial state. The key is consumed.
 
         Positions are drawn again until they fit, so the distribution is exactly uniform over the pairs that do.

@@ -125,9 +125,9 @@ def _check_arena(game: "Game") -> None:
 def _check_room(game: "Game") -> None:
     """Two robots must find room to start, both at once and far enough apart."""
     arena, starts = game.arena, game.starts
-    draws = np.random.default_rng(0).uniform(size=(4, _DRAWS))
-    xs = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * draws[:2])
-    ys = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * draws[2:])
+    samples = np.random.default_rng(0).uniform(size=(4, _DRAWS))
+    xs = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * samples[:2])
+    ys = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * samples[2:])
     margins = {"pursuer": starts.clearance + game.pursuer.radius, "evader": starts.clearance + game.evader.radius}
     fits, reach = np.zeros(2, bool), 0.0
     for first in range(0, _DRAWS, _TOGETHER):

@@ -58,7 +58,7 @@ class Algorithm:
         update: a learner after one update from a batch, and its loss. The key is consumed.
         after_updates: a learner at the end of an iteration.
         exploration: how much an agent explores that begins with a given share of random actions.
-        noise_steps: steps for which a game keeps the random word that it explores by.
+        noise_steps: steps for which a game keeps the random bits that it explores by.
     """
 
     network: type[Network]

@@ -7,11 +7,11 @@ import numpy as np
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, solo
-from apollonius.agents.trained import at_best
+from apollonius.agents.trained import greedy
 from apollonius.game.game import Game
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
-from apollonius.playout import draw_starts, play_out
+from apollonius.playout import play_out, sample_starts
 
 _SEED = 20_200
 """Of the games, the same for all runs; the judge uses others."""
@@ -25,7 +25,7 @@ def greedy_outcomes(game: Game, networks: Mapping[Role, Network], fixed: Pool, g
         fixed: who plays for a side that has no network.
     """
     start_key, play_key = jax.random.split(jax.random.key(_SEED))
-    starts = draw_starts(game, start_key, games)
-    players = ROLES.map(lambda role: solo(at_best(networks[role])) if role in networks else fixed)
+    starts = sample_starts(game, start_key, games)
+    players = ROLES.map(lambda role: solo(greedy(networks[role])) if role in networks else fixed)
     results = play_out(game, players, starts, play_key)
     return counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))

@@ -68,7 +68,7 @@ def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> SA
     return SACLearner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
 
 
-def draw(actor: GaussianActor, observations: Float[Array, "batch size"], noise: Gears) -> tuple[Gears, Array]:
+def sample(actor: GaussianActor, observations: Float[Array, "batch size"], noise: Gears) -> tuple[Gears, Array]:
     """Actions drawn by the actor, as functions of its weights, and the logarithms of their densities (Eq. 20).
 
     With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm is written as
@@ -114,7 +114,7 @@ def actor_loss(
     actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Gears
 ) -> tuple[Scalar, Scalar]:
     """Mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of the actions drawn."""
-    actions, log_density = draw(actor, batch.observation, noise)
+    actions, log_density = sample(actor, batch.observation, noise)
     values = jnp.min(critics.batch(batch.observation, actions), axis=0)
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
 
@@ -141,7 +141,7 @@ def update(
     """
     noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
     temperature = jnp.exp(learner.log_temperature)
-    next_action, next_density = draw(learner.network, batch.next_observation, next_noise)
+    next_action, next_density = sample(learner.network, batch.next_observation, next_noise)
     next_values = learner.target.batch(batch.next_observation, next_action)
     targets = jax.vmap(soft_target, in_axes=(0, 0, 1, 0, None))(
         batch.reward, batch.discount, next_values, next_density, temperature

@@ -24,7 +24,7 @@ from apollonius.learn.opponents.seats import has_seat
 from apollonius.learn.replay_buffer import cut
 from apollonius.learn.train_state import Past, Plan, TrainState, first_learner, start
 from apollonius.learn.train_step import Metrics, play_and_learn
-from apollonius.rollout import Games, anew, fresh_player
+from apollonius.rollout import Games, fresh_player, reset_where_done
 
 Mixtures = BySide[Float[Array, " versions"]]
 
@@ -118,17 +118,15 @@ def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None
         config, games = plan.opponents, plan.learner.games
         start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
         seated = has_seat(config, games)
-        words = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-        fresh = ROLES.map(
-            lambda role: fresh_player(state.games.sides[role].member, words[role], plan.stage.disturbance)
-        )
+        bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
+        fresh = ROLES.map(lambda role: fresh_player(state.games.sides[role].member, bits[role], plan.stage.disturbance))
         old = state.past.archives
         archives = ROLES.map(
             lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
         )
         return replace(
             state,
-            games=jax.vmap(anew)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
+            games=jax.vmap(reset_where_done)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
             learners={role: replace(side, buffer=cut(side.buffer, seated)) for role, side in state.learners.items()},
             past=Past(archives, state.past.payoffs),
         )

@@ -121,7 +121,7 @@ def start(
     """
     start_key, member_key, train_key = jax.random.split(key, 3)
     games = plan.learner.games
-    words = jax.random.bits(member_key, (2, games), jnp.uint32)
+    bits = jax.random.bits(member_key, (2, games), jnp.uint32)
     algorithm, size = algorithm_of(plan.learner), find_observation(plan.learner.observation).size
 
     past = None
@@ -132,7 +132,7 @@ def start(
     networks = {role: learner.network for role, learner in learners.items()}
     playing = ROLES.map(lambda role: players(plan, role, networks, fixed, past, jnp.ones(())))
     return TrainState(
-        games=begin(reset_batch(game, start_key, games), playing, words, plan.stage.disturbance),
+        games=begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance),
         learners={
             role: LearnerState(learner, replay_buffer.init(plan.learner.rows, games, size, algorithm.action))
             for role, learner in learners.items()

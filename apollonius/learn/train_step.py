@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
-from apollonius.agents.pool import Held, Pool
+from apollonius.agents.pool import PersistentNoise, Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
@@ -115,7 +115,7 @@ def _iterate(
 
 
 def _players(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Players:
-    """Who plays one side, with random words that last where it learns by an algorithm that wants it so."""
+    """Who plays one side, with random bits that last where it learns by an algorithm that wants it so."""
     algorithm = algorithm_of(plan.learner)
     amount = algorithm.exploration(plan.learner, plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
     networks = {role: side.learner.network for role, side in state.learners.items()}
@@ -124,7 +124,7 @@ def _players(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Poo
     if role in fixed or rounds <= 1:
         return playing
     key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // rounds)
-    return Held(playing, jax.random.bits(key, (plan.learner.games,), jnp.uint32))
+    return PersistentNoise(playing, jax.random.bits(key, (plan.learner.games,), jnp.uint32))
 
 
 def _learn(

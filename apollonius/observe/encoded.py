@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.game.apart import computed_apart
 from apollonius.game.arena import Arena
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import Scalar
 from apollonius.observe.observation import AbstractObservation, position_and_speed
 from apollonius.observe.view import Robot, View
@@ -42,7 +42,7 @@ class Encoded(AbstractObservation):
         return jnp.stack(parts)
 
 
-@computed_apart
+@fusion_barrier
 def _turned(heading: Scalar) -> tuple[Scalar, Scalar]:
     """Cosine and sine of a heading, which several numbers are made of."""
     return jnp.cos(heading), jnp.sin(heading)

@@ -15,7 +15,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from apollonius.agents.policy import AbstractValued
+from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -51,7 +51,12 @@ class Slice(eqx.Module):
 
 
 def slice_values(
-    player: AbstractValued, game: Game, role: Role, own: tuple[float, float], opponent: RobotState, cells: int = CELLS
+    player: AbstractActionValuePolicy,
+    game: Game,
+    role: Role,
+    own: tuple[float, float],
+    opponent: RobotState,
+    cells: int = CELLS,
 ) -> Slice:
     """The values of all actions over the arena.
 
@@ -86,7 +91,7 @@ def slice_values(
 
 
 def save_slice(
-    player: AbstractValued,
+    player: AbstractActionValuePolicy,
     role: Role,
     name: str,
     game: Game,

@@ -11,10 +11,10 @@ from jaxtyping import Array, Bool, Int, UInt8, UInt16
 from apollonius.game.outcome import is_captured
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
 from apollonius.limits import JOINT_HOLD
-from apollonius.solve.contest import Contest
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.motion import ends
 from apollonius.solve.side import Side
+from apollonius.solve.zero_sum_game import ZeroSumGame
 
 _NEVER = 255
 """Steps to a capture that does not come."""
@@ -26,7 +26,7 @@ Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""
 
 
-def decisive(contest: Contest, first: Side, second: Side, answers: Answers | None = None) -> Decided:
+def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Answers | None = None) -> Decided:
     """The actions of the side that moves first after which a capture within the hold is certain.
 
     Of those that it survives: for the pursuer, the ones that capture whatever the evader does, of what that survives,
@@ -34,17 +34,19 @@ def decisive(contest: Contest, first: Side, second: Side, answers: Answers | Non
     captures, in as many as it can hold out. Courses are judged step by step, as the rules do.
 
     Args:
-        contest: the game, as the side sees it that moves first.
+        zero_sum_game: the game, as the side sees it that moves first.
         first, second: the robots in the order in which they move.
         answers: what the second robot does at each pair of nodes, if it is known; it then has no other answers.
     """
-    farthest = contest.game.capture_distance + first.farthest + second.farthest
+    farthest = zero_sum_game.game.capture_distance + first.farthest + second.farthest
     dx, dy, _, _ = first.grid.spacing
-    return _decisive(contest, first, second, answers, (ceil(farthest / dx), ceil(farthest / dy)))
+    return _decisive(zero_sum_game, first, second, answers, (ceil(farthest / dx), ceil(farthest / dy)))
 
 
 @eqx.filter_jit
-def _decisive(contest: Contest, first: Side, second: Side, answers: Answers | None, reach: tuple[int, int]) -> Decided:
+def _decisive(
+    zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Answers | None, reach: tuple[int, int]
+) -> Decided:
     """The same, where `reach` is how far away a robot can be captured, in cells along x and y."""
     slices, (columns, rows) = second.free.shape[0], first.grid.shape[2:]
     window = (slices, 2 * reach[0] + 1, 2 * reach[1] + 1)
@@ -54,7 +56,7 @@ def _decisive(contest: Contest, first: Side, second: Side, answers: Answers | No
     lanes = lanes_of(second.grid)
 
     def by_node(index: Int[Array, ""]) -> UInt16[Array, "places tiles lanes"]:
-        steps = _steps_to_capture(contest, first, second, index, reach)
+        steps = _steps_to_capture(zero_sum_game, first, second, index, reach)
 
         def at(place: Int[Array, ""]) -> UInt16[Array, "tiles lanes"]:
             x, y = place // rows, place % rows
@@ -64,7 +66,7 @@ def _decisive(contest: Contest, first: Side, second: Side, answers: Answers | No
                 taken = row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None, :, None]
                 possible = survived & jnp.pad(jnp.any(taken, axis=-1), around)
             possible = jax.lax.dynamic_slice(possible, (0, x, y, 0), (*window, NUM_ACTIONS))
-            near = _pack(contest.role, steps, first.free[index, :, x, y], possible)
+            near = _pack(zero_sum_game.role, steps, first.free[index, :, x, y], possible)
             everywhere = jnp.zeros(survived.shape[:3], jnp.uint16)
             everywhere = jax.lax.dynamic_update_slice(everywhere, near, (0, x, y))
             return everywhere[inside].reshape(-1, lanes)
@@ -76,7 +78,7 @@ def _decisive(contest: Contest, first: Side, second: Side, answers: Answers | No
 
 
 def _steps_to_capture(
-    contest: Contest, first: Side, second: Side, index: Int[Array, ""], reach: tuple[int, int]
+    zero_sum_game: ZeroSumGame, first: Side, second: Side, index: Int[Array, ""], reach: tuple[int, int]
 ) -> UInt8[Array, "slices wide high 9 9"]:
     """For a slice of the first robot, by where from it the other one is, and by both their actions."""
     dx, dy, _, _ = first.grid.spacing
@@ -84,15 +86,15 @@ def _steps_to_capture(
         (jnp.arange(2 * cells + 1) - cells).astype(jnp.float32) * size
         for cells, size in zip(reach, (dx, dy), strict=True)
     )
-    own: RobotState = jax.tree.map(lambda leaf: leaf[index], first.image.course)
+    own: RobotState = jax.tree.map(lambda leaf: leaf[index], first.transitions.course)
 
     def steps(mine: RobotState, theirs: RobotState, x: Scalar, y: Scalar) -> UInt8[Array, ""]:
         def captured(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Bool[Array, ""]:
             start, end = (
-                GameState.of_two(*contest.pair(one, replace(other, x=other.x + x, y=other.y + y)), nothing)
+                GameState.of_two(*zero_sum_game.pair(one, replace(other, x=other.x + x, y=other.y + y)), nothing)
                 for one, other in (before, after)
             )
-            return is_captured(start, end, contest.game.capture_distance)
+            return is_captured(start, end, zero_sum_game.game.capture_distance)
 
         nothing = jnp.zeros((), jnp.int32)
         hits = jax.vmap(captured)(*zip(ends(mine), ends(theirs), strict=True))
@@ -101,7 +103,7 @@ def _steps_to_capture(
     by_answer = jax.vmap(steps, (None, 0, None, None))
     by_action = jax.vmap(by_answer, (0, None, None, None))
     by_place = jax.vmap(jax.vmap(by_action, (None, None, None, 0)), (None, None, 0, None))
-    return jax.lax.map(lambda theirs: by_place(own, theirs, along_x, along_y), second.image.course)
+    return jax.lax.map(lambda theirs: by_place(own, theirs, along_x, along_y), second.transitions.course)
 
 
 def _pack(

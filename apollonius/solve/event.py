@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.game import Game, judge
+from apollonius.game.game import Game, outcome_after
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.types import GameState, Outcome, RobotState, Role, Scalar
 from apollonius.solve.motion import ends
@@ -19,7 +19,7 @@ def first_event(game: Game, pursuer: RobotState, evader: RobotState) -> tuple[Bo
     start = jnp.zeros((), jnp.int32)
 
     def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Int[Array, ""]:
-        return judge(game, GameState.of_two(*before, start), GameState.of_two(*after, start))
+        return outcome_after(game, GameState.of_two(*before, start), GameState.of_two(*after, start))
 
     outcomes = jax.vmap(one_step)(*zip(ends(pursuer), ends(evader), strict=True))
     over = outcomes != Outcome.ONGOING

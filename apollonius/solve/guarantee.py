@@ -26,13 +26,13 @@ from apollonius.errors import require
 from apollonius.game.types import NUM_ACTIONS, Role, Scalar
 from apollonius.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
-from apollonius.solve.contest import Contest
 from apollonius.solve.grid import FEWER_NODES
-from apollonius.solve.image import greatest, least
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed
-from apollonius.solve.motion import worth_after
+from apollonius.solve.motion import discount_after
 from apollonius.solve.side import Side, make_side
+from apollonius.solve.transition_map import greatest, least
+from apollonius.solve.zero_sum_game import ZeroSumGame
 
 SLACK = 0.05
 """Turns within this many cells of a whole number of them are taken for it."""
@@ -46,40 +46,40 @@ class Duel(eqx.Module):
     """The two-robot game on a grid, as the side sees it that moves first.
 
     Attributes:
-        contest: the game, from that side.
+        zero_sum_game: the game, from that side.
         first, second: the robots in the order in which they move.
         decided: the first one's actions that decide the game by a capture.
     """
 
-    contest: Contest
+    zero_sum_game: ZeroSumGame
     first: Side
     second: Side
     decided: Decided
 
 
-def make_duel(contest: Contest) -> Duel:
+def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
     """What all sweeps have in common.
 
     Raises:
         InvalidInput: when it does not fit into memory, or the robots' grids do not have the same places.
     """
-    first, second = make_sides(contest, BYTES_PER_PAIR)
-    return Duel(contest, first, second, decisive(contest, first, second))
+    first, second = make_sides(zero_sum_game, BYTES_PER_PAIR)
+    return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
 
 
-def make_sides(contest: Contest, bytes_per_pair: int) -> tuple[Side, Side]:
+def make_sides(zero_sum_game: ZeroSumGame, bytes_per_pair: int) -> tuple[Side, Side]:
     """Both robots on their grids, this side's first.
 
     Raises:
         InvalidInput: when so many bytes for each pair of nodes do not fit into memory, or the places differ.
     """
-    own, other = contest.grids
+    own, other = zero_sum_game.grids
     require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
     require_memory("grid", own.name, own.size * other.size * bytes_per_pair, FEWER_NODES)
-    roles = (contest.role, Role(1 - contest.role))
+    roles = (zero_sum_game.role, Role(1 - zero_sum_game.role))
     first, second = (
-        make_side(contest.game, role, grid, motion.steps, SLACK)
-        for role, grid, motion in zip(roles, contest.grids, contest.motions, strict=True)
+        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
+        for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
     )
     return first, second
 
@@ -100,26 +100,26 @@ def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: 
 @eqx.filter_jit
 def guarantee(duel: Duel, moved: JointTable) -> JointTable:
     """What the first side is sure of before it moves, G(s, o), in tiles in which it moves; from `solve_duel`'s."""
-    first, contest, lanes = duel.first, duel.contest, duel.decided.shape[2]
+    first, zero_sum_game, lanes = duel.first, duel.zero_sum_game, duel.decided.shape[2]
 
-    def worth(
+    def value(
         tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
     ) -> Float[Array, "x y lanes"]:
         decided = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)[index]
-        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
-        value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, contest.lose)
-        return jnp.where((decided >> action) & 1 > 0, contest.capture * worth_after(seconds), value)
+        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
+        value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, zero_sum_game.lose)
+        return jnp.where((decided >> action) & 1 > 0, zero_sum_game.capture * discount_after(seconds), value)
 
-    return jax.lax.map(before_move(first, moved, lanes, worth, greatest), jnp.arange(duel.decided.shape[0]))
+    return jax.lax.map(before_move(first, moved, lanes, value, greatest), jnp.arange(duel.decided.shape[0]))
 
 
 @partial(eqx.filter_jit, donate="all-except-first")
 def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
     second = duel.second
 
-    def worth(
+    def value(
         tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
     ) -> Float[Array, "x y lanes"]:
-        return jnp.where(second.free[index, action][..., None], later, duel.contest.win)
+        return jnp.where(second.free[index, action][..., None], later, duel.zero_sum_game.win)
 
-    return refreshed(table, before_move(second, guarantee(duel, table), table.shape[2], worth, least))
+    return refreshed(table, before_move(second, guarantee(duel, table), table.shape[2], value, least))

@@ -13,11 +13,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.game.apart import computed_apart
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import RobotState, Scalar
 from apollonius.solve.grid import Grid
-from apollonius.solve.image import Choice
 from apollonius.solve.side import Side
+from apollonius.solve.transition_map import Choice
 
 JointTable = Float[Array, "tiles moving lanes"]
 """By the node of the robot that moves and that of the one that waits, which is `tile * lanes + lane`."""
@@ -43,7 +43,7 @@ def tile_of(
 
 
 def before_move(
-    side: Side, after: JointTable, lanes: int, worth: Worth, choose: Choice
+    side: Side, after: JointTable, lanes: int, value: Worth, choose: Choice
 ) -> Callable[[Int[Array, ""]], Float[Array, "moving lanes"]]:
     """The values before one robot's move, a tile at a time.
 
@@ -56,7 +56,7 @@ def before_move(
 
     def tile_before(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
         values = tile_of(after, tile, lanes).reshape(*side.grid.shape, lanes)
-        return side.image.backup(values, partial(worth, tile), choose).reshape(-1, lanes)
+        return side.transitions.backup(values, partial(value, tile), choose).reshape(-1, lanes)
 
     return tile_before
 
@@ -101,7 +101,7 @@ def interpolate(
     return jnp.sum(total, axis=1)
 
 
-@computed_apart
+@fusion_barrier
 def _corners(
     moving: tuple[Grid, RobotState], waiting: tuple[Grid, RobotState]
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

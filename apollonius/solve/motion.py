@@ -38,7 +38,7 @@ class Motion(eqx.Module):
     @property
     def discount(self) -> Scalar:
         """What is worth 1 after a hold is worth so much before it."""
-        return worth_after(self.seconds)
+        return discount_after(self.seconds)
 
     def step(self, robot: RobotState, action: Action) -> RobotState:
         """The state after one step of the game."""
@@ -60,7 +60,7 @@ class Motion(eqx.Module):
         return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
 
 
-def worth_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+def discount_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """What an outcome worth 1 is worth when it is so many seconds away."""
     return jnp.exp(-jnp.asarray(seconds, jnp.float32) / HORIZON)
 

@@ -27,7 +27,7 @@ from apollonius.limits import require_memory
 from apollonius.solve.event import first_event
 from apollonius.solve.grid import FEWER_NODES, Grid
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
-from apollonius.solve.motion import HORIZON, Motion, last, worth_after
+from apollonius.solve.motion import HORIZON, Motion, discount_after, last
 from apollonius.solve.side import Side, make_side
 
 BYTES_PER_NODE = 4 * (9 + 6) + 9
@@ -68,13 +68,13 @@ class Reach(eqx.Module):
     def action_values(self, robot: RobotState) -> Float[Array, "9"]:
         """What each action is worth where the robot is, held by the rules and then interpolated."""
 
-        def worth(action: Int[Array, ""]) -> Scalar:
+        def value(action: Int[Array, ""]) -> Scalar:
             course = self.motion.hold(robot, action)
             over, value = _event(self.game, course, self.target_x, self.target_y)
             later = self.motion.discount * self.grid.interpolate(self.table, last(course))
             return jnp.where(over, value, later)
 
-        return jax.vmap(worth)(jnp.arange(NUM_ACTIONS))
+        return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
 
     def seconds(self, robot: RobotState) -> Scalar:
         """The time to capture [s]; infinite where there is none."""
@@ -123,10 +123,10 @@ def solve_reach(
 def _sweep(
     chase: Chase, caught: Float[Array, "v heading x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
-    def worth(index: Int[Array, ""], action: int, later: Float[Array, "x y"]) -> Float[Array, "x y"]:
+    def value(index: Int[Array, ""], action: int, later: Float[Array, "x y"]) -> Float[Array, "x y"]:
         return jnp.where(chase.side.free[index, action], chase.side.motion.discount * later, 0.0)
 
-    after = jnp.maximum(caught, chase.side.image.backup(table, worth))
+    after = jnp.maximum(caught, chase.side.transitions.backup(table, value))
     return after, jnp.max(jnp.abs(after - table))
 
 
@@ -135,7 +135,7 @@ def _event(game: Game, course: RobotState, x: Scalar, y: Scalar) -> tuple[Bool[A
     still = jnp.zeros_like(course.v)
     target = jax.tree.map(lambda place: place + still, RobotState(x, y, jnp.zeros_like(x), jnp.zeros_like(x)))
     over, outcome, seconds = first_event(game, course, target)
-    return over, jnp.where(outcome == Outcome.CAPTURED, worth_after(seconds), 0.0)
+    return over, jnp.where(outcome == Outcome.CAPTURED, discount_after(seconds), 0.0)
 
 
 @eqx.filter_jit

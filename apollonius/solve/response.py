@@ -27,15 +27,15 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Answers, Decided, decisive
-from apollonius.solve.contest import Contest
 from apollonius.solve.grid import Grid
 from apollonius.solve.guarantee import TOLERANCE, make_sides
-from apollonius.solve.image import greatest, total
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
-from apollonius.solve.motion import worth_after
+from apollonius.solve.motion import discount_after
 from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy, answer_of, answers_by_chance
 from apollonius.solve.side import Side
+from apollonius.solve.transition_map import greatest, total
+from apollonius.solve.zero_sum_game import ZeroSumGame
 
 BYTES_PER_PAIR = 3 * 4 + 2
 """Three tables at a time, and what decides; there are the opponent's actions too, a byte for each draw."""
@@ -46,45 +46,45 @@ class Response(eqx.Module):
     """A side against a known opponent, on a grid.
 
     Attributes:
-        contest: the game, from the responder's side.
+        zero_sum_game: the game, from the responder's side.
         own, other: the robots.
         answers: what the opponent does at each pair of nodes.
         decided: the responder's actions that decide the game by a capture.
     """
 
-    contest: Contest
+    zero_sum_game: ZeroSumGame
     own: Side
     other: Side
     answers: Answers
     decided: Decided
 
 
-def make_response(contest: Contest, opponent: AbstractPolicy) -> Response:
+def make_response(zero_sum_game: ZeroSumGame, opponent: AbstractPolicy) -> Response:
     """What all sweeps have in common; the opponent is asked at every pair of nodes, as often as chance asks for.
 
     Raises:
         InvalidInput: as `make_duel`.
     """
-    draws = COURSES if answers_by_chance(contest, opponent) else 1
-    own, other = make_sides(contest, BYTES_PER_PAIR + draws)
-    answers = _answers(contest, opponent, draws)
-    return Response(contest, own, other, answers, decisive(contest, own, other, answers))
+    draws = COURSES if answers_by_chance(zero_sum_game, opponent) else 1
+    own, other = make_sides(zero_sum_game, BYTES_PER_PAIR + draws)
+    answers = _answers(zero_sum_game, opponent, draws)
+    return Response(zero_sum_game, own, other, answers, decisive(zero_sum_game, own, other, answers))
 
 
 @eqx.filter_jit
-def _answers(contest: Contest, opponent: AbstractPolicy, draws: int) -> Answers:
-    own, other = contest.grids
+def _answers(zero_sum_game: ZeroSumGame, opponent: AbstractPolicy, draws: int) -> Answers:
+    own, other = zero_sum_game.grids
 
-    def at(first: Int[Array, ""], second: Int[Array, ""], word: UInt32[Array, ""]) -> UInt8[Array, ""]:
+    def at(first: Int[Array, ""], second: Int[Array, ""], bits: UInt32[Array, ""]) -> UInt8[Array, ""]:
         states = _node(own, first), _node(other, second)
-        return nearest_action(answer_of(contest, opponent, *states, word)).astype(jnp.uint8)
+        return nearest_action(answer_of(zero_sum_game, opponent, *states, bits)).astype(jnp.uint8)
 
     of_draws = jax.vmap(at, (None, None, 0))
     of_others = jax.vmap(of_draws, (None, 0, 0))
 
     def row(node: Int[Array, ""]) -> UInt8[Array, "other draws"]:
-        words = jax.random.bits(jax.random.fold_in(jax.random.key(0), node), (other.size, draws), jnp.uint32)
-        return of_others(node, jnp.arange(other.size), words)
+        bits = jax.random.bits(jax.random.fold_in(jax.random.key(0), node), (other.size, draws), jnp.uint32)
+        return of_others(node, jnp.arange(other.size), bits)
 
     return jax.lax.map(row, jnp.arange(own.size))
 
@@ -105,13 +105,13 @@ def solve_response(
 
 @partial(eqx.filter_jit, donate="all-except-first")
 def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
-    contest, own, other = response.contest, response.own, response.other
+    zero_sum_game, own, other = response.zero_sum_game, response.own, response.other
     lanes, other_lanes = table.shape[2], lanes_of(other.grid)
 
     def best(
         tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
     ) -> Float[Array, "x y lanes"]:
-        return jnp.where(own.free[index, action][..., None], own.motion.discount * later, contest.lose)
+        return jnp.where(own.free[index, action][..., None], own.motion.discount * later, zero_sum_game.lose)
 
     moved = jax.lax.map(
         before_move(own, table, other_lanes, best, greatest), jnp.arange(other.grid.size // other_lanes)
@@ -122,7 +122,7 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
     ) -> Float[Array, "x y lanes"]:
         rows = jax.lax.dynamic_slice_in_dim(response.answers, tile * lanes, lanes)
         taken = jnp.mean(rows == action, axis=2, dtype=jnp.float32).T.reshape(-1, *other.grid.shape[2:], lanes)[index]
-        return taken * jnp.where(other.free[index, action][..., None], later, contest.win)
+        return taken * jnp.where(other.free[index, action][..., None], later, zero_sum_game.win)
 
     answered = before_move(other, moved, lanes, known, total)
 
@@ -131,10 +131,10 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
 
     def judged(number: Int[Array, ""]) -> Float[Array, "moving lanes"]:
         decided = tile_of(response.decided, number, lanes)
-        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * contest.game.dt
+        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
         some, all_there_are = decided & _EVERY, jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)
-        certain = some > 0 if contest.role == Role.PURSUER else some == all_there_are[None]
-        return jnp.where(certain, contest.capture * worth_after(seconds), answered(number))
+        certain = some > 0 if zero_sum_game.role == Role.PURSUER else some == all_there_are[None]
+        return jnp.where(certain, zero_sum_game.capture * discount_after(seconds), answered(number))
 
     return refreshed(table, judged)
 
@@ -157,9 +157,9 @@ def responders(
         table: the player by the solved game, of the side that the agent does not play.
         report: told after each sweep.
     """
-    contest = table.contest
-    solved = solve_response(make_response(contest, agent), report)
+    zero_sum_game = table.zero_sum_game
+    solved = solve_response(make_response(zero_sum_game, agent), report)
     return {
-        "sure of the table": ResponsePolicy(contest, table.table, agent),
-        "best response on the grid": ResponsePolicy(contest, solved.table, agent),
+        "sure of the table": ResponsePolicy(zero_sum_game, table.table, agent),
+        "best response on the grid": ResponsePolicy(zero_sum_game, solved.table, agent),
     }

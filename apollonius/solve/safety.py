@@ -30,9 +30,9 @@ from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.limits import require_memory
 from apollonius.solve.grid import FEWER_NODES, Grid
-from apollonius.solve.image import Image, image_of, rooms
 from apollonius.solve.iteration import TOLERANCE, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
+from apollonius.solve.transition_map import TransitionMap, rooms, transition_map_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
 """The rooms of nine actions; the table before and after a sweep, padded, and what is between."""
@@ -53,20 +53,20 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
     """
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
-    image = image_of(motion, grid)
-    room = rooms(motion, grid, image)
+    transitions = transition_map_of(motion, grid)
+    room = rooms(motion, grid, transitions)
     x, y = grid.places()
     here = jax.vmap(lambda row: jax.vmap(lambda column: motion.arena.clearance(row, column))(y))(x)
     start = grid.over_places(here - motion.body.radius)
     tolerance = 0.0 if motion.body.brakes_to_rest else TOLERANCE
-    return iterate(lambda table: _sweep(image, room, table), start, report, tolerance)
+    return iterate(lambda table: _sweep(transitions, room, table), start, report, tolerance)
 
 
 @eqx.filter_jit
 def _sweep(
-    image: Image, room: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
+    transitions: TransitionMap, room: Float[Array, "slices 9 x y"], table: Float[Array, "v heading x y"]
 ) -> tuple[Float[Array, "v heading x y"], Scalar]:
-    after = image.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
+    after = transitions.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
     after = jnp.minimum(after, table)  # it is no more anyway; but by rounding, values might go up and down for ever
     return after, jnp.max(table - after)
 

@@ -6,8 +6,8 @@ from jaxtyping import Array, Bool
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.solve.grid import Grid
-from apollonius.solve.image import Image, image_of, rooms
 from apollonius.solve.motion import Motion, motion_of
+from apollonius.solve.transition_map import TransitionMap, rooms, transition_map_of
 
 
 class Side(eqx.Module):
@@ -15,13 +15,13 @@ class Side(eqx.Module):
 
     Attributes:
         motion, grid: the robot's.
-        image: where its held actions lead.
+        transitions: where its held actions lead.
         free: whether they touch nothing.
     """
 
     motion: Motion
     grid: Grid
-    image: Image
+    transitions: TransitionMap
     free: Bool[Array, "slices 9 x y"]
 
     @property
@@ -42,5 +42,5 @@ def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0)
         InvalidInput: unless an action is held for at least one step.
     """
     motion = motion_of(game, role, hold)
-    image = image_of(motion, grid, slack)
-    return Side(motion, grid, image, rooms(motion, grid, image) >= 0)
+    transitions = transition_map_of(motion, grid, slack)
+    return Side(motion, grid, transitions, rooms(motion, grid, transitions) >= 0)

@@ -9,10 +9,10 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.solve.contest import Contest, make_contest
 from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.store import Problem, load_solution
+from apollonius.solve.zero_sum_game import ZeroSumGame, make_zero_sum_game
 
 SUFFIX = ".npz"
 """How the names of solutions' files end."""
@@ -29,7 +29,7 @@ class Solved(AbstractKind):
     def find(self, name: str, role: Role, game: Game | None) -> Named:
         """The player of the file, called after it."""
         policy, side = table_player(Path(name), known_game(game, name)), role.name.lower()
-        solved_for = policy.contest.role.name.lower()
+        solved_for = policy.zero_sum_game.role.name.lower()
         require(solved_for == side, side, f"'{name}'", f"a file solved for the {side}; this is the {solved_for}'s")
         return Named(Path(name).stem, policy)
 
@@ -46,14 +46,14 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
     require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
     if any(solved_for[part] != asked[part] for part in _PHYSICS):
         raise InvalidInput(f"'{path}' was solved for another game: solve this one with apollonius solve game.")
-    return SaddlePolicy(contest_of(problem, game), jnp.asarray(solution.table))
+    return SaddlePolicy(zero_sum_game_of(problem, game), jnp.asarray(solution.table))
 
 
-def contest_of(problem: Problem, game: Game) -> Contest:
+def zero_sum_game_of(problem: Problem, game: Game) -> ZeroSumGame:
     """The game of a `game` problem, from the side that it was solved for."""
     assert problem.payoff is not None
     grids = joint_grids(game, problem.counts)
-    return make_contest(game, grids, problem.hold, Role[problem.role.upper()], problem.payoff)
+    return make_zero_sum_game(game, grids, problem.hold, Role[problem.role.upper()], problem.payoff)
 
 
 def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:

@@ -11,7 +11,7 @@ from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.iteration import Sweep, silent
 from apollonius.solve.reach import make_chase, solve_reach
 from apollonius.solve.safety import solve_safety
-from apollonius.solve.solved import contest_of
+from apollonius.solve.solved import zero_sum_game_of
 from apollonius.solve.store import Problem, Solution
 
 
@@ -25,7 +25,7 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
         InvalidInput: for a grid that memory has no room for, and a target that is not clear of everything.
     """
     if problem.kind == "game":
-        solved = solve_duel(make_duel(contest_of(problem, game)), report)
+        solved = solve_duel(make_duel(zero_sum_game_of(problem, game)), report)
         return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
     role = Role[problem.role.upper()]
     grid = make_grid(game.arena, (game.pursuer, game.evader)[role], tuple(problem.counts))

@@ -22,8 +22,8 @@ from apollonius.document import parse_json, write_atomically
 from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.validation import MAX_SIZE
 from apollonius.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
-from apollonius.solve.contest import PAYOFFS
 from apollonius.solve.grid import FEWER_NODES
+from apollonius.solve.zero_sum_game import PAYOFFS
 
 FORMAT = "apollonius-solution"
 FORMAT_VERSION = 1
@@ -54,7 +54,7 @@ class Problem:
     target: list[float] | None = None
     """Where the target stands [m]; of `reach` only."""
     payoff: str | None = None
-    """What outcomes are worth (`contest.PAYOFFS`); of `game` only."""
+    """What outcomes are worth (`zero_sum_game.PAYOFFS`); of `game` only."""
 
     def __post_init__(self) -> None:
         require(self.kind in KINDS, "kind", self.kind, f"one of {', '.join(KINDS)}")

@@ -2,12 +2,12 @@
 
 from jaxtyping import Array, Float
 
-from apollonius.agents.policy import AbstractValued
+from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.observe.view import View
 from apollonius.solve.reach import Reach
 
 
-class TablePolicy(AbstractValued):
+class TablePolicy(AbstractActionValuePolicy):
     """The pursuer that catches a target standing still in the least time; it decides anew in every step."""
 
     reach: Reach

@@ -28,8 +28,8 @@ def test_a_game_goes_as_the_rules_say(role):
     env = OneSide(role, opponent="still")
     seen, info = env.reset(seed=5)
     assert info == {"outcome": "ongoing"}
-    word = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)
-    state = game.reset(jax.random.key(np.uint32(word)))
+    bits = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)
+    state = game.reset(jax.random.key(np.uint32(bits)))
     np.testing.assert_allclose(seen, observe(game, state, role, "encoded"), atol=1e-6)
     step = jax.jit(game.step)
     for turn in range(400):

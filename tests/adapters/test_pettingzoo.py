@@ -51,8 +51,8 @@ def test_pettingzoos_render_test_has_no_complaint(monkeypatch, capsys):
 def test_a_game_goes_as_the_rules_say(env):
     seen, infos = env.reset(seed=5)
     assert infos == {agent: {"outcome": "ongoing"} for agent in AGENTS}
-    word = np.random.Generator(np.random.PCG64(5)).integers(2**32, dtype=np.uint64)
-    state = PAPER.reset(jax.random.key(np.uint32(word)))
+    bits = np.random.Generator(np.random.PCG64(5)).integers(2**32, dtype=np.uint64)
+    state = PAPER.reset(jax.random.key(np.uint32(bits)))
     step = jax.jit(PAPER.step)
     rng = np.random.default_rng(0)
     for _ in range(400):

@@ -29,7 +29,7 @@ PAPER = make_game("paper")
 OPEN = Game(
     pursuer=Unicycle(v_max=1.5, u2_max=1.0), evader=Unicycle(v_max=1.0), arena=Arena(0.0, 20.0, 0.0, 20.0), dt=0.1
 )
-CLASSICAL = {name for name, (kind, _) in built_in.PLAYERS.items() if issubclass(kind, AbstractClassical)}
+CLASSICAL = [name for name, (kind, _) in built_in.PLAYERS.items() if issubclass(kind, AbstractClassical)]
 PLAYERS = [(name, role) for name in CLASSICAL for role in built_in.PLAYERS[name][1]]
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.disturbance import NONE, Disturbance, Handicap, blurred, draw_handicap
+from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, with_sensor_noise
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
@@ -71,7 +71,7 @@ def test_a_turn_rate_takes_its_time_and_turns_the_robot_by_its_mean():
 
 def test_each_game_draws_its_own():
     asked = Disturbance(delay=2, limits=0.2, turn_time=0.5)
-    drawn = jax.vmap(lambda word: draw_handicap(word, asked))(WORDS)
+    drawn = jax.vmap(lambda bits: draw_handicap(bits, asked))(WORDS)
     assert np.bincount(drawn.delay) / len(WORDS) == pytest.approx([1 / 3] * 3, abs=0.03)
     speed, u1, u2 = np.asarray(drawn.factors).T
     assert (speed.min(), speed.max()) == (pytest.approx(0.8, abs=0.01), pytest.approx(1.0, abs=0.01))
@@ -84,13 +84,13 @@ def test_each_game_draws_its_own():
 def test_states_are_seen_with_errors_of_the_asked_size():
     states = reset_batch(make_game("paper"), jax.random.key(1), len(WORDS))
     asked = Disturbance(position_noise=0.05, speed_noise=0.02, heading_noise=0.1)
-    seen = jax.vmap(lambda state, word: blurred(state, word, asked))(states, WORDS)
+    seen = jax.vmap(lambda state, bits: with_sensor_noise(state, bits, asked))(states, WORDS)
     for side in ("pursuer", "evader"):
         before, after = getattr(states, side), getattr(seen, side)
         turned = np.angle(np.exp(1j * (np.asarray(after.heading) - np.asarray(before.heading))))
         sizes = [np.std(np.asarray(after.x - before.x)), np.std(np.asarray(after.v - before.v)), np.std(turned)]
         assert sizes == pytest.approx([0.05, 0.02, 0.1], rel=0.05)
-    assert blurred(states, WORDS[0], NONE) is states
+    assert with_sensor_noise(states, WORDS[0], NONE) is states
 
 
 @pytest.mark.parametrize(("name", "value"), [("delay", -1), ("limits", 1.0), ("turn_time", float("nan"))])

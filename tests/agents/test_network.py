@@ -56,8 +56,8 @@ def test_players_of_many_games_act_as_each_of_them_would(kind, games):
     else:
         player = SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0))
     seen = jax.random.normal(jax.random.key(1), (games, 17))
-    words = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
-    together = solo(player).act(jnp.zeros(games, jnp.int32), seen, words)
-    each = jax.vmap(player)(seen, words)
+    bits = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
+    together = solo(player).act(jnp.zeros(games, jnp.int32), seen, bits)
+    each = jax.vmap(player)(seen, bits)
     assert len(np.unique(each, axis=0)) > 5
     np.testing.assert_allclose(together, each, atol=1e-6)

@@ -136,5 +136,5 @@ def test_where_only_some_actions_are_allowed_greedy_takes_the_best_of_them():
 
 def test_where_only_some_actions_are_allowed_random_keeps_its_own_or_takes_the_first():
     actions = np.asarray(jax.vmap(Uniform())(jnp.zeros((50, 8)), WORDS[:50]))
-    held = jax.vmap(lambda word: Uniform().choose(Uniform().weigh(NOTHING, word), allowing(2, 5, 6)))(WORDS[:50])
+    held = jax.vmap(lambda bits: Uniform().choose(Uniform().weigh(NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]

@@ -52,8 +52,8 @@ class Reckless(AbstractPolicy):
 
     observation = paper.PAPER
 
-    def __call__(self, observation, word):
-        return jnp.int32(6) + (word >> 16).astype(jnp.int32) % 3
+    def __call__(self, observation, bits):
+        return jnp.int32(6) + (bits >> 16).astype(jnp.int32) % 3
 
 
 @pytest.mark.parametrize(
@@ -83,8 +83,8 @@ def test_far_from_everything_the_player_acts_for_itself(role):
         state = game.reset(jax.random.key(seed))
         centre = RobotState(jnp.float32(5.0), jnp.float32(5.0), jnp.float32(0.6), state.pursuer.heading)
         state = type(state).of_two(centre, centre, state.steps)
-        seen, word = look(game, state, role), jnp.uint32(turn)
-        assert int(guarded(seen, word)) == int(player(ENCODED(seen), word))
+        seen, bits = look(game, state, role), jnp.uint32(turn)
+        assert int(guarded(seen, bits)) == int(player(ENCODED(seen), bits))
 
 
 def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
@@ -173,8 +173,8 @@ class Swerves(AbstractContinuous):
 
     observation = paper.PAPER
 
-    def __call__(self, observation, word):
-        return jnp.stack([jnp.float32(0.7), (word >> 16).astype(jnp.float32) / 32768 - 1])
+    def __call__(self, observation, bits):
+        return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1])
 
 
 @pytest.mark.parametrize(
@@ -189,9 +189,9 @@ def test_games_are_guarded_together_as_each_alone(game, policy):
     speeds = jnp.linspace(0.6, 1.2, 500)
     states = eqx.tree_at(lambda states: states.pursuer.v, states, speeds)
     views = Views(game, states, Role.PURSUER)
-    words = jax.random.bits(jax.random.key(1), 500)
-    alone = eqx.filter_jit(lambda player: views.each(lambda view, word: player(player.observation(view), word), words))
-    together = np.asarray(eqx.filter_jit(player.together)(views, words))
+    bits = jax.random.bits(jax.random.key(1), 500)
+    alone = eqx.filter_jit(lambda player: views.each(lambda view, bits: player(player.observation(view), bits), bits))
+    together = np.asarray(eqx.filter_jit(player.together)(views, bits))
     np.testing.assert_array_equal(together, alone(player))
     differs = together != np.asarray(alone(policy))
     held_back = differs.reshape(500, -1).any(axis=1).sum()

@@ -9,11 +9,11 @@ from scipy.stats import kstest, norm
 
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractContinuous
-from apollonius.agents.pool import Held, Seated, solo, stack
+from apollonius.agents.pool import PersistentNoise, Seated, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import at_best, exploring, find_valued
+from apollonius.agents.trained import exploring, find_action_value_policy, greedy
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
@@ -37,7 +37,7 @@ class Wants(AbstractContinuous):
 
     observation = PAPER
 
-    def __call__(self, observation, word):
+    def __call__(self, observation, bits):
         return jnp.array(self.gears)
 
 
@@ -60,7 +60,7 @@ def layers_in_numpy(actor, seen):
 
 def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     mean = layers_in_numpy(ACTOR, SEEN)[:2]
-    action = at_best(ACTOR)(SEEN, WORDS[0])
+    action = greedy(ACTOR)(SEEN, WORDS[0])
     np.testing.assert_allclose(action, np.tanh(mean), atol=1e-6)
     np.testing.assert_allclose(ACTOR.batch(SEEN[None])[0][0], mean, atol=1e-6)
     np.testing.assert_array_equal(exploring(ACTOR, jnp.asarray(0.0))(SEEN, WORDS[0]), action)
@@ -134,24 +134,24 @@ def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     actors = [make_actor("paper", 8, 1, jax.random.key(seed)) for seed in range(3)]
     pool = stack([exploring(actor, jnp.asarray(0.0)) for actor in actors])
     member = jnp.array([2, 0, 1, 1])
-    seen, words = jnp.tile(SEEN, (4, 1)), WORDS[:4]
-    expected = [at_best(actors[number])(SEEN, WORDS[0]) for number in member.tolist()]
-    np.testing.assert_allclose(pool.act(member, seen, words), jnp.stack(expected), atol=1e-6)
-    assert solo(members[1]).act(jnp.zeros(4, jnp.int32), seen, words).shape == (4, 2)
+    seen, bits = jnp.tile(SEEN, (4, 1)), WORDS[:4]
+    expected = [greedy(actors[number])(SEEN, WORDS[0]) for number in member.tolist()]
+    np.testing.assert_allclose(pool.act(member, seen, bits), jnp.stack(expected), atol=1e-6)
+    assert solo(members[1]).act(jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
     seated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
     seats = Seated(SquashedMean(actors[2]), seated, seats=2, first=1, games=1)
-    by_seat = [at_best(actors[number])(SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
-    np.testing.assert_allclose(seats.act(member, seen, words), jnp.stack(by_seat), atol=1e-6)
+    by_seat = [greedy(actors[number])(SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
+    np.testing.assert_allclose(seats.act(member, seen, bits), jnp.stack(by_seat), atol=1e-6)
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(SEEN, (4, 1))
-    held = Held(pool, WORDS[4:8])
+    held = PersistentNoise(pool, WORDS[4:8])
     np.testing.assert_array_equal(held.act(member, seen, WORDS[:4]), pool.act(member, seen, WORDS[4:8]))
     assert (held.act(member, seen, WORDS[:4]) != pool.act(member, seen, WORDS[:4])).all()
-    np.testing.assert_array_equal(held.draw(WORDS), pool.draw(WORDS))
-    assert (held.draws, held.observation) == (True, PAPER)
+    np.testing.assert_array_equal(held.sample(WORDS), pool.sample(WORDS))
+    assert (held.samples, held.observation) == (True, PAPER)
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):
@@ -163,4 +163,4 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
     with pytest.raises(InvalidInput, match="random beside discrete ones"):
         find_pool([files[0], "random"], Role.EVADER)
     with pytest.raises(InvalidInput, match="continuous actions and values none"):
-        find_valued(files[0])
+        find_action_value_policy(files[0])

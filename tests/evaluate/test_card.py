@@ -15,11 +15,11 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.card import measure_card
 from apollonius.evaluate.match import begin, play_match
 from apollonius.game.types import Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import responders
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.matches import a_match
 from tests.solve.small import BODY, SMALL
 
@@ -31,8 +31,8 @@ GAMES = 60
 
 def player(role, payoff="win"):
     grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
-    contest = make_contest(QUICK, (grid, grid), 5, role, payoff)
-    return SaddlePolicy(contest, solve_duel(make_duel(contest)).table)
+    zero_sum_game = make_zero_sum_game(QUICK, (grid, grid), 5, role, payoff)
+    return SaddlePolicy(zero_sum_game, solve_duel(make_duel(zero_sum_game)).table)
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def test_its_scores_are_those_of_matches(card, tables):
 
 def test_the_gap_is_what_it_could_be_sure_of_more_than_it_gets(card, tables):
     starts, _ = begin(a_match(QUICK, tables[0], Uniform(), GAMES, seed=3))
-    assert card.sure == pytest.approx(float(np.mean(np.asarray(tables[1].best_worth(starts)))))
-    assert card.at_most == pytest.approx(-float(np.mean(np.asarray(tables[0].best_worth(starts)))))
+    assert card.sure == pytest.approx(float(np.mean(np.asarray(tables[1].best_value(starts)))))
+    assert card.at_most == pytest.approx(-float(np.mean(np.asarray(tables[0].best_value(starts)))))
     assert card.gap == pytest.approx(card.sure - card.agent.payoff, abs=1e-6)
     assert card.gap_interval[0] < card.gap < card.gap_interval[1]
     assert card.gap_interval[0] > 0.2, "a random evader is far from what the table can be sure of"

@@ -23,7 +23,7 @@ class Reckless(AbstractPolicy):
 
     observation = ENCODED
 
-    def __call__(self, observation, word):
+    def __call__(self, observation, bits):
         ahead, left = observation[10], observation[11]
         turn = jnp.where(jnp.abs(left) < 0.1 * jnp.abs(ahead), 1, jnp.where(left > 0, 2, 0))
         return (jnp.where(ahead > 0, 6, 3) + turn).astype(jnp.int32)
@@ -34,7 +34,7 @@ class SmoothlyReckless(AbstractContinuous):
 
     observation = ENCODED
 
-    def __call__(self, observation, word):
+    def __call__(self, observation, bits):
         ahead, left = observation[10], observation[11]
         return jnp.stack([jnp.where(ahead > 0, 1.0, 0.0), jnp.clip(4 * jnp.arctan2(left, ahead), -1.0, 1.0)])
 

@@ -30,7 +30,7 @@ class Always(AbstractPolicy):
 
     observation = PAPER
 
-    def __call__(self, observation, word):
+    def __call__(self, observation, bits):
         return jnp.asarray(self.action, jnp.int32)
 
 

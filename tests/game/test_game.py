@@ -34,24 +34,24 @@ def to_state(pursuer, evader, steps):
 def random_game(rng, profile):
     """A small, crowded game, so that every outcome is common. Its numbers are ones that float32 can hold."""
 
-    def draw(low, high):
+    def sample(low, high):
         return float(np.float32(rng.uniform(low, high)))
 
     def body():
-        return Unicycle(draw(-0.5, 0.5), draw(0.6, 3.0), draw(0.1, 3.0), draw(0.1, 3.0), draw(0.0, 0.3))
+        return Unicycle(sample(-0.5, 0.5), sample(0.6, 3.0), sample(0.1, 3.0), sample(0.1, 3.0), sample(0.0, 0.3))
 
     return Game(
         pursuer=body(),
         evader=body(),
         arena=Arena(
-            draw(-3, -2), draw(2, 3), draw(-4, -2), draw(2, 4),
-            discs=tuple(Disc(draw(-2, 2), draw(-2, 2), draw(0.01, 0.2)) for _ in range(3)),
-            territory=Disc(draw(-2, 2), draw(-2, 2), draw(0.1, 0.4)) if profile == "zero-sum" else None,
+            sample(-3, -2), sample(2, 3), sample(-4, -2), sample(2, 4),
+            discs=tuple(Disc(sample(-2, 2), sample(-2, 2), sample(0.01, 0.2)) for _ in range(3)),
+            territory=Disc(sample(-2, 2), sample(-2, 2), sample(0.1, 0.4)) if profile == "zero-sum" else None,
         ),
-        capture_distance=draw(0.1, 1.0),
-        dt=draw(0.05, 0.3),
+        capture_distance=sample(0.1, 1.0),
+        dt=sample(0.05, 0.3),
         max_steps=int(rng.integers(1, 20)),
-        reward=Reward(profile, draw(1, 10), draw(1, 10), draw(1, 10)),
+        reward=Reward(profile, sample(1, 10), sample(1, 10), sample(1, 10)),
     )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def test_a_game_on_a_map_starts_where_there_is_room_and_stops_where_there_is_non
     assert [float(clearance) for clearance in game.arena.clearances(*jnp.asarray([4.0, 5.0]))] == pytest.approx(
         [4, 6, 5, 5, 1 - 0.15 * CELL]
     )
-    assert game.arena.has_obstacles
+    assert game.arena.map in game.arena.obstacles
 
 
 def test_a_map_without_occupied_cells_has_no_obstacles_and_one_without_free_cells_is_refused():

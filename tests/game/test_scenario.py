@@ -38,7 +38,7 @@ WIDE = Arena(
 GAME = Game(AGILE, AGILE, NARROW, max_steps=60)
 BOTH = in_arenas(GAME, [NARROW, WIDE])
 GAMES = 40
-draw = jax.jit(reset_batch, static_argnames="games")
+sample = jax.jit(reset_batch, static_argnames="games")
 
 
 def outcomes(game, players, starts):
@@ -54,7 +54,7 @@ def test_games_in_two_arenas_go_as_each_goes_alone():
     network = jax.tree.map(lambda leaf: 4 * leaf, make_network("encoded", 8, 2, jax.random.key(1)))
     both = BySide(solo(PurePursuit.for_side(GAME, Role.PURSUER)), solo(Greedy(network)))
     alone = [replace(GAME, arena=BOTH.scenario.arena(jnp.int32(place))) for place in (0, 1)]
-    starts = [draw(game, jax.random.key(1), GAMES) for game in alone]
+    starts = [sample(game, jax.random.key(1), GAMES) for game in alone]
     expected = [outcomes(game, both, start) for game, start in zip(alone, starts, strict=True)]
     mixed = jax.tree.map(lambda one, other: jnp.stack([one, other], axis=1).reshape(-1), *starts)
     mixed = jax.vmap(lambda state, place: replace(state, place=place))(mixed, jnp.arange(2 * GAMES) % 2)
@@ -67,7 +67,7 @@ def test_games_in_two_arenas_go_as_each_goes_alone():
 
 
 def test_games_begin_in_every_arena_where_there_is_room_and_again_in_any():
-    starts = draw(BOTH, jax.random.key(0), 400)
+    starts = sample(BOTH, jax.random.key(0), 400)
     share = np.asarray(starts.place).mean()
     assert 0.4 < share < 0.6
     for place, arena in enumerate((NARROW, WIDE)):

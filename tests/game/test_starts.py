@@ -16,24 +16,24 @@ DRAWS = 10_000
 
 
 @jax.jit
-def draw(starts, key):
-    return jax.vmap(starts.draw, in_axes=(0, None, None, None))(jax.random.split(key, DRAWS), ARENA, PURSUER, EVADER)
+def sample(starts, key):
+    return jax.vmap(starts.sample, in_axes=(0, None, None, None))(jax.random.split(key, DRAWS), ARENA, PURSUER, EVADER)
 
 
 @pytest.fixture(scope="module")
 def near():
     """Robots that may start at the same place: their positions are independent."""
-    return draw(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
+    return sample(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
 
 
 @pytest.fixture(scope="module")
 def apart():
-    return draw(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
+    return sample(Starts(clearance=0.3, separation=5.0), jax.random.key(1))
 
 
 @pytest.fixture(scope="module")
 def moving():
-    return draw(Starts(speed="moving"), jax.random.key(2))
+    return sample(Starts(speed="moving"), jax.random.key(2))
 
 
 def is_uniform(values, low, high, bins=50):
@@ -114,8 +114,8 @@ def test_no_step_has_been_played(near, moving):
 
 
 def test_one_key_one_start_and_another_key_another(near):
-    again = draw(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
-    other = draw(Starts(clearance=0.3, separation=0.0), jax.random.key(1))
+    again = sample(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
+    other = sample(Starts(clearance=0.3, separation=0.0), jax.random.key(1))
     for ours, same, different in zip(
         *(jax.tree.leaves(states.pursuer) for states in (near, again, other)), strict=True
     ):

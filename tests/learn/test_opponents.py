@@ -61,13 +61,13 @@ def same(one, other):
 def test_everyone_plays_their_own_games():
     at_large, *others = networks(4)
     players = Seated(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
-    words = jnp.zeros(30, jnp.uint32)
-    member = players.draw(words)
+    bits = jnp.zeros(30, jnp.uint32)
+    member = players.sample(bits)
     assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11
     observation = jax.random.normal(jax.random.key(9), (30, 8))
-    expected = stack([Greedy(network) for network in (at_large, *others)]).act(member, observation, words)
-    assert players.act(member, observation, words).tolist() == expected.tolist()
-    alone = solo(Greedy(at_large)).act(member, observation, words)
+    expected = stack([Greedy(network) for network in (at_large, *others)]).act(member, observation, bits)
+    assert players.act(member, observation, bits).tolist() == expected.tolist()
+    alone = solo(Greedy(at_large)).act(member, observation, bits)
     assert (expected != alone).any()
 
 

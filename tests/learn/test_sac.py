@@ -59,7 +59,7 @@ def numpy_values(critics, observation, actions):
 def test_gears_and_densities_are_those_of_the_textbook():
     actor, batch = make_actor("paper", 16, 1, jax.random.key(0)), random_batch(1)
     noise = jax.random.normal(jax.random.key(2), (32, 2))
-    gears, density = sac.draw(actor, batch.observation, noise)
+    gears, density = sac.sample(actor, batch.observation, noise)
     expected = numpy_draw(actor, batch.observation, noise)
     np.testing.assert_allclose(gears, expected[0], atol=1e-5)
     np.testing.assert_allclose(density, expected[1], atol=1e-4)
@@ -72,7 +72,7 @@ def test_the_density_integrates_to_one_over_the_gears():
     gears = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
     mean, deviation = (np.asarray(part, np.float64) for part in actor.batch(jnp.ones((1, 8))))
     noise = jnp.asarray((np.arctanh(gears) - mean) / deviation, jnp.float32)
-    _, density = sac.draw(actor, jnp.ones((len(gears), 8)), noise)
+    _, density = sac.sample(actor, jnp.ones((len(gears), 8)), noise)
     assert np.exp(np.asarray(density, np.float64)).sum() * (2 / cells) ** 2 == pytest.approx(1, abs=0.02)
 
 
@@ -82,7 +82,7 @@ def test_far_out_densities_are_finite():
         make_actor("paper", 4, 1, jax.random.key(5)),
         jnp.array([50.0, -50.0, 0.0, 0.0]),
     )
-    gears, density = sac.draw(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
+    gears, density = sac.sample(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
     np.testing.assert_allclose(gears, [[1, -1]] * 3)
     assert np.isfinite(density).all()
     assert (density > 50).all()

@@ -22,10 +22,10 @@ GAMES, LIMIT, GAMMA = 8, 5, 0.9
 def targets(profile, role):
     """Transitions of games in which nobody moves until the time limit, as Q-learning is given them."""
     game = replace(make_game(profile), max_steps=LIMIT)
-    still, words = BySide(solo(Still()), solo(Still())), jnp.zeros((2, GAMES), jnp.uint32)
+    still, bits = BySide(solo(Still()), solo(Still())), jnp.zeros((2, GAMES), jnp.uint32)
     starts = reset_batch(game, jax.random.key(0), GAMES)
     rows = jax.tree.map(lambda leaf: leaf[None], starts)
-    _, played = collect(game, still, begin(starts, still, words), rows, jax.random.key(1), 4 * LIMIT)
+    _, played = collect(game, still, begin(starts, still, bits), rows, jax.random.key(1), 4 * LIMIT)
     part = played.sides[role]
     assert set(np.unique(played.outcome[LIMIT - 1 :: LIMIT])) == {Outcome.NO_RESULT}
     memory = replay_buffer.add(

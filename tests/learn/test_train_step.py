@@ -90,7 +90,7 @@ def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
 
 
 def test_disturbed_robots_play_the_same_game_otherwise(stage):
-    """Same starts, networks and random words, and as many games; what the learner sees and is paid differs."""
+    """Same starts, networks and random bits, and as many games; what the learner sees and is paid differs."""
     disturbed = replace(PLAN, stage=replace(PLAN.stage, disturbance=Disturbance(delay=1, turn_time=0.4, limits=0.1)))
     first, after = play_stage(seed=0, chunks=1, plan=disturbed)
     assert identical(first.learner.network, stage[0].learner.network)

@@ -44,13 +44,13 @@ def least_distance(cars, size, places, headings, seconds):
             psi = math.tau * number / headings
             answered = []
             for evading in GEARS:
-                worths = []
+                action_values = []
                 for pursuing in GEARS:
                     seen = moved(cars, (x, y, psi), pursuing, evading, dt)
                     cells = [(place + size) * (places - 1) / (2 * size) for place in seen]
                     table = values[(number + pursuing - evading) % headings]
-                    worths.append(map_coordinates(table, cells, order=1, mode="nearest"))
-                answered.append(np.min(worths, axis=0))
+                    action_values.append(map_coordinates(table, cells, order=1, mode="nearest"))
+                answered.append(np.min(action_values, axis=0))
             after[number] = np.minimum(beyond, np.max(answered, axis=0))
         values = after
     return values

@@ -69,11 +69,11 @@ def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, 
     moved = np.zeros((size, size))
     before = moved
     for _ in range(sweeps):
-        worths = []
+        action_values = []
         for action in range(9):
-            worth = np.where(first.free[:, action, None], discount * (first.matrices[action] @ moved), lose)
-            worths.append(np.where(decided[:, :, action], capture * np.exp(-when * game.dt / horizon), worth))
-        before = np.max(worths, axis=0)
+            value = np.where(first.free[:, action, None], discount * (first.matrices[action] @ moved), lose)
+            action_values.append(np.where(decided[:, :, action], capture * np.exp(-when * game.dt / horizon), value))
+        before = np.max(action_values, axis=0)
         answers = [
             np.where(second.free[None, :, action], before @ second.matrices[action].T, win) for action in range(9)
         ]

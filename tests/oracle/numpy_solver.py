@@ -100,7 +100,7 @@ def reach(game, counts, steps, sweeps, target, horizon):
     table = dict.fromkeys(states, 0.0)
     for _ in range(sweeps):
         table = {
-            index: max(discount * value_of(table, end) if worth is None else worth for worth, end in holds[index])
+            index: max(discount * value_of(table, end) if value is None else value for value, end in holds[index])
             for index in states
         }
     return table

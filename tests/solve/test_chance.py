@@ -14,19 +14,19 @@ from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.observe.view import Views, look
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.solve.small import BODY, MOVING, SMALL
 
 GRID = make_grid(SMALL.arena, BODY, (3, 4, 2, 5))
-CONTEST = make_contest(SMALL, (GRID, GRID), 10, Role.PURSUER, "win")
+CONTEST = make_zero_sum_game(SMALL, (GRID, GRID), 10, Role.PURSUER, "win")
 NOTHING = jnp.zeros((GRID.size // lanes_of(GRID), GRID.size, lanes_of(GRID)))
 """A table that knows nothing of what comes after the hold."""
 AHEAD, TURNING_BACK = 7, 0
-"""The action that accelerates straight ahead; the one that brakes in a turn, which the random word 0 draws."""
+"""The action that accelerates straight ahead; the one that brakes in a turn, which random bits 0 draws."""
 
 
 def always(action):
@@ -43,11 +43,11 @@ def starts():
 
 def promised(opponent, starts):
     """What a response to an evader sees for itself within the hold."""
-    return np.asarray(ResponsePolicy(CONTEST, NOTHING, opponent).best_worth(starts))
+    return np.asarray(ResponsePolicy(CONTEST, NOTHING, opponent).best_value(starts))
 
 
 def test_an_agent_that_hardly_ever_explores_looks_no_safer_than_one_that_never_does(starts):
-    """Asked with the random word 0 it would seem to explore always, and by one and the same action."""
+    """Asked with random bits 0 it would seem to explore always, and by one and the same action."""
     sure, misled = (promised(Greedy(always(action)), starts) for action in (AHEAD, TURNING_BACK))
     assert np.mean(np.abs(sure - misled)) > 0.02
     rarely = promised(EpsilonGreedy(always(AHEAD), jnp.asarray(1e-4)), starts)
@@ -56,18 +56,18 @@ def test_an_agent_that_hardly_ever_explores_looks_no_safer_than_one_that_never_d
 
 def test_what_comes_by_chance_counts_as_often_as_it_comes(starts):
     """A hold of one step, so that the mean over nine actions is known."""
-    contest = make_contest(SMALL, (GRID, GRID), 1, Role.PURSUER, "win")
+    zero_sum_game = make_zero_sum_game(SMALL, (GRID, GRID), 1, Role.PURSUER, "win")
     table = jax.random.uniform(jax.random.key(1), NOTHING.shape)
     robots = jax.tree.map(lambda leaf: jnp.tile(leaf[:20], 60), (starts.pursuer, starts.evader))
-    words = jax.random.bits(jax.random.key(0), (20 * 60,), jnp.uint32)
+    bits = jax.random.bits(jax.random.key(0), (20 * 60,), jnp.uint32)
 
     @jax.jit
-    def worths(network):
-        return ResponsePolicy(contest, table, Greedy(network)).worths(*robots, words)
+    def action_values(network):
+        return ResponsePolicy(zero_sum_game, table, Greedy(network)).action_values(*robots, bits)
 
-    known = np.mean([worths(always(action))[:, :20] for action in range(NUM_ACTIONS)], axis=0)
-    random = ResponsePolicy(contest, table, Uniform())
-    drawn = np.asarray(jax.jit(lambda words: random.worths(*robots, words))(words)).reshape(9, 60, 20)
+    known = np.mean([action_values(always(action))[:, :20] for action in range(NUM_ACTIONS)], axis=0)
+    random = ResponsePolicy(zero_sum_game, table, Uniform())
+    drawn = np.asarray(jax.jit(lambda bits: random.action_values(*robots, bits))(bits)).reshape(9, 60, 20)
     assert np.max(np.std(drawn, axis=1)) > 1e-3
     np.testing.assert_allclose(np.mean(drawn, axis=1), known, atol=0.02)
 
@@ -84,10 +84,10 @@ def test_whether_the_random_word_matters_is_read_from_the_program():
 
 @pytest.mark.slow
 def test_on_the_grid_chance_that_never_comes_changes_nothing():
-    contest = make_contest(SMALL, (GRID, GRID), 5, Role.EVADER, "win")
+    zero_sum_game = make_zero_sum_game(SMALL, (GRID, GRID), 5, Role.EVADER, "win")
     never, always_ahead = EpsilonGreedy(always(AHEAD), jnp.asarray(0.0)), Greedy(always(AHEAD))
     by_chance, sure, drawn = (
-        np.asarray(solve_response(make_response(contest, opponent)).table)
+        np.asarray(solve_response(make_response(zero_sum_game, opponent)).table)
         for opponent in (never, always_ahead, EpsilonGreedy(always(AHEAD), jnp.asarray(1.0)))
     )
     np.testing.assert_allclose(by_chance, sure, atol=1e-6)

@@ -10,10 +10,10 @@ import pytest
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Outcome, RobotState, Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.event import first_event, first_events
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import HORIZON, motion_of
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle import numpy_game as oracle
 from tests.solve.small import SMALL
 
@@ -91,17 +91,17 @@ def in_game(courses, action, game):
 @pytest.mark.parametrize("role", list(Role))
 def test_along_two_courses_it_is_worth_what_who_wins_and_when_says(expected, both, role):
     grid = make_grid(GAME.arena, FAST, (3, 3, 2, 5))
-    contest = make_contest(GAME, (grid, grid), STEPS, role, "win")
+    zero_sum_game = make_zero_sum_game(GAME, (grid, grid), STEPS, role, "win")
     winner = {"CAPTURED": 1, "EVADER_HIT_OBSTACLE": 1, "EVADER_OUT_OF_RANGE": 1, "TERRITORY_REACHED": -1}
     winner |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
-    event = jax.jit(lambda pursuer, evader: contest.event(*contest.pair(pursuer, evader)))
+    event = jax.jit(lambda pursuer, evader: zero_sum_game.event(*zero_sum_game.pair(pursuer, evader)))
     ends = jax.jit(lambda pursuer, evader: first_event(GAME, pursuer, evader))
     for (a, b, game), (name, steps, margin) in list(expected.items())[::3]:
         one, other = (in_game(side, at, game) for side, at in zip(both, (a, b), strict=True))
-        over, worth = event(one, other)
+        over, value = event(one, other)
         if margin > 1e-5:
             assert bool(over) == (name != "ONGOING")
             if over:
                 assert Outcome(int(ends(one, other)[1])).name == name
                 sign = 1 if role == Role.PURSUER else -1
-                assert float(worth) == pytest.approx(sign * winner[name] * np.exp(-steps * GAME.dt / HORIZON), abs=1e-6)
+                assert float(value) == pytest.approx(sign * winner[name] * np.exp(-steps * GAME.dt / HORIZON), abs=1e-6)

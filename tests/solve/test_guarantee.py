@@ -9,25 +9,25 @@ from apollonius import limits
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import RobotState, Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, as_matrix
 
 MORE = (5, 7, 3, 6)
 
 
-def contest(game, role, counts, payoff="win", hold=HOLD):
+def zero_sum_game(game, role, counts, payoff="win", hold=HOLD):
     grids = (make_grid(game.arena, game.pursuer, counts), make_grid(game.arena, game.evader, counts))
-    return make_contest(game, grids, hold, role, payoff)
+    return make_zero_sum_game(game, grids, hold, role, payoff)
 
 
 def solved(game, role, counts, tolerance=1e-4, **options):
     """What a side is sure of before it moves, by its node and the other's, and the duel and table it is from."""
-    duel = make_duel(contest(game, role, counts, **options))
+    duel = make_duel(zero_sum_game(game, role, counts, **options))
     moved = solve_duel(duel, tolerance=tolerance).table
     return np.asarray(as_matrix(guarantee(duel, moved))), duel, moved
 
@@ -44,11 +44,11 @@ def bounds():
 @pytest.mark.parametrize("role", list(Role))
 def test_the_table_is_that_of_brute_force(robot, captures, role, payoff):
     told = []
-    duel = make_duel(contest(CRAMPED, role, FEW, payoff))
+    duel = make_duel(zero_sum_game(CRAMPED, role, FEW, payoff))
     found = solve_duel(duel, told.append, tolerance=1e-5)
     assert found.residual <= 1e-5 < told[-2].residual
     steps = captures if role == Role.PURSUER else captures.transpose(1, 0, 3, 2)
-    pursuing, stakes = role == Role.PURSUER, (duel.contest.win, duel.contest.lose)
+    pursuing, stakes = role == Role.PURSUER, (duel.zero_sum_game.win, duel.zero_sum_game.lose)
     expected = oracle.guarantee(CRAMPED, robot, robot, pursuing, steps, found.sweeps, HORIZON, *stakes, HOLD)
     np.testing.assert_allclose(as_matrix(found.table).T, expected[1], atol=1e-6)
     np.testing.assert_allclose(
@@ -78,7 +78,7 @@ def test_the_time_to_a_win_is_not_longer_where_a_loss_does_not_count(bounds):
 
 @pytest.mark.slow
 def test_at_nodes_interpolation_gives_the_table(bounds):
-    duel = make_duel(contest(SMALL, Role.PURSUER, (4, 5, 3, 5)))
+    duel = make_duel(zero_sum_game(SMALL, Role.PURSUER, (4, 5, 3, 5)))
     table = solve_duel(duel).table
     first, second = duel.first.grid, duel.second.grid
     one = second.node(*(jnp.int32(index) for index in (1, 3, 2, 3)))
@@ -98,7 +98,7 @@ def test_at_nodes_interpolation_gives_the_table(bounds):
 def test_a_grid_that_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
     monkeypatch.setattr(limits, "available_memory", lambda: 4096 * 1000)
     with pytest.raises(InvalidInput, match=r"grid = 5x7x3x6 needs .* GiB of memory and this machine has 0.0 GiB"):
-        make_duel(contest(SMALL, Role.PURSUER, MORE))
+        make_duel(zero_sum_game(SMALL, Role.PURSUER, MORE))
 
 
 @pytest.mark.parametrize(
@@ -108,12 +108,12 @@ def test_a_grid_that_does_not_fit_is_refused_before_anything_is_computed(monkeyp
         ({"hold": 0}, "hold = 0.*at least 1"),
     ],
 )
-def test_what_is_no_contest_is_refused(options, words):
+def test_what_is_no_zero_sum_game_is_refused(options, words):
     with pytest.raises(InvalidInput, match=words):
-        contest(SMALL, Role.PURSUER, FEW, **options)
+        zero_sum_game(SMALL, Role.PURSUER, FEW, **options)
 
 
 def test_robots_must_share_their_places():
     grids = make_grid(SMALL.arena, BODY, (4, 3, 2, 5)), make_grid(SMALL.arena, Unicycle(), (3, 4, 2, 5))
     with pytest.raises(InvalidInput, match=r"as many nodes along x and y as 3x4x2x5"):
-        make_duel(make_contest(SMALL, grids, HOLD, Role.PURSUER, "win"))
+        make_duel(make_zero_sum_game(SMALL, grids, HOLD, Role.PURSUER, "win"))

@@ -13,11 +13,11 @@ from apollonius.agents.fleeing import FleeAware
 from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import play_match
 from apollonius.game.types import GameState, Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import TOLERANCE, guarantee, make_duel, solve_duel
 from apollonius.solve.players import ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.matches import a_match
 from tests.solve.small import SMALL, as_matrix
 
@@ -30,21 +30,21 @@ GRID = make_grid(GAME.arena, GAME.pursuer, (7, 9, 3, 8))
 CHASER = PurePursuit.for_side(GAME, Role.PURSUER)
 
 
-def contest(role):
-    return make_contest(GAME, (GRID, GRID), HOLD, role, "win")
+def zero_sum_game(role):
+    return make_zero_sum_game(GAME, (GRID, GRID), HOLD, role, "win")
 
 
 def saddle(role):
     """What a side is sure of before it moves, by its node and the other's, and the player that makes most of it."""
-    duel = make_duel(contest(role))
+    duel = make_duel(zero_sum_game(role))
     table = solve_duel(duel).table
-    return np.asarray(as_matrix(guarantee(duel, table))), SaddlePolicy(duel.contest, table)
+    return np.asarray(as_matrix(guarantee(duel, table))), SaddlePolicy(duel.zero_sum_game, table)
 
 
 def response(role, opponent):
     """The same against a known opponent: before either moves."""
-    table = solve_response(make_response(contest(role), opponent)).table
-    return np.asarray(as_matrix(table)).T, ResponsePolicy(contest(role), table, opponent)
+    table = solve_response(make_response(zero_sum_game(role), opponent)).table
+    return np.asarray(as_matrix(table)).T, ResponsePolicy(zero_sum_game(role), table, opponent)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def match(pursuer, evader):
 @pytest.mark.parametrize(("known", "unknown"), [("catcher", "pursuer"), ("runaway", "evader")])
 def test_whoever_knows_the_opponent_gets_no_less_than_what_it_is_sure_of(known, unknown, request):
     best, sure = (request.getfixturevalue(name)[0] for name in (known, unknown))
-    from_fixed_point = TOLERANCE / (1 - float(contest(Role.PURSUER).motions[0].discount))
+    from_fixed_point = TOLERANCE / (1 - float(zero_sum_game(Role.PURSUER).motions[0].discount))
     assert np.min(best - sure) >= -from_fixed_point
     assert np.mean(best - sure) > 0.1
 
@@ -91,7 +91,7 @@ def test_at_nodes_the_response_promises_what_its_table_says(catcher):
         return GameState.of_two(GRID.node(*own), GRID.node(*other), jnp.zeros((), jnp.int32))
 
     pairs = (tuple(jnp.asarray(index) for index in np.unravel_index(nodes, GRID.shape)) for nodes in (own, still))
-    promised = player.best_worth(jax.vmap(state)(*pairs))
+    promised = player.best_value(jax.vmap(state)(*pairs))
     np.testing.assert_allclose(promised, values[own, still], atol=0.01)
 
 

@@ -10,12 +10,12 @@ from apollonius.agents.classical import Still
 from apollonius.agents.fleeing import FleeAware
 from apollonius.agents.uniform import Uniform
 from apollonius.game.types import GameState, Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, responders, solve_response
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import CRAMPED, FEW, HOLD, as_matrix
 
@@ -23,8 +23,8 @@ GRID = make_grid(CRAMPED.arena, CRAMPED.pursuer, FEW)
 CHASER = PurePursuit.for_side(CRAMPED, Role.PURSUER)
 
 
-def contest(role):
-    return make_contest(CRAMPED, (GRID, GRID), HOLD, role, "win")
+def zero_sum_game(role):
+    return make_zero_sum_game(CRAMPED, (GRID, GRID), HOLD, role, "win")
 
 
 @pytest.mark.parametrize(
@@ -38,12 +38,12 @@ def contest(role):
     ids=["pursuer", "evader", "pursuer, by chance", "evader, by chance"],
 )
 def test_the_table_is_that_of_brute_force(robot, captures, role, opponent, draws):
-    response = make_response(contest(role), opponent)
+    response = make_response(zero_sum_game(role), opponent)
     answers = np.asarray(response.answers).astype(int)
     assert answers.shape == (GRID.size, GRID.size, draws)
     assert len(np.unique(answers)) >= 3
     found = solve_response(response, tolerance=1e-5)
-    pursuing, stakes = role == Role.PURSUER, (response.contest.win, response.contest.lose)
+    pursuing, stakes = role == Role.PURSUER, (response.zero_sum_game.win, response.zero_sum_game.lose)
     steps = captures if pursuing else captures.transpose(1, 0, 3, 2)
     expected = oracle.response(CRAMPED, robot, robot, pursuing, steps, answers, found.sweeps, HORIZON, *stakes, HOLD)
     np.testing.assert_allclose(as_matrix(found.table).T, expected, atol=1e-5)
@@ -52,7 +52,7 @@ def test_the_table_is_that_of_brute_force(robot, captures, role, opponent, draws
 
 
 def test_whoever_acts_by_chance_is_drawn_evenly():
-    answers = np.asarray(make_response(contest(Role.PURSUER), Uniform()).answers)
+    answers = np.asarray(make_response(zero_sum_game(Role.PURSUER), Uniform()).answers)
     np.testing.assert_allclose(np.bincount(answers.ravel(), minlength=9) / answers.size, 1 / 9, atol=0.01)
 
 
@@ -77,32 +77,32 @@ def states(own, other):
 
 
 def test_before_a_standing_evader_a_look_ahead_is_one_more_sweep(robot, captures):
-    response = make_response(contest(Role.PURSUER), Still())
+    response = make_response(zero_sum_game(Role.PURSUER), Still())
     found = solve_response(response, tolerance=1e-5)
     answers = np.asarray(response.answers).astype(int)
-    stakes = (response.contest.win, response.contest.lose)
+    stakes = (response.zero_sum_game.win, response.zero_sum_game.lose)
     expected = oracle.response(CRAMPED, robot, robot, True, captures, answers, found.sweeps + 1, HORIZON, *stakes, HOLD)
     own, other = quiet_pairs(robot, captures, still=True)
-    promised = ResponsePolicy(response.contest, found.table, Still()).best_worth(states(own, other))
+    promised = ResponsePolicy(response.zero_sum_game, found.table, Still()).best_value(states(own, other))
     np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
 
 
 def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(robot, captures):
-    duel = make_duel(contest(Role.PURSUER))
+    duel = make_duel(zero_sum_game(Role.PURSUER))
     found = solve_duel(duel, tolerance=1e-5)
-    stakes = (duel.contest.win, duel.contest.lose)
+    stakes = (duel.zero_sum_game.win, duel.zero_sum_game.lose)
     expected, _ = oracle.guarantee(CRAMPED, robot, robot, True, captures, found.sweeps + 1, HORIZON, *stakes, HOLD)
     own, other = quiet_pairs(robot, captures, still=False)
-    promised = SaddlePolicy(duel.contest, found.table).best_worth(states(own, other))
+    promised = SaddlePolicy(duel.zero_sum_game, found.table).best_value(states(own, other))
     np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
 
 
 def test_an_agent_meets_one_who_trusts_no_more_than_what_is_sure_and_one_who_trusts_its_own_table():
-    sure = SaddlePolicy(contest(Role.EVADER), jnp.full((1, 1, 1), 0.5))
+    sure = SaddlePolicy(zero_sum_game(Role.EVADER), jnp.full((1, 1, 1), 0.5))
     found = responders(sure, CHASER)
     assert [type(player) for player in found.values()] == [ResponsePolicy] * 2
     trusts_sure, trusts_response = found.values()
     assert trusts_sure.table is sure.table
-    solved = solve_response(make_response(sure.contest, CHASER))
+    solved = solve_response(make_response(sure.zero_sum_game, CHASER))
     np.testing.assert_array_equal(trusts_response.table, solved.table)
     assert all(player.opponent is CHASER for player in found.values())

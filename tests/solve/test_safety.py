@@ -16,10 +16,10 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
-from apollonius.solve.image import image_of, rooms
 from apollonius.solve.iteration import iterate
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
+from apollonius.solve.transition_map import rooms, transition_map_of
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 from tests.matches import a_match
 from tests.oracle import numpy_solver as oracle
@@ -70,10 +70,10 @@ def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
     """Where a hold moves less than a cell, sweeps change little and yet go far: many more of them change nothing."""
     grid = make_grid(SMALL.arena, BODY, counts)
     motion = motion_of(SMALL, Role.PURSUER, hold)
-    image = image_of(motion, grid)
-    room, solved = rooms(motion, grid, image), solve_safety(SMALL, Role.PURSUER, grid, hold)
+    transitions = transition_map_of(motion, grid)
+    room, solved = rooms(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
     backup = jax.jit(
-        lambda table: image.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
+        lambda table: transitions.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
     )
     table = solved.table
     for _ in range(2 * solved.sweeps):

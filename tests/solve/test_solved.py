@@ -16,7 +16,7 @@ from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.solved import contest_of
+from apollonius.solve.solved import zero_sum_game_of
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 from tests.solve.small import SMALL
 
@@ -25,7 +25,7 @@ PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5, payoff="tim
 
 @pytest.fixture(scope="module")
 def solution():
-    solved = solve_duel(make_duel(contest_of(PROBLEM, SMALL)), tolerance=0.1)
+    solved = solve_duel(make_duel(zero_sum_game_of(PROBLEM, SMALL)), tolerance=0.1)
     return Solution(PROBLEM, solved.sweeps, solved.residual, solved.table.astype("float16"))
 
 
@@ -39,15 +39,15 @@ def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution):
     np.testing.assert_array_equal(load_solution(file).table, solution.table)
     player = find_player(str(file), Role.EVADER, SMALL)
     assert player.name == "solved"
-    expected = SaddlePolicy(contest_of(PROBLEM, SMALL), solution.table)
+    expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), solution.table)
     starts = jax.jit(reset_batch, static_argnames="games")(SMALL, jax.random.key(0), games=20)
-    np.testing.assert_array_equal(player.policy.best_worth(starts), expected.best_worth(starts))
-    assert np.all(np.asarray(expected.best_worth(starts)) <= 0)
+    np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
+    assert np.all(np.asarray(expected.best_value(starts)) <= 0)
 
 
 def test_where_games_begin_and_end_is_nothing_to_a_solution(file):
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
-    assert find_player(str(file), Role.EVADER, other).policy.contest.game.max_steps == 77
+    assert find_player(str(file), Role.EVADER, other).policy.zero_sum_game.game.max_steps == 77
 
 
 def test_it_can_be_shielded(file):

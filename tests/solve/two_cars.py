@@ -16,10 +16,10 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
-from apollonius.solve.contest import make_contest
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.motion import HORIZON
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle.numpy_air3d import Cars, least_distance
 from tests.solve.small import as_matrix
 
@@ -74,7 +74,7 @@ def captured(setting, role):
     game, middle = setting.game, setting.places // 2
     counts = (setting.places, setting.places, 2, setting.headings)
     grid = make_grid(game.arena, game.pursuer, counts)
-    duel = make_duel(make_contest(game, (grid, grid), STEPS, role, "time"))
+    duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role, "time"))
     found = solve_duel(duel, tolerance=0.5)
     assert found.sweeps >= setting.holds
     matrix = np.asarray(as_matrix(guarantee(duel, found.table)))

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from apollonius.bodies.comparison import Comparison, Difference, Error
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match
@@ -15,6 +14,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import create_run, load_config
+from apollonius.simulate.comparison import Comparison, Difference, Error
 from studies.robust import Robust, gap_table, kept_comparison, outcomes, seeds_of, tracking
 from tests.studies.matches import NO_MATCH
 

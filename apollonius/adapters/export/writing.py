@@ -13,7 +13,7 @@ from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import TOLERANCE, CannotRun, Decide, compare, largest_difference, microseconds
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.store import Agent
-from apollonius.agents.trained import at_best, find_trained
+from apollonius.agents.trained import find_trained, greedy
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import SHIELDED
 from apollonius.document import write_atomically
@@ -119,7 +119,7 @@ def _check(blueprint: Blueprint, agent: Agent, load: Callable[[], Decide]) -> li
         decide = load()
     except CannotRun as reason:
         return [f"not checked: {reason}"]
-    played = decisions(blueprint.game, at_best(agent.network), Role[blueprint.header.role.upper()], STATES)
+    played = decisions(blueprint.game, greedy(agent.network), Role[blueprint.header.role.upper()], STATES)
     equal = (_same_controls if blueprint.continuous else _same_actions)(decide, blueprint, played)
     lines = [f"checked in {STATES:,} states of games: {equal}"]
     deciders: dict[str, Callable[[np.ndarray], object]] = {"this file": decide}

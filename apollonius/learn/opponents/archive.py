@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Seated
-from apollonius.agents.trained import at_best, exploring
+from apollonius.agents.trained import exploring, greedy
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role, Scalar
 from apollonius.learn.opponents.opponent_config import OpponentConfig
@@ -172,7 +172,7 @@ def seat(archive: Archive, config: OpponentConfig, role: Role, learner: Network,
     """
     return Seated(
         at_large=exploring(learner, amount),
-        seated=at_best(archive.seated),
+        seated=greedy(archive.seated),
         seats=config.seats,
         first=first_game(config, role, games),
         games=seat_games(config, games),

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.pool import solo
-from apollonius.agents.trained import at_best
+from apollonius.agents.trained import greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.outcome import pursuer_wins
@@ -39,7 +39,7 @@ def play_missing(payoffs: Payoffs, game: Game, archives: BySide[Archive], games:
 
         def play() -> Scalar:
             versions = BySide(archives.pursuer.version(row), archives.evader.version(column))
-            results = play_at_once(game, versions.map(at_best).map(solo), starts, play_key)
+            results = play_at_once(game, versions.map(greedy).map(solo), starts, play_key)
             return jnp.mean(pursuer_wins(results.outcome).astype(jnp.float32))
 
         # One match after the other, so that pairs which are not there take no time.

@@ -11,7 +11,7 @@ import pytest
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.agents.network import GaussianActor, QNetwork, make_actor, make_network
 from apollonius.agents.store import describe
-from apollonius.agents.trained import at_best
+from apollonius.agents.trained import greedy
 from apollonius.arenas.record import to_dict
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, wrap_angle
@@ -88,7 +88,7 @@ def case(request):
             for robot in (RobotState(*state[:4]), RobotState(*state[4:]))
         )
         seen = network.observation(View(game.arena, Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)))
-        action = at_best(network)(seen, jnp.uint32(0))
+        action = greedy(network)(seen, jnp.uint32(0))
         return seen, action, jnp.stack(bodies[0].controls(action))
 
     states = some_states(game, 400)

@@ -12,13 +12,13 @@ from apollonius.game.types import Real, RobotState, Role
 from apollonius.limits import JOINT_HOLD
 from apollonius.solve.event import first_event
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import Motion, motion_of, worth_after
+from apollonius.solve.motion import Motion, discount_after, motion_of
 
 PAYOFFS = {"win": (1.0, -1.0), "time": (1.0, 0.0)}
-"""What winning and losing is worth to the pursuer, times `worth_after` the seconds until then; all else is worth 0."""
+"""What winning and losing is worth to the pursuer, times `discount_after` the seconds until then; else 0."""
 
 
-class Contest(eqx.Module):
+class ZeroSumGame(eqx.Module):
     """The two-robot game, from one side. What one gains the other loses.
 
     Attributes:
@@ -54,10 +54,10 @@ class Contest(eqx.Module):
         won, lost = pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False)
         if self.role == Role.EVADER:
             won, lost = lost, won
-        return worth_after(seconds) * jnp.where(won, self.win, jnp.where(lost, self.lose, 0.0))
+        return discount_after(seconds) * jnp.where(won, self.win, jnp.where(lost, self.lose, 0.0))
 
 
-def make_contest(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, payoff: str) -> Contest:
+def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, payoff: str) -> ZeroSumGame:
     """The two-robot game from one side.
 
     Args:
@@ -74,5 +74,5 @@ def make_contest(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, pa
     won, lost = PAYOFFS[payoff]
     pursuer, evader = motion_of(game, Role.PURSUER, hold), motion_of(game, Role.EVADER, hold)
     if role == Role.PURSUER:
-        return Contest(game, (pursuer, evader), grids, won, lost, role)
-    return Contest(game, (evader, pursuer), (grids[1], grids[0]), -lost, -won, role)
+        return ZeroSumGame(game, (pursuer, evader), grids, won, lost, role)
+    return ZeroSumGame(game, (evader, pursuer), (grids[1], grids[0]), -lost, -won, role)

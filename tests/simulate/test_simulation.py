@@ -11,14 +11,14 @@ from apollonius.agents.classical import Still
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
-from apollonius.bodies.comparison import compare, tracking
-from apollonius.bodies.drive import PARTS, Drive, without
-from apollonius.bodies.simulation import record_course, simulate
 from apollonius.evaluate.match import begin, play_games
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.observe.paper import PAPER
 from apollonius.replay import as_state, load_replay, save_replay
+from apollonius.simulate.comparison import compare, tracking
+from apollonius.simulate.drive import PARTS, Drive, without
+from apollonius.simulate.simulation import record_course, simulate
 from tests.matches import a_match
 
 pytest.importorskip("mujoco")
@@ -88,7 +88,7 @@ class FullSpeedInACurve(AbstractContinuous):
 
     observation = PAPER
 
-    def __call__(self, observation, word):
+    def __call__(self, observation, bits):
         return jnp.asarray([1.0, 0.5])
 
 

@@ -7,8 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.bodies.drive import Drive
-from apollonius.bodies.scene import mjcf
 from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
@@ -17,6 +15,8 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
+from apollonius.simulate.drive import Drive
+from apollonius.simulate.scene import mjcf
 
 HALL = Arena(
     0.0, 6.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3),), polygons=(Polygon(((3.0, 1.0), (5.0, 1.0), (4.0, 3.0))),)

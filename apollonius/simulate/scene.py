@@ -6,11 +6,11 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from apollonius.bodies.drive import Drive
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
+from apollonius.simulate.drive import Drive
 
 SIDES = tuple(role.name.lower() for role in Role)
 WHEELS = ("left", "right")

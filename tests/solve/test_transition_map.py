@@ -14,9 +14,9 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
-from apollonius.solve.image import image_of, rooms
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.reference import joint_grid, reference_grid
+from apollonius.solve.transition_map import rooms, transition_map_of
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
 
@@ -25,8 +25,8 @@ from tests.solve.small import BODY, SMALL, TINY
 def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
     motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (6, 7, 5, 8))
     table = jnp.asarray(np.random.default_rng(0).normal(size=grid.shape), jnp.float32)
-    image = image_of(motion, grid)
-    assert image.source.shape[-1] == (4 if hold == 1 else 2)
+    transitions = transition_map_of(motion, grid)
+    assert transitions.source.shape[-1] == (4 if hold == 1 else 2)
 
     def straight_there(index, action):
         v, heading, x, y = jnp.unravel_index(index, grid.shape)
@@ -38,12 +38,14 @@ def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
             return after if other == action else jnp.full_like(after, -jnp.inf)
 
         expected = jax.vmap(straight_there, in_axes=(0, None))(jnp.arange(grid.size), jnp.int32(action))
-        np.testing.assert_allclose(image.backup(table, only), expected.reshape(grid.shape), atol=1e-4)
+        np.testing.assert_allclose(transitions.backup(table, only), expected.reshape(grid.shape), atol=1e-4)
 
 
 def test_room_is_the_least_clearance_along_the_hold():
     motion, grid = motion_of(SMALL, Role.PURSUER, 5), make_grid(SMALL.arena, BODY, TINY)
-    found = np.asarray(rooms(motion, grid, image_of(motion, grid))).reshape(*grid.shape[:2], 9, *grid.shape[2:])
+    found = np.asarray(rooms(motion, grid, transition_map_of(motion, grid))).reshape(
+        *grid.shape[:2], 9, *grid.shape[2:]
+    )
     axes = oracle.axes(SMALL, TINY)
     for (x, y, v, heading), state in oracle.nodes(axes).items():
         for action in range(9):
@@ -55,7 +57,9 @@ def test_room_among_polygons_is_that_of_plain_loops():
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
     game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
     motion, grid = motion_of(game, Role.PURSUER, 5), make_grid(game.arena, BODY, TINY)
-    found = np.asarray(rooms(motion, grid, image_of(motion, grid))).reshape(*grid.shape[:2], 9, *grid.shape[2:])
+    found = np.asarray(rooms(motion, grid, transition_map_of(motion, grid))).reshape(
+        *grid.shape[:2], 9, *grid.shape[2:]
+    )
     nodes = list(oracle.nodes(oracle.axes(game, TINY)).items())
     pairs = []
     for number in range(0, 9 * len(nodes), 31):
@@ -72,9 +76,9 @@ def test_room_among_polygons_is_that_of_plain_loops():
 def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_headings():
     grid, hold = reference_grid(make_game("paper"), Role.PURSUER)
     assert (grid.counts, hold) == ((51, 51, 9, 47), 5)
-    image = image_of(motion_of(make_game("paper"), Role.PURSUER, hold), grid)
-    assert image.source.shape[-1] == 2
-    assert np.all(np.max(np.asarray(image.weight), axis=-1) > 0.99)
+    transitions = transition_map_of(motion_of(make_game("paper"), Role.PURSUER, hold), grid)
+    assert transitions.source.shape[-1] == 2
+    assert np.all(np.max(np.asarray(transitions.weight), axis=-1) > 0.99)
 
 
 def test_a_robot_of_other_limits_has_a_reference_grid_too():

@@ -10,7 +10,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def computed_apart(function: Callable[P, R]) -> Callable[P, R]:
+def fusion_barrier(function: Callable[P, R]) -> Callable[P, R]:
     """The same function, whose inputs and outputs are computed once and stored when it is compiled.
 
     XLA on the CPU otherwise computes an intermediate result again for each of its uses: without this boundary a step

@@ -9,16 +9,16 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
-from apollonius.bodies.drive import Drive, References
-from apollonius.bodies.physics import Physics
 from apollonius.evaluate.match import Match, begin
-from apollonius.game.game import Game, judge
+from apollonius.game.game import Game, outcome_after
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
 from apollonius.observe.view import Views
 from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state, together
-from apollonius.rollout import random_words
+from apollonius.rollout import random_bits_of
+from apollonius.simulate.drive import Drive, References
+from apollonius.simulate.physics import Physics
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def simulate(
     drive: Drive,
     report: Report = lambda done, total: None,
 ) -> Simulated:
-    """Play each of the given starts to its end with bodies; the players draw the same random words as in `play_out`.
+    """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
     Players see the bodies' exact states, once in every step of the game. A step is judged as in the game, from where
     the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the game
@@ -130,8 +130,8 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 
 
 def _members(pursuer: Pool, evader: Pool, key: PRNGKeyArray, count: int) -> Int[Array, "2 games"]:
-    words = random_words(key, jnp.arange(count), jnp.full(count, -1))
-    return jnp.stack([pursuer.draw(words[0]), evader.draw(words[1])])
+    bits = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
+    return jnp.stack([pursuer.sample(bits[0]), evader.sample(bits[1])])
 
 
 @jax.jit
@@ -145,9 +145,9 @@ def _choose(
     key: PRNGKeyArray,
 ) -> Choice:
     state = jax.vmap(as_state)(rows, length)
-    words = random_words(key, jnp.arange(rows.shape[0]), length)
+    bits = random_bits_of(key, jnp.arange(rows.shape[0]), length)
     actions = [
-        pool.act(members[role], pool.observation.together(Views(game, state, role)), words[role])
+        pool.act(members[role], pool.observation.together(Views(game, state, role)), bits[role])
         for role, pool in ((Role.PURSUER, pursuer), (Role.EVADER, evader))
     ]
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
@@ -164,4 +164,4 @@ def _judge(
     game: Game, before: Float32[Array, "games 8"], after: Float32[Array, "games 8"], length: Int[Array, " games"]
 ) -> Int[Array, " games"]:
     state = jax.vmap(as_state)
-    return jax.vmap(judge, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))
+    return jax.vmap(outcome_after, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))

@@ -33,22 +33,22 @@ Choice = Callable[[list[Array]], Array]
 """From what nine actions are worth, arrays of one shape, what it is worth to have the choice."""
 
 
-def greatest(worths: list[Array]) -> Array:
+def greatest(action_values: list[Array]) -> Array:
     """The choice of a robot that wants much."""
-    return reduce(jnp.maximum, worths)
+    return reduce(jnp.maximum, action_values)
 
 
-def least(worths: list[Array]) -> Array:
+def least(action_values: list[Array]) -> Array:
     """The choice of a robot that wants little."""
-    return reduce(jnp.minimum, worths)
+    return reduce(jnp.minimum, action_values)
 
 
-def total(worths: list[Array]) -> Array:
+def total(action_values: list[Array]) -> Array:
     """The mean of what comes by chance, where each is weighed by its share already."""
-    return reduce(jnp.add, worths)
+    return reduce(jnp.add, action_values)
 
 
-class Image(eqx.Module):
+class TransitionMap(eqx.Module):
     """Where held actions take the slices of a grid, which are numbered `v * headings + heading`.
 
     Attributes:
@@ -68,14 +68,14 @@ class Image(eqx.Module):
     def backup(
         self,
         table: Float[Array, "v heading x y *others"],
-        worth: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
+        value: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
         choose: Choice = greatest,
     ) -> Float[Array, "v heading x y *others"]:
         """What each node is worth by what its nine actions are worth.
 
         Args:
             table: values at the robot's nodes; one after the other in memory, those for each state of `others`.
-            worth: from a slice, an action and the table's values after it, what it is worth.
+            value: from a slice, an action and the table's values after it, what it is worth.
             choose: from what the nine actions are worth, what the node is worth.
         """
         slices = table.reshape(-1, *table.shape[2:])
@@ -83,7 +83,7 @@ class Image(eqx.Module):
         padded = jnp.pad(slices, around, mode="edge")
 
         def at(index: Int[Array, ""]) -> Float[Array, "x y *others"]:
-            return choose([worth(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)])
+            return choose([value(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)])
 
         return jax.lax.map(at, jnp.arange(slices.shape[0])).reshape(table.shape)
 
@@ -102,7 +102,7 @@ class Image(eqx.Module):
         return values
 
 
-def image_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Image:
+def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> TransitionMap:
     """Where the robot's held actions take the grid's nodes.
 
     Args:
@@ -128,7 +128,7 @@ def image_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Image:
         for on, part_heading in ((0, 1 - share_heading), (1, share_heading))
     ]
     needed = [(source, weight) for source, weight in terms if np.any(weight > 0)]
-    return Image(
+    return TransitionMap(
         course=course,
         source=jnp.asarray(np.stack([source for source, _ in needed], axis=-1), jnp.int32),
         weight=jnp.asarray(np.stack([weight for _, weight in needed], axis=-1), jnp.float32),
@@ -169,7 +169,7 @@ def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, 
 
 
 @eqx.filter_jit
-def rooms(motion: Motion, grid: Grid, image: Image) -> Float[Array, "slices 9 x y"]:
+def rooms(motion: Motion, grid: Grid, transitions: TransitionMap) -> Float[Array, "slices 9 x y"]:
     """Least clearance [m] while each action is held from each node."""
     x, y = grid.places()
 
@@ -179,4 +179,4 @@ def rooms(motion: Motion, grid: Grid, image: Image) -> Float[Array, "slices 9 x 
 
         return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
 
-    return jax.lax.map(lambda courses: jax.lax.map(everywhere, courses), image.course)
+    return jax.lax.map(lambda courses: jax.lax.map(everywhere, courses), transitions.course)

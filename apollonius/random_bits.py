@@ -1,7 +1,7 @@
-"""Random words: the bits that `jax.random` makes of the same keys, made in one pass.
+"""Random bits: those that `jax.random` makes of the same keys, in one pass.
 
 On the CPU, JAX's hash is a loop of five turns: it goes through memory five times and, for a single key, spends its time
-on the loop. Here the turns stand one after the other, and all of them happen where a word is made.
+on the loop. Here the turns stand one after the other, and all of them happen where a number is made.
 """
 
 import functools
@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
-from apollonius.game.apart import computed_apart
+from apollonius.game.fusion_barrier import fusion_barrier
 
 _PARITY = 0x1BD11BDA
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
@@ -19,7 +19,7 @@ _TURNS = 5
 
 
 def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
-    """Random words: `jax.random.bits(key, shape, "uint32")`, bit by bit.
+    """Random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit.
 
     Args:
         key: consumed.
@@ -27,7 +27,7 @@ def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "...
     """
     if not _is_known(key):
         return jax.random.bits(key, shape, jnp.uint32)
-    return computed_apart(functools.partial(_words, shape))(jax.random.key_data(key))
+    return fusion_barrier(functools.partial(_words, shape))(jax.random.key_data(key))
 
 
 def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:

@@ -15,7 +15,7 @@ from apollonius.playout import Report
 T = TypeVar("T")
 
 
-def kept_result(path: Path, asked: Mapping[str, Any], kind: type[T], make: Callable[[], T]) -> T:
+def cached_result(path: Path, asked: Mapping[str, Any], kind: type[T], make: Callable[[], T]) -> T:
     """A result that lies in a file, or else is made and kept there.
 
     Args:
@@ -47,14 +47,14 @@ def match_file(folder: Path, pursuer: str, evader: str) -> Path:
     return folder / f"{pursuer}--{evader}.json".replace("/", "-").replace(":", "-")
 
 
-def kept_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:
+def cached_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:
     """What a match comes to, as `play_match`: read from the folder if it lies there, or else played and kept there.
 
     Raises:
-        InvalidInput: as `kept_result` and `play_match`.
+        InvalidInput: as `cached_result` and `play_match`.
     """
     path = match_file(folder, match.players.pursuer.name, match.players.evader.name)
-    return kept_result(path, facts_of(match), MatchResult, lambda: play_match(match, report=report))
+    return cached_result(path, facts_of(match), MatchResult, lambda: play_match(match, report=report))
 
 
 def facts_of(match: Match) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from apollonius.agents.kind import Named, fingerprint
 from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.evaluate import kept
-from apollonius.evaluate.kept import kept_match, match_file
+from apollonius.evaluate import match_cache
 from apollonius.evaluate.match import Match, StartFilter, play_match
+from apollonius.evaluate.match_cache import cached_match, match_file
 from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
@@ -28,14 +28,14 @@ MATCH = Match(GAME, BySide(PURSUER, EVADER), 30, 1)
 @pytest.fixture
 def folder(tmp_path):
     """A folder where one match lies."""
-    kept_match(tmp_path / "kept", MATCH)
+    cached_match(tmp_path / "kept", MATCH)
     return tmp_path / "kept"
 
 
 def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
     played = play_match(MATCH)
-    monkeypatch.setattr(kept, "play_match", None)
-    assert kept_match(folder, MATCH) == played
+    monkeypatch.setattr(match_cache, "play_match", None)
+    assert cached_match(folder, MATCH) == played
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_another_match_in_its_place_is_refused_and_stays(folder, other):
     path = match_file(folder, "pure-pursuit", "flee")
     before = path.read_bytes()
     with pytest.raises(InvalidInput, match="other players, rules, games or starts: choose another folder"):
-        kept_match(folder, replace(MATCH, **other))
+        cached_match(folder, replace(MATCH, **other))
     assert path.read_bytes() == before
 
 
@@ -62,7 +62,7 @@ def test_a_bad_file_is_refused_with_its_remedy(folder, content):
     path = match_file(folder, "pure-pursuit", "flee")
     path.write_text(content)
     with pytest.raises(InvalidInput, match="remove it"):
-        kept_match(folder, MATCH)
+        cached_match(folder, MATCH)
     assert path.read_text() == content
 
 
@@ -83,14 +83,14 @@ def test_a_tournament_goes_on_from_what_is_kept(folder, monkeypatch):
         played.append(type(match.players.pursuer.policy).__name__)
         return play_match(match, **options)
 
-    monkeypatch.setattr(kept, "play_match", counted)
+    monkeypatch.setattr(match_cache, "play_match", counted)
     assert play_tournament(GAME, *players, games=30, seed=1, keep=folder) == whole
     assert played == ["Intercept"]
 
 
 def test_names_of_shielded_players_and_runs_make_files(tmp_path):
     odd = Named("latest/seed-0", PURSUER.policy), Named("shielded:flee", EVADER.policy)
-    kept_match(tmp_path, Match(GAME, BySide(*odd), 5, 1))
+    cached_match(tmp_path, Match(GAME, BySide(*odd), 5, 1))
     assert [path.name for path in tmp_path.iterdir()] == ["latest-seed-0--shielded-flee.json"]
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from apollonius.bodies.drive import PARTS, Drive, without
-from apollonius.bodies.physics import Physics
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
+from apollonius.simulate.drive import PARTS, Drive, without
+from apollonius.simulate.physics import Physics
 
 pytest.importorskip("mujoco")
 PAPER = make_game("paper")
@@ -68,6 +68,6 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
     def missing(name):
         raise ModuleNotFoundError(name=name)
 
-    monkeypatch.setattr("apollonius.bodies.physics.import_module", missing)
+    monkeypatch.setattr("apollonius.simulate.physics.import_module", missing)
     with pytest.raises(InvalidInput, match=r"apollonius\[sim\]"):
         Physics(PAPER, Drive())

@@ -1,11 +1,11 @@
-"""Random words are those of `jax.random`, whatever the key."""
+"""Random bits are those of `jax.random`, whatever the key."""
 
 import jax
 import jax.numpy as jnp
 import pytest
 from numpy.testing import assert_array_equal
 
-from apollonius.words import fold_in, random_bits
+from apollonius.random_bits import fold_in, random_bits
 
 KEYS = [jax.random.key(0), jax.random.key(2**31 + 5), jax.random.key(3, impl="rbg")]
 

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool
 
-from apollonius.bodies.scene import SIDES
-from apollonius.bodies.simulation import Simulated
 from apollonius.evaluate.match import Match, MatchResult, count
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome
 from apollonius.playout import Results
+from apollonius.simulate.scene import SIDES
+from apollonius.simulate.simulation import Simulated
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {
     "pursuer wins": PURSUER_WINS,

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.bodies.drive import PARTS, Drive, References, without
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import RobotState
+from apollonius.simulate.drive import PARTS, Drive, References, without
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
 IDEAL = without(Drive(), *PARTS)

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from apollonius.bodies.drive import Drive
-from apollonius.bodies.scene import SIDES, WHEELS, mjcf
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
+from apollonius.simulate.drive import Drive
+from apollonius.simulate.scene import SIDES, WHEELS, mjcf
 
 LONGEST_STEP = 0.005
 """Of the physics [s]; a step of the game is divided into the fewest steps that are no longer."""
