@@ -4,9 +4,10 @@
 
 Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest, in a copy of
 the tree. The tests of its file run first, then those of its room and of what stands on it, until the first failure,
-and without the slow ones; the rest of the tests might notice a few more. A mutant that no test notices survives: it
-is printed, to be read. A line of the file is written for each one, and a second call goes on where the first one
-stopped. All of these tests run once without a change first, for whatever fails then would notice everything.
+and without the slow ones; the rest of the tests might notice a few more, so the share is a lower bound. A mutant that
+no test notices survives: it is printed, to be read. A line of the file is written for each one, and a second call goes
+on where the first one stopped. All of these tests run once without a change first, for whatever fails then would
+notice everything.
 """
 
 import argparse
@@ -28,24 +29,42 @@ import pytest
 
 LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.optimize", "scipy.stats")
 """Imported once, before the processes that run the tests are forked."""
-ROOT = Path(__file__).parents[1]
+ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
+CHANGED = (
+    "game", "rollout.py", "playout.py", "learn/replay_buffer.py", "learn/dqn.py", "learn/opponents", "solve",
+    "agents/shield.py",
+)  # fmt: skip
+"""The files and folders of the package that are changed."""
 LEARNING = (
-    "tests/learn/test_dqn.py tests/learn/test_replay_buffer.py tests/learn/test_opponents.py"
-    " tests/learn/test_payoffs.py tests/learn/test_train_step.py tests/learn"
+    "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_payoffs.py"
+    " learn/test_train_step.py learn"
 )
-"""The quick ones first."""
+ONE_ROBOT = "solve/test_grid.py solve/test_transition_map.py solve/test_safety.py solve/test_reach.py"
+TWO_ROBOTS = "solve/test_event.py solve/test_response.py solve/test_guarantee.py solve/test_chance.py"
+FILES = "solve/test_store.py solve/test_solved.py"
 TESTS = {
-    "apollonius/game": "tests/game tests/test_golden.py tests/test_rollout.py tests/agents/test_shield.py"
-    " tests/agents/test_classical.py",
-    "apollonius/rollout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
-    "apollonius/playout.py": "tests/test_rollout.py tests/test_replay.py tests/evaluate/test_match.py",
-    "apollonius/learn/replay_buffer.py": LEARNING,
-    "apollonius/learn/dqn.py": LEARNING,
-    "apollonius/learn/opponents": LEARNING,
-    "apollonius/solve": "tests/solve tests/evaluate/test_regret.py",
-    "apollonius/agents/shield.py": "tests/agents",
+    "game": "game test_golden.py test_rollout.py",
+    "game/dynamics.py": "game test_golden.py test_rollout.py agents/test_shield.py",
+    "game/nearby.py": "game agents/test_shield.py",
+    "game/polygon.py": "game agents/test_shield.py",
+    "rollout.py": "test_rollout.py test_replay.py evaluate/test_match.py",
+    "playout.py": "test_rollout.py test_replay.py evaluate/test_match.py",
+    "learn": LEARNING,
+    "solve": f"{TWO_ROBOTS} {ONE_ROBOT} {FILES}",
+    "solve/grid.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
+    "solve/transition_map.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
+    "solve/motion.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
+    "solve/iteration.py": ONE_ROBOT,
+    "solve/reference.py": ONE_ROBOT,
+    "solve/safety.py": "solve/test_safety.py evaluate/test_match.py",
+    "solve/viability.py": "solve/test_safety.py evaluate/test_match.py",
+    "solve/reach.py": "solve/test_reach.py evaluate/test_regret.py",
+    "solve/players.py": f"{TWO_ROBOTS} {FILES}",
+    "solve/store.py": f"{FILES} test_files_that_lie.py",
+    "agents/shield.py": "agents",
 }
-"""What is changed, and the tests that may notice, in the order in which they are asked."""
+"""The tests that may notice, in the order in which they are asked: by the longest of these that a file's path begins
+with."""
 SWAPS: dict[type, type] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult,
@@ -120,14 +139,14 @@ def _changes(node: ast.expr) -> Iterator[str]:
     yield ast.unparse(changed)
 
 
-def sample(root: Path, number: int, seed: int) -> list[tuple[str, str, int, str, str, str]]:
-    """Mutants of a tree: group, file, line, before, after and text, drawn evenly from all that there are."""
+def sample(root: Path, number: int, seed: int) -> list[tuple[str, int, str, str, str]]:
+    """Mutants of a tree: file in the package, line, before, after and text, drawn evenly from all that there are."""
     found = []
-    for group in TESTS:
-        path = root / group
-        files = sorted(path.rglob("*.py")) if path.is_dir() else [path] * path.exists()
-        for file in files:
-            found += [(group, str(file.relative_to(root)), *mutant) for mutant in mutants(file.read_text())]
+    package = root / PACKAGE
+    for name in CHANGED:
+        path = package / name
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            found += [(str(file.relative_to(package)), *mutant) for mutant in mutants(file.read_text())]
     return random.Random(seed).sample(found, min(number, len(found)))
 
 
@@ -181,11 +200,18 @@ def _run_tests(tree: Path, tests: list[str], failure: Path) -> int:
     return int(pytest.main([*options, *tests], plugins=[FirstFailure(failure)]))
 
 
-def tests_of(tree: Path, group: str, file: str) -> list[str]:
+def tests_of(tree: Path, file: str) -> list[str]:
     """The files of tests that may notice a change of a file, its own first."""
-    named = [f"tests/{Path(file).parent.name}/test_{Path(file).stem}.py", *TESTS[group].split()]
-    files = [sorted((tree / name).glob("test_*.py")) if (tree / name).is_dir() else [tree / name] for name in named]
-    return list(dict.fromkeys(str(file.relative_to(tree)) for some in files for file in some if file.exists()))
+    own = str(Path(file).parent / f"test_{Path(file).name}")
+    tests = TESTS[max((start for start in TESTS if file.startswith(start)), key=len)]
+    return _files(tree, [own, *tests.split()])
+
+
+def _files(tree: Path, names: list[str]) -> list[str]:
+    """Files of tests, those of a folder for the folder, each once and in order."""
+    paths = [tree / "tests" / name for name in names]
+    files = [path for one in paths for path in (sorted(one.glob("test_*.py")) if one.is_dir() else [one])]
+    return list(dict.fromkeys(str(file.relative_to(tree)) for file in files if file.exists()))
 
 
 def main() -> None:
@@ -206,14 +232,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(options.tree, tree, ignore=shutil.ignore_patterns(".git", ".venv", "runs"))
-        everything = dict.fromkeys(test for group in TESTS for test in tests_of(tree, group, "none/none.py"))
-        if failed := noticed(tree, list(everything), len(TESTS) * options.limit):
+        everything = _files(tree, " ".join(TESTS.values()).split())
+        if not done and (failed := noticed(tree, everything, len(TESTS) * options.limit)):
             sys.exit(f"{failed} fails without any change")
-        for count, (group, file, line, before, after, text) in enumerate(chosen[done:], done + 1):
-            began, original = time.monotonic(), (tree / file).read_text()
-            (tree / file).write_text(text)
-            killer = noticed(tree, tests_of(tree, group, file), options.limit)
-            (tree / file).write_text(original)
+        for count, (file, line, before, after, text) in enumerate(chosen[done:], done + 1):
+            began, original = time.monotonic(), (tree / PACKAGE / file).read_text()
+            (tree / PACKAGE / file).write_text(text)
+            killer = noticed(tree, tests_of(tree, file), options.limit)
+            (tree / PACKAGE / file).write_text(original)
             record = {"file": file, "line": line, "before": before, "after": after, "killed_by": killer}
             record["seconds"] = round(time.monotonic() - began, 1)
             with options.out.open("a") as out:
