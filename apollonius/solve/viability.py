@@ -21,7 +21,7 @@ _ROUNDS = 1000
 """Draws of as many starts as are wanted, before it is said that hardly any is viable."""
 
 
-class Kept(eqx.Module):
+class TableRoom(eqx.Module):
     """The room [m] that a robot can keep, from a table alone: for robots that do not stop when they brake."""
 
     grid: Grid
@@ -39,8 +39,8 @@ class Viability(eqx.Module):
         pursuer, evader: how each robot's room is found.
     """
 
-    pursuer: Backup | Kept
-    evader: Backup | Kept
+    pursuer: Backup | TableRoom
+    evader: Backup | TableRoom
 
     def __call__(self, state: GameState) -> Bool[Array, ""]:
         """Whether neither robot is lost."""
@@ -69,11 +69,11 @@ def _solve(game: Game) -> Viability:
     return Viability(pursuer, pursuer if game.evader == game.pursuer else _judge(game, Role.EVADER))
 
 
-def _judge(game: Game, role: Role) -> Backup | Kept:
+def _judge(game: Game, role: Role) -> Backup | TableRoom:
     body = game.body(role)
     grid, hold = reference_grid(game, role)
     table = solve_safety(game, role, grid, hold).table
-    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else Kept(grid, table)
+    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableRoom(grid, table)
 
 
 @eqx.filter_jit

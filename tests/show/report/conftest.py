@@ -12,11 +12,29 @@ from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
 from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run
+from apollonius.solve import viability
+from apollonius.solve.grid import make_grid
+from apollonius.solve.reference import reference_grid
 from tests.learn.tiny import RUN
 
 
-@pytest.fixture(scope="session")
-def finished_run(tmp_path_factory):
+@pytest.fixture(scope="package")
+def coarsely_viable_starts():
+    """Robots that cannot stop take hundreds of sweeps on the reference grid; a coarse one does for games to show."""
+
+    def coarse(game, role):
+        grid, hold = reference_grid(game, role)
+        return make_grid(game.arena, game.body(role), (17, 17, 3, grid.counts[3])), hold
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(viability, "reference_grid", coarse)
+        viability._remembered.cache_clear()
+        yield
+    viability._remembered.cache_clear()
+
+
+@pytest.fixture(scope="package")
+def finished_run(tmp_path_factory, coarsely_viable_starts):
     """The smallest training of both stages, judged in one match. Not to be written into."""
     folder = tmp_path_factory.mktemp("runs") / "tiny"
     create_run(RUN, folder)
