@@ -44,7 +44,7 @@ def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
     """The package's player, from the state on; its weights are constants of the compiled function."""
 
     @jax.jit
-    def play(state):
+    def play(state: jax.Array) -> jax.Array:
         rows = state if role == Role.PURSUER else jnp.roll(state, 4)
         seen = player.observation(look(game, as_state(rows, jnp.asarray(0)), role))
         action = player(seen, jnp.uint32(0))

@@ -88,6 +88,8 @@ def mutants(source: str) -> Iterator[tuple[int, str, str, str]]:
     for node in _nodes(ast.parse(source), inside=False):
         before = ast.unparse(node)
         for changed in _changes(node):
+            assert node.end_lineno is not None
+            assert node.end_col_offset is not None
             begin = starts[node.lineno - 1] + node.col_offset
             end = starts[node.end_lineno - 1] + node.end_col_offset
             text = raw[:begin] + b"(" + changed.encode() + b")" + raw[end:]
@@ -130,8 +132,8 @@ def _changes(node: ast.expr) -> Iterator[str]:
             changed = ast.Constant(value + 1)
         case ast.IfExp():
             changed.body, changed.orelse = changed.orelse, changed.body
-        case ast.Call(func=ast.Attribute(attr=name)) if name in NAMES:
-            changed.func.attr = NAMES[name]
+        case ast.Call(func=ast.Attribute(attr=name) as function) if name in NAMES:
+            function.attr = NAMES[name]
         case ast.Call(func=ast.Attribute(attr="where"), args=[_, first, second]):
             changed.args[1:] = [second, first]
         case _:

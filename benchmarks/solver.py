@@ -53,7 +53,7 @@ def main() -> None:
     def worth(index: jax.Array, action: int, later: jax.Array) -> jax.Array:
         return jnp.where(side.free[index, action], later, 0.0)
 
-    sweep = jax.jit(lambda table: side.image.backup(table, worth))
+    sweep = jax.jit(lambda table: side.transitions.backup(table, worth))
     once = seconds(lambda: sweep(alone))
     print(f"one robot on {grid.name}: {once * 1e3:.1f} ms of CPU time a sweep, ", end="")
     print(f"{grid.size * NUM_ACTIONS / once / 1e6:,.0f} M backups/s")

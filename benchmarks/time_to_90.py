@@ -17,9 +17,9 @@ from collections.abc import Iterator
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import stable_baselines3
-import torch
-from stable_baselines3.common.callbacks import BaseCallback
+import stable_baselines3  # pyright: ignore[reportMissingImports]
+import torch  # pyright: ignore[reportMissingImports]
+from stable_baselines3.common.callbacks import BaseCallback  # pyright: ignore[reportMissingImports]
 
 from apollonius.adapters.gymnasium import OneSide
 from apollonius.agents.greedy import Greedy
@@ -55,13 +55,12 @@ def apollonius_curve(seed: int) -> Iterator[tuple[float, int, float]]:
     """Seconds of training, env steps and captures: stage 1, profile `fast`."""
     plan, game = Plan(PROFILES["fast"], STAGE), STAGE.rewarded(make_game("paper"))
     still = solo(find_player("still", Role.EVADER).policy)
+    fixed = {Role.EVADER: still}
 
     def start(seed: int) -> object:
         return start_fixed_target(plan, game, jax.random.key(seed), still)
 
-    jax.block_until_ready(
-        play_and_learn(plan, game, start(seed + 1), {Role.EVADER: still})
-    )  # compiled once, and thrown away
+    jax.block_until_ready(play_and_learn(plan, game, start(seed + 1), fixed))  # compiled once, and thrown away
     state, spent = start(seed), 0.0
     for chunk in range(1, plan.chunks + 1):
         began = time.process_time()
@@ -87,7 +86,7 @@ def stable_baselines_curve(seed: int, seconds: float) -> list[tuple[float, int, 
     )  # fmt: skip
     judge(as_network(model))  # compiled
 
-    class Look(BaseCallback):
+    class Look(BaseCallback):  # pyright: ignore[reportUntypedBaseClass]
         """Stops the clock, judges, starts it again."""
 
         paused = 0.0

@@ -10,7 +10,6 @@ from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 
@@ -74,7 +73,9 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         live = self._live
         if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        live.step(BySide.of(self._role, action, live.idle).pair, self._bits())
+        actions: list[Any] = [live.idle, live.idle]
+        actions[self._role] = action
+        live.step(actions, self._bits())
         self._view.follow()
         reward = live.rewards[self._role]
         return live.observation(self._role), reward, live.terminated, live.truncated, {"outcome": live.outcome}

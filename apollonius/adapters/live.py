@@ -1,5 +1,6 @@
 """One game under way behind one compiled call: what the interfaces to a single game share."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -66,7 +67,7 @@ class LiveGame:
         """Begin a new game; random bits decide where."""
         self._take(self._begin(bits), 0)
 
-    def step(self, actions: tuple[Any, Any], bits: np.uint32 = _NO_BITS) -> None:
+    def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:
         """Both sides hold their actions for one step; that of a side played from inside is not looked at.
 
         Args:
