@@ -23,7 +23,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import RobotState, Role
+from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe import paper
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.view import Views, look
@@ -197,6 +197,20 @@ def test_games_are_guarded_together_as_each_alone(game, policy):
     held_back = differs.reshape(500, -1).any(axis=1).sum()
     assert 8 < held_back < 492
     assert held_back % 8
+
+
+def test_where_all_are_held_back_none_is_forgotten():
+    """A dozen robots at full speed 1.25 m before a wall, where only braking and turning at once will do."""
+    game, count = Game(), 12
+    player = shielded(Greedy(NETWORK), game, Role.PURSUER)
+    y = jnp.linspace(4.5, 5.5, count)
+    robots = [
+        jax.vmap(RobotState)(jnp.full(count, at), y, jnp.full(count, v), jnp.zeros(count))
+        for at, v in ((8.75, 1.2), (1.0, 0.0))
+    ]
+    states = jax.vmap(GameState.of_two)(*robots, jnp.zeros(count, jnp.int32))
+    together = eqx.filter_jit(player.together)(Views(game, states, Role.PURSUER), jnp.zeros(count, jnp.uint32))
+    assert set(np.asarray(together).tolist()) <= {0, 2}
 
 
 @pytest.mark.parametrize("v_min", [0.2, -0.5], ids=["drives on", "goes backwards"])

@@ -141,3 +141,22 @@ def test_a_terminated_game_is_worth_nothing_beyond_its_end():
 
 def test_a_truncated_game_is_valued_where_it_stopped():
     assert three_steps(truncated=True) == pytest.approx((1 + 0.9 * 10, 0.9**2, 1.5))
+
+
+def test_only_games_that_are_broken_off_are_cut_and_only_where_they_go_on():
+    """In the latest row the first of three games was ended by the rules and the last one by the time limit."""
+    history = play(np.random.default_rng(5), ROWS + 3)
+    for game, (terminated, truncated) in enumerate([(True, False), (False, False), (False, True)]):
+        history[-1][game].terminated, history[-1][game].truncated = terminated, truncated
+    memory = remember(history)
+    latest = (int(memory.head) - 1) % ROWS
+    for broken_off, expected in (
+        ([True, True, True], [False, True, True]),
+        ([True, False, False], [False, False, True]),
+        ([False, True, False], [False, True, True]),
+    ):
+        cut = replay_buffer.cut(memory, jnp.array(broken_off))
+        assert np.asarray(cut.rows.truncated[latest]).tolist() == expected
+        others = np.arange(ROWS) != latest
+        np.testing.assert_array_equal(cut.rows.truncated[others], memory.rows.truncated[others])
+        np.testing.assert_array_equal(cut.rows.terminated, memory.rows.terminated)
