@@ -221,7 +221,7 @@ def with_less(words, options):
     if "sac" in words:
         return None  # whose usual networks are large: tests/learn trains it
     # Where games are recorded, those that are named later must be among them.
-    changes = {"--games": "8"} if "games" in options and not options.get("record") else {}
+    changes = {"--games": "8"} if "games" in options and what != "show" and not options.get("record") else {}
     if what == "train":
         changes = {"--config": "tiny.toml"}
         rest = [word for word in rest if word not in ("--preset", "quick")]
