@@ -4,23 +4,22 @@ A job is a function that can be imported by its name, leaves its results in file
 it does not matter where it runs, nor how often it is begun.
 """
 
-import multiprocessing
 import os
 import queue
 import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
-from multiprocessing.context import SpawnProcess
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apollonius.compilations import keep_compilations
 from apollonius.errors import InvalidInput, require
 from apollonius.interrupts import answer, listen
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnProcess
 
 LOST_WORKERS = 10
 """How often Ray begins a job again whose worker was lost."""
@@ -65,6 +64,10 @@ def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], 
 
 def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
     """As many at a time as there are cores."""
+    import multiprocessing
+    from concurrent.futures import ThreadPoolExecutor, as_completed
+    from multiprocessing import resource_tracker
+
     free: queue.SimpleQueue[int] = queue.SimpleQueue()
     for core in cores:
         free.put(core)
@@ -111,7 +114,7 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
         signal.signal(signal.SIGINT, before)
 
 
-def _tell(process: SpawnProcess) -> None:
+def _tell(process: "SpawnProcess") -> None:
     """Send a Ctrl-C to a process that is still at work."""
     if process.pid is not None and process.is_alive():
         os.kill(process.pid, signal.SIGINT)

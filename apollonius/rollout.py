@@ -138,7 +138,7 @@ def collect(
     batch = games.state.steps.shape[0]
 
     def sample(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
-        """Words for the actions and for the next members of the pools; lone members need none of their own."""
+        """Random bits for the actions and for the next members of the pools; lone members need none of their own."""
         kinds = 2 if any(pool.samples for pool in players) else 1
         bits = random_bits(step_key, (2 * kinds, batch))
         return bits[:2], bits[-2:]

@@ -49,7 +49,7 @@ def main() -> None:
     game = apollonius.make_game("paper")
     table = table_player(options.table, game)
     role = table.zero_sum_game.role
-    agent = apollonius.find_player(options.agent, Role(1 - role), game).policy
+    agent = apollonius.find_player(options.agent, role.other, game).policy
     moving = replace(game, starts=replace(game.starts, speed="moving"))
     players = {"by the table": table, "knowing the agent": ResponsePolicy(table.zero_sum_game, table.table, agent)}
     for name, player in players.items():

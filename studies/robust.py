@@ -42,7 +42,7 @@ ROBUST = "robust"
 
 
 def kept_comparison(folder: Path, match: Match) -> Comparison:
-    """A match by the rules and with bodies, kept and refused as `kept_match` does."""
+    """A match by the rules and with bodies, kept and refused as `cached_match` does."""
 
     def play() -> Comparison:
         return compare(match, play_games(match), simulate_match(match, Drive()))

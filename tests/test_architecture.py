@@ -243,6 +243,13 @@ def test_an_import_that_does_not_run_on_loading_closes_no_circle(when):
     assert violations(sources) == []
 
 
+def test_the_readmes_picture_names_the_rooms_that_there_are():
+    picture = re.search(r"## How it is built\n\n```text\n(.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL)
+    rooms = set(re.findall(r"[a-z_]+", picture[1].replace("all of them, but", "").replace("the command", "")))
+    assert len(rooms) > 12
+    assert rooms <= set(ARROWS)
+
+
 def walks(document):
     """The files that each walk of a document passes, in order."""
     sections = document.split("\n## ")[1:]

@@ -49,7 +49,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space(actions)
-        other = Role(1 - role)
+        other = role.other
         self._role = role
         self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
         self._view = View(self._live, render_mode)

@@ -50,7 +50,7 @@ class Sitting:
     def answer(self, state: GameState, bits: UInt32[Array, ""]) -> Actions:
         """What the opponent does."""
         bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
-        views = Views(self.game, state, Role(1 - self.role))
+        views = Views(self.game, state, self.role.other)
         return views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), bits)
 
 

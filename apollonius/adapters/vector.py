@@ -70,7 +70,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = self._actions = action_space(actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        player = find_player(opponent, Role(1 - role), game).policy
+        player = find_player(opponent, role.other, game).policy
         self._mode = mode
         # The game is a constant of what is compiled.
         sitting = Sitting(game, role, find_observation(observation), player, num_envs, mode)

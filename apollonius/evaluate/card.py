@@ -13,7 +13,7 @@ from apollonius.agents.kind import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.by_side import BySide
+from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
@@ -104,7 +104,7 @@ def measure_card(
         answer = replace(match, players=both, games=response_games)
         lost_to = play_games(answer, report=partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
-    own_starts = (starts.pursuer, starts.evader)[role]
+    own_starts = one_each(starts.robots)[role]
     return Card(
         role=role.name.lower(),
         games=match.games,

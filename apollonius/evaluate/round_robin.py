@@ -28,7 +28,7 @@ class RoundRobin:
         games: in each match, all on the same starts.
         seed: of the starts.
         game: by whose rules.
-        play: plays a match and keeps it, or reads what was kept; called as `kept_match` is.
+        play: plays a match and keeps it, or reads what was kept; called as `cached_match` is.
         apart: names on both sides whose players, among themselves, meet only the one of their own name.
     """
 
@@ -73,7 +73,7 @@ class RoundRobin:
         return {pair: self.result(*pair) for pair in pairs}
 
     def tournament(self) -> Tournament:
-        """All matches of `kept_match`, where everyone meets everyone."""
+        """All matches of `cached_match`, where everyone meets everyone."""
         pursuers, evaders = (tuple(names) for names in self.entrants)
         rows = tuple(tuple(self.result(name, evader) for evader in evaders) for name in pursuers)
         return Tournament(pursuers, evaders, rows)

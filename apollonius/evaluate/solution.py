@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.shield import BRAKING
+from apollonius.game.by_side import one_each
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.playout import sample_starts
@@ -38,11 +39,11 @@ def about(solution: Solution, game: Game) -> dict[str, Any]:
 
 def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     """Which of the game's moving starts are lost: by the table, and by the manoeuvres that it steers."""
-    body = (game.pursuer, game.evader)[role]
+    body = game.body(role)
     grid = make_grid(game.arena, body, tuple(solution.problem.counts))
     moving = replace(game, starts=replace(game.starts, speed="moving"))
     starts = sample_starts(moving, jax.random.key(0), STARTS)
-    robots = (starts.pursuer, starts.evader)[role]
+    robots = one_each(starts.robots)[role]
     if not body.brakes_to_rest:
         kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
         return {"moving starts lost, by the table": float(np.mean(np.asarray(kept) < 0))}

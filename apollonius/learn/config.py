@@ -11,6 +11,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents.seats import seat_games
 from apollonius.limits import GAMES, SEED
 
 
@@ -112,7 +113,7 @@ class RunConfig:
         SEED.require("seed", self.seed)
         require_positive(self, "devices")
         past, games = self.self_play.opponents, self.learner.games
-        seated = past.share == 0 or int(past.share * games) >= 2 * past.seats
+        seated = past.share == 0 or seat_games(past, games) > 0
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
         longest = games * self.game.max_steps
         require(

@@ -19,6 +19,7 @@ from jaxtyping import Array, Int
 
 from apollonius.errors import require
 from apollonius.learn.config import SelfPlayConfig
+from apollonius.learn.opponents.seats import seat_games
 from apollonius.learn.train_state import DEVICE_AXIS, Plan
 
 T = TypeVar("T")
@@ -45,7 +46,7 @@ def share(plan: Plan, devices: int) -> Plan:
     stage = replace(plan.stage, env_steps=-(-plan.stage.env_steps // devices))
     if isinstance(stage, SelfPlayConfig):
         past = stage.opponents
-        enough = past.share == 0 or int(past.share * own.games) >= 2 * past.seats
+        enough = past.share == 0 or seat_games(past, own.games) > 0
         bound = f"more, so that {past.scheme} has games for its seats on {devices} devices"
         require(enough, "games", plan.learner.games, bound)
         stage = replace(stage, opponents=replace(past, renewal=max(1, past.renewal // devices)))

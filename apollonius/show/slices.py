@@ -132,7 +132,7 @@ def save_slice(
             _draw_opponent(axes, role, opponent, float(game.capture_distance))
         left.set_title(f"{name}: value of its best action\nat {_motion(*own)}")
         motion = _motion(float(opponent.v), float(opponent.heading))
-        other = Role(1 - role).name.lower()
+        other = role.other.name.lower()
         right.set_title(f"{name}: its best action\n{other} at ({place[0]:g}, {place[1]:g}) m, {motion}")
 
 

@@ -31,16 +31,16 @@ def save_solution_maps(solution: Solution, game: Game, path: Path) -> None:
     other one may do.
     """
     problem, role = solution.problem, Role[solution.problem.role.upper()]
-    bodies = (game.pursuer, game.evader)
-    own, other = (make_grid(game.arena, body, tuple(problem.counts)) for body in (bodies[role], bodies[Role(1 - role)]))
+    bodies = game.body(role), game.body(role.other)
+    own, other = (make_grid(game.arena, body, tuple(problem.counts)) for body in bodies)
     if problem.kind == "game":
-        maps = _of_a_game(solution, own, other, _room(game, other) > float(bodies[Role(1 - role)].radius))
+        maps = _of_a_game(solution, own, other, _room(game, other) > float(bodies[1].radius))
     else:
         table = np.asarray(solution.table, np.float32)
         maps = _of_safety(table, own) if problem.kind == "safety" else _of_reach(table, own)
     with style.picture(path, columns=2, width=4.8, height=5.4) as panels:
         for axes, (title, meaning, numbers) in zip(panels, maps, strict=True):
-            _draw(axes, game, own, numbers, meaning, float(bodies[role].radius))
+            _draw(axes, game, own, numbers, meaning, float(bodies[0].radius))
             axes.set_title(f"{problem.kind} of the {role.name.lower()}, {own.name} nodes\n{title}")
             if problem.target is not None:
                 axes.plot(*problem.target, "*", color=palette.OTHER, markersize=10, markeredgecolor=palette.PAPER)

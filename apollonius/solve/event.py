@@ -91,7 +91,7 @@ def first_events(
 
 def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
     """Each step of some courses of one robot, leaves `[steps, n, games]`."""
-    body, arena = (game.pursuer, game.evader)[role], game.arena
+    body, arena = game.body(role), game.arena
 
     def judged(before: RobotState, after: RobotState) -> Alone:
         arrives = arena.reaches_territory(before, after) if arena.territory and role == Role.EVADER else None

@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from apollonius.errors import require
-from apollonius.game.types import NUM_ACTIONS, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Scalar
 from apollonius.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.grid import FEWER_NODES
@@ -76,7 +76,7 @@ def make_sides(zero_sum_game: ZeroSumGame, bytes_per_pair: int) -> tuple[Side, S
     own, other = zero_sum_game.grids
     require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
     require_memory("grid", own.name, own.size * other.size * bytes_per_pair, FEWER_NODES)
-    roles = (zero_sum_game.role, Role(1 - zero_sum_game.role))
+    roles = (zero_sum_game.role, zero_sum_game.role.other)
     first, second = (
         make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
         for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)

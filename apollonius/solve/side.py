@@ -36,7 +36,7 @@ def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0)
 
     Args:
         hold: control steps for which an action is held.
-        slack: turns within this many cells of a whole number of them are taken for it (`image_of`).
+        slack: turns within this many cells of a whole number of them are taken for it (`transition_map_of`).
 
     Raises:
         InvalidInput: unless an action is held for at least one step.

@@ -28,7 +28,7 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
         solved = solve_duel(make_duel(zero_sum_game_of(problem, game)), report)
         return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
     role = Role[problem.role.upper()]
-    grid = make_grid(game.arena, (game.pursuer, game.evader)[role], tuple(problem.counts))
+    grid = make_grid(game.arena, game.body(role), tuple(problem.counts))
     if problem.target is None:
         solved = solve_safety(game, role, grid, problem.hold, report)
     else:
