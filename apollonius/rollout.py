@@ -15,7 +15,7 @@ from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_hand
 from apollonius.agents.pool import PersistentNoise, Pool, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, GameState, Role
+from apollonius.game.types import ROLES, Actions, GameState, Role
 from apollonius.observe.view import Views
 from apollonius.random_bits import fold_in, random_bits
 
@@ -89,12 +89,23 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
 
+    def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> Actions:
+        return players[role].act(games.sides[role].member, seen, bits[role])
+
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
-        seen = ROLES.map(lambda role: jax.vmap(with_sensor_noise, in_axes=(0, 0, None))(state, bits[role], disturbance))
-        return ROLES.map(lambda role: players[role].observation.together(Views(game, seen[role], role)))
+        noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
+        noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
+
+        def seen(role: Role, announced: Actions | None = None) -> Any:
+            return players[role].observation.together(Views(game, noisy[role], role, announced))
+
+        def told(role: Role) -> Any:
+            return seen(role, act(role.other, seen(role.other), bits))
+
+        return ROLES.map(lambda role: (told if players[role].observation.is_told else seen)(role))
 
     seen = sees(games.state, bits)
-    actions = ROLES.map(lambda role: players[role].act(games.sides[role].member, seen[role], bits[role]))
+    actions = ROLES.map(lambda role: act(role, seen[role], bits))
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
     next_seen = sees(after.state, ~bits)

@@ -21,12 +21,15 @@ class Reward(eqx.Module):
             evader reaches a territory.
         failure: taken from a robot that hits an obstacle or leaves the walls (Eq. 8, 9).
         progress: weight c of the change in distance, per metre (Eq. 8, 9).
+        zero_sum_within: how far [m] the robots' progress is zero-sum: beyond it the evader, too, is paid for coming
+            closer (the partial zero-sum reward of Zhong et al., "AD-VAT", ICLR 2019); None is everywhere, as in Eq. 9.
     """
 
     profile: Literal["paper", "zero-sum"] = eqx.field(static=True, default="paper")
     capture: Real = 10.0
     failure: Real = 10.0
     progress: Real = 3.0
+    zero_sum_within: Real | None = None
 
     @property
     def time_limit_wins(self) -> bool:
@@ -52,7 +55,11 @@ class Reward(eqx.Module):
         evader_failed = both | (outcome == Outcome.EVADER_HIT_OBSTACLE) | (outcome == Outcome.EVADER_OUT_OF_RANGE)
         captured, reached = outcome == Outcome.CAPTURED, outcome == Outcome.TERRITORY_REACHED
         closing = self.progress * (distance_before - distance_after)
+        leaving = -closing
+        if (within := self.zero_sum_within) is not None:
+            beyond = jnp.maximum(distance_after - within, 0.0) - jnp.maximum(distance_before - within, 0.0)
+            leaving = leaving - 2 * self.progress * beyond
         prize = jnp.where(captured, self.capture, -self.capture)
         pursuer = jnp.where(captured | reached, prize, jnp.where(pursuer_failed, -self.failure, closing))
-        evader = jnp.where(captured | reached, -prize, jnp.where(evader_failed, -self.failure, -closing))
+        evader = jnp.where(captured | reached, -prize, jnp.where(evader_failed, -self.failure, leaving))
         return BySide(pursuer, evader)

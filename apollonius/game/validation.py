@@ -46,6 +46,9 @@ def check_game(game: "Game") -> None:
         return
     _check_finite(game)
     require(game.reward.profile in ("paper", "zero-sum"), "reward.profile", game.reward.profile, "paper or zero-sum")
+    within = game.reward.zero_sum_within
+    bound = "more than 0 m, or left out for everywhere"
+    require(within is None or within > 0, "reward.zero_sum_within", within, bound)
     require(game.starts.speed in ("rest", "moving"), "starts.speed", game.starts.speed, "rest or moving")
     require(np.float32(game.dt) > 0, "dt", game.dt, "more than 0 s; the paper game uses 0.1")
     capture = game.capture_distance
@@ -67,11 +70,11 @@ def check_game(game: "Game") -> None:
 
 
 def _numbers(game: "Game") -> list[tuple[str, Any]]:
-    """All its numbers by name, but for a map's field of distances and what an arena need not have."""
+    """All its numbers by name, but for a map's field of distances and what a game need not have."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
-    left_out = {("arena.map", True), ("arena.territory", True), ("scenario", True), ("arena.map.field", False)}
-    return [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
+    left_out = {(name, True) for name in ("arena.map", "arena.territory", "scenario", "reward.zero_sum_within")}
+    return [(name, leaf) for name, leaf in named if (name, leaf is None) not in {*left_out, ("arena.map.field", False)}]
 
 
 def _check_finite(game: "Game") -> None:

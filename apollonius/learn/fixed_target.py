@@ -36,7 +36,7 @@ def start_fixed_target(
     network_key, stage_key = jax.random.split(key)
     if device is not None:
         stage_key = jax.random.fold_in(stage_key, device)
-    learner = first_learner(plan, network_key, network)
+    learner = first_learner(plan, role, network_key, network)
     return start(plan, game, stage_key, {role: learner}, {role.other: opponents})
 
 

@@ -225,7 +225,7 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     if name is None:
         return None
     network = load_network(name, role)
-    require_fitting(network, config.learner, role.name.lower(), name)
+    require_fitting(network, config.self_play.learner_of(role, config.learner), role.name.lower(), name)
     return network
 
 

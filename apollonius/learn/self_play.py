@@ -47,7 +47,7 @@ def start_self_play(
     *network_keys, stage_key = jax.random.split(key, 3)
     if device is not None:
         stage_key = jax.random.fold_in(stage_key, device)
-    learners = {role: first_learner(plan, network_keys[role], networks[role]) for role in Role}
+    learners = {role: first_learner(plan, role, network_keys[role], networks[role]) for role in Role}
     return start(plan, game, stage_key, learners, {})
 
 

@@ -50,6 +50,10 @@ class Plan:
         """Whom both sides meet where both learn."""
         return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
 
+    def learner_of(self, role: Role) -> LearnerConfig:
+        """How one side learns."""
+        return self.stage.learner_of(role, self.learner)
+
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
@@ -122,7 +126,11 @@ def start(
     start_key, member_key, train_key = jax.random.split(key, 3)
     games = plan.learner.games
     bits = jax.random.bits(member_key, (2, games), jnp.uint32)
-    algorithm, size = algorithm_of(plan.learner), find_observation(plan.learner.observation).size
+    algorithm = algorithm_of(plan.learner)
+
+    def memory(role: Role) -> replay_buffer.ReplayBuffer:
+        size = find_observation(plan.learner_of(role).observation).size
+        return replay_buffer.init(plan.learner.rows, games, size, algorithm.action)
 
     past = None
     if plan.opponents.share > 0:
@@ -133,10 +141,7 @@ def start(
     playing = ROLES.map(lambda role: players(plan, role, networks, fixed, past, jnp.ones(())))
     return TrainState(
         games=begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance),
-        learners={
-            role: LearnerState(learner, replay_buffer.init(plan.learner.rows, games, size, algorithm.action))
-            for role, learner in learners.items()
-        },
+        learners={role: LearnerState(learner, memory(role)) for role, learner in learners.items()},
         key=train_key,
         iterations=jnp.zeros((), jnp.int32),
         env_steps=jnp.zeros((), jnp.int32),
@@ -145,11 +150,11 @@ def start(
     )
 
 
-def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None = None) -> Learner:
-    """A learner that goes on from a network, or from scratch. The key is consumed."""
+def first_learner(plan: Plan, role: Role, key: PRNGKeyArray, network: Network | None = None) -> Learner:
+    """One side's learner that goes on from a network, or from scratch. The key is consumed."""
     algorithm = algorithm_of(plan.learner)
     if network is None:
-        return algorithm.init(plan.learner, key)
+        return algorithm.init(plan.learner_of(role), key)
     return algorithm.start_from(plan.learner, network, key)
 
 

@@ -16,6 +16,9 @@ from apollonius.observe.view import Robot, View, Views
 class Whole:
     """The view itself, for players that follow a rule."""
 
+    is_told: ClassVar[bool] = False
+    """Whether it reads what the opponent does in the step to come, so that it can only be made once that is decided."""
+
     def __call__(self, view: View) -> Any:
         """What is read of a view."""
         return view

@@ -7,10 +7,11 @@ from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.observe.paper import PAPER
 from apollonius.observe.view import look
 
-OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in (PAPER, ENCODED)}
+OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in (PAPER, ENCODED, OPPONENT_AWARE)}
 """By the names that files and configurations have for them."""
 
 

@@ -1,6 +1,7 @@
 """What one robot sees, as it is: bodies, states and the arena, in metres, m/s and radians."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +11,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import Action, Actions, GameState, RobotState, Role, Scalar
 
 
 class Robot(eqx.Module):
@@ -28,12 +29,14 @@ class View(eqx.Module):
         own: the robot itself.
         mates: the other robots of its side.
         opponents: the robots of the other side.
+        announced: the opponent's controls (u1 [m/s^2], u2 [rad/s]) in the step to come, if the robot is told them.
     """
 
     arena: Arena
     own: Robot
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
+    announced: tuple[Scalar, Scalar] | None = None
 
     @property
     def opponent(self) -> Robot:
@@ -67,15 +70,24 @@ class Views(eqx.Module):
         game: the rules.
         states: of the games, leaves `[games]`.
         role: the side.
+        announced: the opponents' actions in the step to come, leaves `[games]`, if the side is told them.
     """
 
     game: Game
     states: GameState
     role: Role = eqx.field(static=True)
+    announced: Actions | None = None
 
     def each(self, function: Callable[..., Any], *rest: Any) -> Any:
         """What a function makes of the view in each of the games, and of the rest, leaves `[games]`: its `vmap`."""
-        return jax.vmap(lambda state, *rest: function(look(self.game, state, self.role), *rest))(self.states, *rest)
+
+        def one(state: GameState, announced: Action | None, *rest: Any) -> Any:
+            view = look(self.game, state, self.role)
+            if announced is not None:
+                view = replace(view, announced=self.game.body(self.role.other).controls(announced))
+            return function(view, *rest)
+
+        return jax.vmap(one)(self.states, self.announced, *rest)
 
 
 def each(function: Callable[..., Any], seen: Any, *rest: Any) -> Any:

@@ -39,6 +39,18 @@ def test_the_evader_is_paid_for_growing_distance():
     assert paid(PAPER, Outcome.ONGOING, before=1.0, after=1.5) == pytest.approx((-1.5, 1.5))
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "pursuer", "evader"),
+    [(2.0, 2.5, -1.0, 1.0), (4.0, 3.5, 1.0, 1.0), (3.0, 3.5, -1.0, -1.0), (2.5, 3.25, -1.5, 0.5)],
+)
+def test_beyond_the_zero_sum_part_the_evader_too_is_paid_for_coming_closer(before, after, pursuer, evader):
+    """Two per metre, zero-sum within 3 m; the last step goes half a metre up to there and a quarter beyond."""
+    reward = Reward(progress=2.0, zero_sum_within=3.0)
+    assert paid(reward, Outcome.ONGOING, before, after) == pytest.approx((pursuer, evader))
+    assert paid(reward, Outcome.CAPTURED, before, after) == (10, -10)
+    assert paid(reward, Outcome.EVADER_HIT_OBSTACLE, before, after) == pytest.approx((pursuer, -10))
+
+
 def test_each_weight_pays_for_its_own_case():
     reward = Reward(capture=7.0, failure=5.0, progress=2.0)
     assert paid(reward, Outcome.CAPTURED) == (7, -7)

@@ -41,6 +41,14 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
         (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
+        (SelfPlayConfig, {"zero_sum_within": 0.0}, "zero_sum_within = 0.0 .*more than 0 and finite"),
+        (SelfPlayConfig, {"zero_sum_within": math.inf}, "zero_sum_within = inf .*more than 0 and finite"),
+        (SelfPlayConfig, {"evader_observation": "raster"}, "observation = raster .*paper, encoded, opponent-aware"),
+        (
+            RunConfig,
+            {"dqn": DQNConfig(observation="opponent-aware")},
+            "observation = opponent-aware .*one side at most",
+        ),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
     ],
@@ -54,7 +62,12 @@ def test_the_replay_that_is_asked_for_is_enough():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
 
 
-@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)
+ASYMMETRIC = replace(
+    PRESETS["quick"], self_play=SelfPlayConfig(zero_sum_within=2.0, evader_observation="opponent-aware")
+)
+
+
+@pytest.mark.parametrize("config", [*PRESETS.values(), ASYMMETRIC], ids=[*PRESETS, "asymmetric"])
 def test_a_config_comes_back_from_its_file(config, tmp_path):
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
@@ -93,6 +106,15 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
     config = DQNConfig(games=games, env_steps_per_update=env_steps_per_update)
     assert (config.steps_per_iteration, config.updates_per_iteration) == (steps, updates)
     assert config.env_steps_per_iteration == env_steps_per_update * updates
+
+
+def test_the_zero_sum_part_of_a_stage_is_its_own_or_else_the_games():
+    game = PRESETS["quick"].game
+    bounded = replace(game, reward=replace(game.reward, zero_sum_within=4.0))
+    assert ASYMMETRIC.self_play.rewarded(game).reward.zero_sum_within == 2.0
+    assert ASYMMETRIC.self_play.rewarded(bounded).reward.zero_sum_within == 2.0
+    assert SelfPlayConfig().rewarded(bounded).reward.zero_sum_within == 4.0
+    assert SelfPlayConfig().rewarded(game) == replace(game, reward=replace(game.reward, progress=1.0))
 
 
 def test_the_paper_profile_is_plain_dqn():
