@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from apollonius.learn.config import RunConfig, SelfPlayConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.opponents.schemes import SCHEMES
+from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style
 from apollonius.show.curves import draw_lines
@@ -39,6 +41,15 @@ SHORT = DQNConfig(averaging=1e-3, games=256)
 half the games, seats can be drawn anew twice as often and still let every game come to its end."""
 GENTLE = replace(SHORT, learning_rate=1e-4)
 """The same for agents that are good already, which larger steps would first spoil."""
+
+ZERO_SUM_WITHIN = 3.0
+"""Distance [m] of a partial zero-sum reward: a third of the paper's arena."""
+VARIANTS: dict[str, dict[str, Any]] = {
+    "partial-zero-sum": {"zero_sum_within": ZERO_SUM_WITHIN},
+    "opponent-aware": {"evader_observation": OPPONENT_AWARE.name},
+    "ad-vat": {"zero_sum_within": ZERO_SUM_WITHIN, "evader_observation": OPPONENT_AWARE.name},
+}
+"""What a stage has otherwise than `latest`: the evader of AD-VAT (the paper's reference [14]), and its parts alone."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +78,20 @@ Measurements = Mapping[str, Sequence[Measured]]
 def run_config(
     scheme: str, seed: int, env_steps: int, pursuer: str = "P_stage1", evader: str | None = None
 ) -> RunConfig:
-    """Self-play that goes on from a pursuer and, if it is given, from an evader. Both agents are kept six times."""
+    """Self-play that goes on from a pursuer and, if it is given, from an evader. Both agents are kept six times.
+
+    Args:
+        scheme: whom both sides meet, or one of `VARIANTS`.
+    """
+    variant = VARIANTS.get(scheme, {})
     stage = SelfPlayConfig(
         env_steps=env_steps,
         evader_epsilon=SelfPlayConfig.evader_epsilon if evader is None else SelfPlayConfig.pursuer_epsilon,
         evaluations=6,
         evaluation_games=200,
         snapshots=6,
-        opponents=OpponentConfig(scheme=scheme, versions=8, renewal=262_144),
+        opponents=OpponentConfig(scheme="latest" if variant else scheme, versions=8, renewal=262_144),
+        **variant,
     )
     dqn = SHORT if evader is None else GENTLE
     return RunConfig(seed=seed, stages="self-play", dqn=dqn, self_play=stage, pursuer=pursuer, evader=evader)
@@ -85,7 +102,10 @@ class Schemes(driver.AbstractStudy):
     """Runs of self-play, one for each scheme and seed, and how thoroughly they are judged."""
 
     name = "schemes"
-    schemes: Sequence[str] = driver.option(SCHEMES, type=str, nargs="+", choices=SCHEMES, metavar="SCHEME")
+    schemes: Sequence[str] = driver.option(
+        SCHEMES, type=str, nargs="+", choices=(*SCHEMES, *VARIANTS), metavar="SCHEME",
+        help=f"of {', '.join(SCHEMES)} (default: these), {', '.join(VARIANTS)}",
+    )  # fmt: skip
     seeds: int = driver.option(3)
     env_steps: int = driver.option(4_000_000, help="length of each training")
     pursuer: str = driver.option("P_stage1", help="whom pursuers go on from (default: %(default)s)")

@@ -82,6 +82,15 @@ def test_every_scheme_has_the_same_budget_and_start():
     assert rounds >= configs[0].game.max_steps, "a game of a seat comes to its end before the seats are drawn anew"
 
 
+def test_variants_are_latest_but_for_what_the_evader_is_paid_and_told():
+    latest = schemes.run_config("latest", 1, 4_000_000)
+    paid, told, both = (schemes.run_config(name, 1, 4_000_000) for name in schemes.VARIANTS)
+    assert paid.self_play == replace(latest.self_play, zero_sum_within=3.0)
+    assert told.self_play == replace(latest.self_play, evader_observation="opponent-aware")
+    assert both.self_play == replace(paid.self_play, evader_observation="opponent-aware")
+    assert all(replace(config, self_play=latest.self_play) == latest for config in (paid, told, both))
+
+
 @pytest.mark.slow
 def test_a_judgement_that_was_stopped_goes_on(runs, study):
     run = runs[0]
