@@ -31,8 +31,8 @@ class Edges(eqx.Module):
     def clearances_along(self, before: Sequence[RobotState], after: Sequence[RobotState]) -> list[Scalar]:
         """Least clearance [m] on each of some segments between two states.
 
-        It is that of `Polygons.clearance_along`, but for the depth of the beginning where that is inside: on a way of
-        many segments it is the end of another one.
+        It is that of `Polygons.clearance_along`, but for the clearance of the beginning: on a way of many segments that
+        is the end of another one.
         """
         segments = [_Segment.between(*ends) for ends in zip(before, after, strict=True)]
         looked, _ = jax.lax.scan(lambda some, here: ([one.beside(here) for one in some], None), segments, self)

@@ -51,6 +51,18 @@ def test_every_body_has_its_clearance_from_walls_and_discs(near, apart, moving):
             assert room.min() > 0.3 - 1e-5
 
 
+@pytest.mark.parametrize("short", [0, 1, 2])
+def test_what_is_asked_for_is_enough_and_less_is_not(short):
+    """Along the lower wall, in quarters of a metre, so that nothing is rounded: of either robot and between them."""
+    starts, body = Starts(clearance=0.5, separation=2.0), Unicycle(radius=0.25)
+    places = [1.0, 0.75, 3.0, 0.75]
+    assert bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
+    places[short] += [0.25, -0.25, -0.25][short]
+    assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
+    places[:] = [1.0, 0.75, 3.0, 0.75 - 2**-20]
+    assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
+
+
 @pytest.mark.parametrize(("name", "separation"), [("apart", 5.0), ("moving", 1.0)])
 def test_robots_start_at_least_the_separation_apart(name, separation, request):
     states = request.getfixturevalue(name)

@@ -20,7 +20,7 @@ from tests.solve.small import SMALL
 STEPS, GAMES = 8, 12
 FAST = Unicycle(v_max=1.5, radius=0.1)
 GAME = replace(
-    SMALL, pursuer=FAST, evader=FAST, max_steps=10_000, arena=replace(SMALL.arena, territory=Disc(-0.6, 3.6, 0.3))
+    SMALL, pursuer=FAST, evader=FAST, max_steps=10_000, arena=replace(SMALL.arena, territory=Disc(1.4, 3.0, 0.4))
 )
 ACTIONS = (0, 4, 7)
 
@@ -82,6 +82,7 @@ def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules(expec
             assert float(seconds[a, b, game]) == pytest.approx(steps * GAME.dt)
             seen.add(name)
     assert len(seen) >= 6, seen
+    assert "TERRITORY_REACHED" in seen
 
 
 def in_game(courses, action, game):

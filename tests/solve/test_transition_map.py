@@ -87,6 +87,8 @@ def test_a_robot_of_other_limits_has_a_reference_grid_too():
     assert hold == 1
     assert odd.pursuer.brakes_to_rest is False
     assert grid.counts[2] >= 2
+    backwards = Game(pursuer=Unicycle(v_min=-0.6))  # 1.8 m/s in steps of 0.3 m/s^2 x 0.5 s
+    assert reference_grid(backwards, Role.PURSUER)[0].counts[2] == 13
     wide = Game(arena=Arena(x_max=200.0), dt=0.01)
     assert reference_grid(wide, Role.PURSUER)[0].counts[:2] == (101, 51)
     assert reference_grid(wide, Role.PURSUER)[1] == 50
