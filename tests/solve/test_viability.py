@@ -8,7 +8,6 @@ from apollonius.game.presets import make_game
 from apollonius.solve.grid import make_grid
 from apollonius.solve.viability import TableRoom, Viability
 
-
 GAME = make_game("paper")
 GRID = make_grid(GAME.arena, GAME.pursuer, (2, 2, 2, 4))
 
