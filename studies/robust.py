@@ -26,7 +26,7 @@ from apollonius.game.types import Role
 from apollonius.jobs import Job
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
-from apollonius.reproduce.finding import Finding, mean_shares, outcome_table
+from apollonius.reproduce.finding import Finding, Shares, outcome_shares, outcome_table
 from apollonius.show.markdown import markdown_table, mean_over_seeds
 from apollonius.simulate.comparison import Comparison, compare
 from apollonius.simulate.drive import Drive
@@ -146,10 +146,10 @@ def _failures(found: Comparisons, role: Role, own: str, opponent: str) -> dict[s
 
 
 def outcomes(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str]) -> str:
-    """How the games of both agents that training went on from end, those of the seeds, in the mean over these, and
-    those of two strangers; and how often the pursuer wins.
+    """How the games of both agents that training went on from end, those of the seeds and those of two strangers; and
+    how often the pursuer wins.
     """
-    columns: list[tuple[str, dict[str, float]]] = []
+    columns: list[tuple[str, Shares]] = []
     for name, matches in _pairings(found, pursuers, evaders).items():
         columns.append((f"{name}, by the rules", _shares([match.rules for match in matches])))
         columns.append((f"{name}, with bodies", _shares([match.bodies for match in matches])))
@@ -184,9 +184,9 @@ def _pairings(found: Comparisons, pursuers: Sequence[str], evaders: Sequence[str
     }
 
 
-def _shares(results: Sequence[MatchResult]) -> dict[str, float]:
-    """Share of each outcome and of the pursuer's wins, in the mean over matches."""
-    return mean_shares(results) | {"pursuer_wins": float(np.mean([result.pursuer_win_rate for result in results]))}
+def _shares(results: Sequence[MatchResult]) -> Shares:
+    """Share of each outcome and of the pursuer's wins."""
+    return outcome_shares(results) | {"pursuer_wins": [result.pursuer_win_rate for result in results]}
 
 
 main = partial(driver.main, Robust)

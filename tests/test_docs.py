@@ -22,6 +22,8 @@ from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
 from apollonius.commands import values
 from apollonius.game.types import Outcome
+from apollonius.learn.config import RunConfig
+from apollonius.learn.folder import load_config
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
@@ -119,10 +121,12 @@ def test_every_command_in_the_text_can_be_given(document, monkeypatch):
 
 
 @pytest.mark.parametrize("block", [block for block in ALL if block.language == "toml"], ids=str)
-def test_every_game_in_the_documents_is_one(block, tmp_path):
+def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
     path = tmp_path / "game.toml"
     path.write_text(block.code)
-    if "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
+    if "[self_play" in block.code:
+        assert load_config(path).self_play != RunConfig().self_play
+    elif "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
         assert find_game(str(path)).capture_distance == 0.6
 
 

@@ -2,7 +2,7 @@
 
 from apollonius import MatchResult
 from apollonius.reproduce.claims import Claim, rate_claim
-from apollonius.reproduce.finding import Finding, mean_shares, outcome_table, win_count
+from apollonius.reproduce.finding import Finding, outcome_shares, outcome_table, win_count
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
 from apollonius.show.curves import draw_bars
@@ -20,8 +20,8 @@ def run(study: Study) -> Finding:
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     columns = [
-        ("P_curriculum v E_scratch", mean_shares(chasing)),
-        ("P_scratch v E_curriculum", mean_shares(fleeing)),
+        ("P_curriculum v E_scratch", outcome_shares(chasing)),
+        ("P_scratch v E_curriculum", outcome_shares(fleeing)),
     ]
     data = {"chasing": [match.to_dict() for match in chasing], "fleeing": [match.to_dict() for match in fleeing]}
     text = outcome_table(columns)

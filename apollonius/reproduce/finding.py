@@ -9,7 +9,7 @@ from typing import Any
 from apollonius import MatchResult
 from apollonius.document import write_atomically
 from apollonius.reproduce.claims import Claim
-from apollonius.show.markdown import markdown_table
+from apollonius.show.markdown import markdown_table, mean_over_seeds
 
 
 @dataclass(frozen=True)
@@ -44,28 +44,37 @@ def percent(rate: float) -> str:
     return f"{rate:.1%}"
 
 
-def outcome_table(columns: Sequence[tuple[str, dict[str, float]]]) -> str:
-    """Shares of outcomes as a Markdown table, a column each, in the order of the paper's tables."""
+Shares = dict[str, list[float]]
+"""By outcome, its share of the games in the matches of each seed."""
+
+
+def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
+    """Shares of outcomes as a Markdown table, a column each, in the order of the paper's tables: means over seeds and,
+    where there are several, how far the 95 % interval reaches.
+    """
     rows = [
-        [outcome.replace("_", " "), *(percent(shares[outcome]) if outcome in shares else "-" for _, shares in columns)]
+        [outcome.replace("_", " "), *(mean_share(shares.get(outcome, [])) for _, shares in columns)]
         for outcome in columns[0][1]
     ]
     return markdown_table(["", *(name for name, _ in columns)], rows)
 
 
-def mean_shares(results: Sequence[MatchResult]) -> dict[str, float]:
-    """Share of each outcome, averaged over the matches of several seeds."""
-    return {
-        outcome: sum(result.outcomes[outcome] / result.games for result in results) / len(results)
-        for outcome in results[0].outcomes
-    }
+def mean_share(shares: Sequence[float]) -> str:
+    """A mean over seeds as the reports print it; "-" of nothing."""
+    return mean_over_seeds([100 * share for share in shares], "{:.1f}") + "%" if shares else "-"
+
+
+def outcome_shares(results: Sequence[MatchResult]) -> Shares:
+    """Share of each outcome in the matches of several seeds."""
+    return {outcome: [result.outcomes[outcome] / result.games for result in results] for outcome in results[0].outcomes}
 
 
 def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dict[str, int]]) -> str:
-    """Shares of outcomes here, averaged over seeds, and the paper's from its counts, as a Markdown table."""
-    columns = [(name, mean_shares(matches)) for name, matches in results.items()]
+    """Shares of outcomes here, over seeds, and the paper's from its counts, as a Markdown table."""
+    columns = [(name, outcome_shares(matches)) for name, matches in results.items()]
     for name, counts in paper.items():
-        columns.append((f"{name}, paper", {outcome: count / sum(counts.values()) for outcome, count in counts.items()}))
+        games = sum(counts.values())
+        columns.append((f"{name}, paper", {outcome: [count / games] for outcome, count in counts.items()}))
     return outcome_table(columns)
 
 
