@@ -15,7 +15,7 @@ leaves = jax.jit(Arena.is_out_of_range)
 
 
 def at(x, y):
-    return RobotState(*jnp.asarray([x, y, 0, 0], jnp.float32))
+    return RobotState(*(jnp.asarray(number, jnp.float32) for number in (x, y, 0, 0)))
 
 
 def test_clearance_is_the_distance_to_the_nearest_boundary_point():
@@ -35,6 +35,17 @@ def test_clearance_is_the_distance_to_the_nearest_boundary_point():
 @pytest.mark.parametrize("outside", [(-1.5, 1.0), (3.5, 1.0), (1.0, -0.5), (1.0, 2.5)])
 def test_clearance_is_negative_beyond_every_wall(outside):
     assert ARENA.clearance(*jnp.asarray(outside)) == -0.5
+
+
+def test_the_clearance_along_a_step_is_the_least_of_its_places_wherever_the_walls_are():
+    arena = Arena(2.0, 6.0, -5.0, -1.0, discs=(Disc(4.0, -3.0, 0.5),))
+    ends = np.random.default_rng(2).uniform((2, -5), (6, -1), (2, 300, 2)).astype(np.float32)
+    before, after = (jax.vmap(at)(*end.T) for end in ends)
+    ours = jax.jit(jax.vmap(arena.clearance_along))(before, after)
+    places = ends[0] + np.linspace(0, 1, 401, dtype=np.float32)[:, None, None] * (ends[1] - ends[0])
+    sampled = np.asarray(clearances(arena, *places.reshape(-1, 2).T)).reshape(401, 300).min(axis=0)
+    np.testing.assert_allclose(np.maximum(ours, 0), np.maximum(sampled, 0), atol=0.01)
+    assert (sampled > 0.1).sum() > 50
 
 
 def test_closest_approach_is_the_least_distance_over_the_whole_segment():

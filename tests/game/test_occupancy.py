@@ -7,7 +7,7 @@ import pytest
 
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.game.occupancy import OccupancyMap, beside, distance_field
 from apollonius.game.types import RobotState
 
 CELL = 0.25
@@ -50,6 +50,14 @@ def test_a_clearance_is_at_most_the_distance_and_little_less(share):
     assert short.min() > -1e-3
     assert short.max() < 0.86
     assert short.min() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("position", "corner", "share"), [(2.25, 2, 0.25), (0.0, 0, 0.0), (4.0, 3, 1.0), (7.3, 3, 1.0), (-2.0, 0, 0.0)]
+)
+def test_a_place_is_between_two_of_five_corners_and_beyond_them_at_the_ends(position, corner, share):
+    before, on_the_way = beside(jnp.float32(position), 5)
+    assert (int(before), float(on_the_way)) == (corner, share)
 
 
 def test_beside_a_long_wall_it_is_exact_but_for_what_it_is_lowered_by():

@@ -111,6 +111,8 @@ def test_what_fills_an_empty_place_touches_nothing():
     ):
         few, many = (jax.jit(jax.vmap(ask, (None, 0, 0)))(arena, before, after) for arena in (WIDE, more))
         np.testing.assert_array_equal(few, many)
+    bare = Arena(discs=(Disc(1.0, 1.0, 0.5),))
+    assert padded(bare, discs=1, polygons=0, corners=0) == bare
     with pytest.raises(InvalidInput, match=r"discs, polygons, corners = \(2, 1, 3\) .* at most \(1, 1, 3\)"):
         padded(WIDE, 1, 1, 3)
 

@@ -60,6 +60,13 @@ IMPOSSIBLE = [
     (discs((12.0, 3.0, 0.5)), ["discs[0] centre = (12.0, 3.0)", "[0.0, 10.0] x [0.0, 10.0]", "move or remove"]),
     (discs((3.0, -0.1, 0.5)), ["discs[0] centre = (3.0, -0.1)", "[0.0, 10.0] x [0.0, 10.0]", "move or remove"]),
     (discs((5.0, 5.0, 8.0)), ["pursuer no place to start", "clearance of 0.3 m", "make the obstacles"]),
+    (
+        {
+            "arena": Arena(x_max=4.0, y_max=4.0, territory=Disc(2.0, 2.0, 0.5)),
+            "starts": Starts(clearance=0.5, separation=1.8),  # 2.1 m from the corner of its room to the middle
+        },
+        ["evader no place to start", "clearance of 0.5 m"],
+    ),
     ({"evader": Unicycle(radius=6.0)}, ["evader no place to start", "clearance of 6.3 m", "arena larger"]),
     (starts(clearance=6.0), ["no place to start", "clearance of 6 m", "clearance smaller"]),
     (starts(clearance=-0.1), ["starts.clearance = -0.1", "0 m or more"]),
@@ -70,6 +77,7 @@ IMPOSSIBLE = [
         ["starts.separation = 10.0", "at most", "smaller or the arena larger"],
     ),
     ({"reward": Reward(capture=NAN)}, ["reward.capture = nan", "a finite number"]),
+    ({"reward": Reward(zero_sum_within=0.0)}, ["reward.zero_sum_within = 0.0", "more than 0 m"]),
     ({"reward": misnamed(Reward(), "profile", "fair")}, ["reward.profile = fair", "paper or zero-sum"]),
     ({"starts": misnamed(Starts(), "speed", "fast")}, ["starts.speed = fast", "rest or moving"]),
 ]

@@ -1,5 +1,7 @@
 """Who knows the other's every action: its table against brute force, and what the players that use it promise."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,9 +11,11 @@ from apollonius.agents.chasing import PurePursuit
 from apollonius.agents.classical import Still
 from apollonius.agents.fleeing import FleeAware
 from apollonius.agents.uniform import Uniform
-from apollonius.game.types import GameState, Role
+from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.view import look
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
+from apollonius.solve.joint import lanes_of
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy
 from apollonius.solve.response import make_response, responders, solve_response
@@ -85,6 +89,18 @@ def test_before_a_standing_evader_a_look_ahead_is_one_more_sweep(robot, captures
     own, other = quiet_pairs(robot, captures, still=True)
     promised = ResponsePolicy(response.zero_sum_game, found.table, Still()).best_value(states(own, other))
     np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
+
+
+def test_a_capture_in_passing_counts_also_in_the_first_step():
+    """At 0.6 m/s in a step of a second the pursuer passes through an evader 0.3 m ahead, and is past it at its end."""
+    game = replace(CRAMPED, dt=1.0, capture_distance=0.05)
+    zero_sum_game = make_zero_sum_game(game, (GRID, GRID), 2, Role.PURSUER, "win")
+    lanes = lanes_of(GRID)
+    nothing = jnp.zeros((GRID.size // lanes, GRID.size, lanes), jnp.float32)
+    own, other = (RobotState(*map(jnp.float32, place)) for place in ((0.2, 0.6, 0.6, 0.0), (0.5, 0.6, 0.0, 0.0)))
+    view = look(game, GameState.of_two(own, other, jnp.zeros((), jnp.int32)), Role.PURSUER)
+    straight_on = ResponsePolicy(zero_sum_game, nothing, Still()).values(view)[4]
+    assert float(straight_on) == pytest.approx(zero_sum_game.win * np.exp(-1.0 / HORIZON), abs=1e-6)
 
 
 def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(robot, captures):
