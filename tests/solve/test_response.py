@@ -91,16 +91,19 @@ def test_before_a_standing_evader_a_look_ahead_is_one_more_sweep(robot, captures
     np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
 
 
-def test_a_capture_in_passing_counts_also_in_the_first_step():
-    """At 0.6 m/s in a step of a second the pursuer passes through an evader 0.3 m ahead, and is past it at its end."""
+@pytest.mark.parametrize(("ahead", "steps"), [(0.3, 1), (0.9, 2)])
+def test_a_capture_in_passing_counts_in_its_own_step(ahead, steps):
+    """At 0.6 m/s in steps of a second the pursuer passes through the evader, and is past it at the step's end."""
     game = replace(CRAMPED, dt=1.0, capture_distance=0.05)
     zero_sum_game = make_zero_sum_game(game, (GRID, GRID), 2, Role.PURSUER, "win")
     lanes = lanes_of(GRID)
     nothing = jnp.zeros((GRID.size // lanes, GRID.size, lanes), jnp.float32)
-    own, other = (RobotState(*map(jnp.float32, place)) for place in ((0.2, 0.6, 0.6, 0.0), (0.5, 0.6, 0.0, 0.0)))
+    own, other = (
+        RobotState(*map(jnp.float32, place)) for place in ((0.2, 0.6, 0.6, 0.0), (0.2 + ahead, 0.6, 0.0, 0.0))
+    )
     view = look(game, GameState.of_two(own, other, jnp.zeros((), jnp.int32)), Role.PURSUER)
     straight_on = ResponsePolicy(zero_sum_game, nothing, Still()).values(view)[4]
-    assert float(straight_on) == pytest.approx(zero_sum_game.win * np.exp(-1.0 / HORIZON), abs=1e-6)
+    assert float(straight_on) == pytest.approx(zero_sum_game.win * np.exp(-steps / HORIZON), abs=1e-6)
 
 
 def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(robot, captures):
