@@ -60,6 +60,12 @@ def test_a_place_is_between_two_of_five_corners_and_beyond_them_at_the_ends(posi
     assert (int(before), float(on_the_way)) == (corner, share)
 
 
+def test_the_cells_that_are_occupied_are_those_of_the_map():
+    occupied = np.zeros((30, 20), bool)
+    occupied[5:12, 3:9] = occupied[20:21, 2:18] = occupied[25, 10] = True
+    np.testing.assert_array_equal(map_of(occupied).occupied(), occupied)
+
+
 def test_beside_a_long_wall_it_is_exact_but_for_what_it_is_lowered_by():
     occupied = np.zeros((20, 20), bool)
     occupied[:, 12:] = True

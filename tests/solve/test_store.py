@@ -37,7 +37,7 @@ def test_it_is_compressed(tmp_path):
     assert (tmp_path / "s.npz").stat().st_size < flat.table.nbytes / 10
 
 
-@pytest.mark.parametrize("damage", ["missing", "cut", "text", "no header", "shape", "kind", "foreign"])
+@pytest.mark.parametrize("damage", ["missing", "cut", "text", "no header", "shape", "kind", "order", "foreign"])
 def test_what_is_no_solution_is_refused(tmp_path, damage):
     path = tmp_path / "s.npz"
     save_solution(SOLUTION, path)
@@ -53,6 +53,8 @@ def test_what_is_no_solution_is_refused(tmp_path, damage):
         rewrite(path, table=np.zeros((2, 5, 3, 4), np.float32))
     elif damage == "kind":
         rewrite(path, table=np.zeros((2, 5, 4, 3), np.float64))
+    elif damage == "order":
+        rewrite(path, table=np.zeros((2, 5, 4, 3), np.float32, order="F"))
     else:
         rewrite(path, header=np.array(json.dumps({"format": "another"})))
     with pytest.raises(InvalidInput, match=r"no solution|no whole Apollonius solution"):
