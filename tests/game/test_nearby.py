@@ -9,7 +9,7 @@ from apollonius.game.nearby import surroundings
 from apollonius.game.polygon import Polygon, Polygons
 from apollonius.game.types import RobotState
 
-REACH, SIZE, LEFT, LOWER = 1.5, 16.0, -20.0, 30.0
+REACH, SIZE, LEFT, LOWER = 1.5, 16.0, 10.0, 30.0
 """Of the index; the side of its square and its lower left corner [m]. Cells are a quarter of a metre."""
 RNG = np.random.default_rng(5)
 
