@@ -1,6 +1,7 @@
 """The paper's claims in the course of training: what appears early and fades, and what never appears."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from apollonius import Outcome
 from apollonius.evaluate.paper import STAGE_1
@@ -20,15 +21,7 @@ def run(study: Study) -> Finding:
     claims = {moment: claims_at(study, moment) for moment in moments}
     names = [claim.name for claim in claims[100]]
     by_name = {name: [claims[moment][index] for moment in moments] for index, name in enumerate(names)}
-    with style.picture(study.folder / "course.png", columns=4, rows=2, width=3.0, height=2.5) as panels:
-        for axes, (name, course) in zip(panels, by_name.items(), strict=False):
-            curves = [(moments, [100 * claim.seeds[seed][0] for claim in course]) for seed in range(len(study.seeds))]
-            draw_seeds(axes, curves, palette.PURSUER, "here")
-            axes.axhline(100 * course[0].paper, color=palette.INK, linewidth=0.8, linestyle=":")
-            axes.set(title=name.replace(": ", ":\n"), xlabel="of training [%]", ylabel="games [%]", xticks=moments)
-        panels[0].set_ylabel("games [%] (dotted: the paper)")
-        for axes in panels[len(by_name) :]:
-            axes.set_axis_off()
+    draw(study.folder / "course.png", by_name, moments)
     table = markdown_table(["claim", *(f"{moment} %" for moment in moments)], [_row(c) for c in by_name.values()])
     text = (
         "Each agent as it was at a share of its own training: P_curriculum, E_curriculum, P_scratch and E_scratch of "
@@ -37,6 +30,22 @@ def run(study: Study) -> Finding:
     )
     data = {name: [claim.to_dict() for claim in course] for name, course in by_name.items()}
     return Finding("The claims in the course of training", text, ("course.png",), data={"moments": moments} | data)
+
+
+def draw(path: Path, by_name: Mapping[str, Sequence[Claim]], moments: Sequence[int]) -> None:
+    """A panel for each claim: its seeds at every moment, their mean, and its band, as far as rates can be."""
+    with style.picture(path, columns=4, rows=2, width=3.0, height=2.5) as panels:
+        for axes, (name, course) in zip(panels, by_name.items(), strict=False):
+            seeds = range(len(course[0].seeds))
+            curves = [(moments, [100 * claim.seeds[seed][0] for claim in course]) for seed in seeds]
+            draw_seeds(axes, curves, palette.PURSUER, "here")
+            axes.axhline(100 * course[0].paper, color=palette.INK, linewidth=0.8, linestyle=":")
+            seen = [100 * end for claim in course for end in (*claim.interval, claim.paper)]
+            axes.set(title=name.replace(": ", ":\n"), xlabel="of training [%]", ylabel="games [%]", xticks=moments)
+            axes.set_ylim(min(seen) - 1, max(seen) + 1)
+        panels[0].set_ylabel("games [%] (dotted: the paper)")
+        for axes in panels[len(by_name) :]:
+            axes.set_axis_off()
 
 
 def claims_at(study: Study, moment: int) -> tuple[Claim, ...]:

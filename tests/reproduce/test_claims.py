@@ -1,5 +1,7 @@
 """Verdicts follow from intervals, and intervals from the games and seeds they stand for."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,26 @@ def test_intervals_and_verdicts_in_the_documents_follow_from_the_seeds(games, ce
     assert 100 * np.mean(values) == pytest.approx(float(mean), abs=0.1)
     assert [float(low), float(high)] == pytest.approx([100 * end for end in claim.interval], abs=0.11)
     assert claim.verdict == verdict
+
+
+PAPER = json.loads((REPOSITORY / "docs" / "results" / "paper.json").read_text())
+
+
+@pytest.mark.parametrize("claim", PAPER["claims"], ids=lambda claim: claim["name"])
+def test_the_claims_of_the_whole_budget_as_data_follow_from_their_seeds_and_are_in_the_table(claim):
+    values, games = [value for value, _ in claim["seeds"]], PAPER["games"]
+    assert len(values) == len(PAPER["seeds"]) == 3
+    if "minus" in claim["name"]:
+        expected = seeds_interval(values)
+    else:
+        expected = rate_interval([(round(value * games), games) for value in values])
+    assert claim["interval"] == pytest.approx(np.clip(expected, -1, 1), abs=1e-3)
+    seeds = tuple((value, tuple(interval)) for value, interval in claim["seeds"])
+    again = Claim(*(claim[name] for name in ("name", "source", "paper", "bound", "at_most")), seeds, expected)
+    assert (again.mean, again.verdict) == (pytest.approx(claim["mean"]), claim["verdict"])
+    if claim["source"] != "beyond":
+        low, high = (f"{100 * end:.1f}" for end in claim["interval"])
+        told = f"| {100 * claim['mean']:.1f} | {low} to {high} | {', '.join(f'{100 * v:.1f}' for v in values)} |"
+        text = (REPOSITORY / "docs" / "results.md").read_text()
+        (row,) = [line for line in text.splitlines() if line.startswith(f"| {claim['name']} | {claim['source']} |")]
+        assert row.endswith(f"{told} {claim['verdict']} |")
