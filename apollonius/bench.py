@@ -21,11 +21,11 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Role
 from apollonius.learn import dqn
-from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay_buffer import Batch
 from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
 from apollonius.limits import BENCHED_GAMES

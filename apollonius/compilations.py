@@ -33,8 +33,8 @@ def keep_compilations() -> None:
     Does nothing where the person has switched it off, has told JAX of a folder of their own, or has no folder that can
     be written to.
     """
-    wish = os.environ.get(VARIABLE, "")
-    if wish.lower() in ("off", "0", "no", "false"):
+    cache = cache_folder()
+    if cache is None:
         return
     import jax
 
@@ -45,7 +45,7 @@ def keep_compilations() -> None:
         from jax._src import compilation_cache
 
         assert callable(compilation_cache.get_file_cache)
-        folder = (Path(wish) if wish else default_folder()) / environment()
+        folder = cache / environment()
         folder.mkdir(parents=True, exist_ok=True)
     except (ImportError, AttributeError, OSError):  # another JAX, or no room
         return
@@ -53,6 +53,14 @@ def keep_compilations() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def cache_folder() -> Path | None:
+    """Where what was computed is kept from one call to the next; None where the person has switched that off."""
+    wish = os.environ.get(VARIABLE, "")
+    if wish.lower() in ("off", "0", "no", "false"):
+        return None
+    return Path(wish) if wish else default_folder()
 
 
 def default_folder() -> Path:

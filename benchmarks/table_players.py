@@ -19,7 +19,7 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
 from apollonius.observe.view import Views
-from apollonius.solve.players import ResponsePolicy
+from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.solved import table_player
 
 _RUNS = 5

@@ -31,9 +31,9 @@ from apollonius.evaluate.match import Match, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.config import StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import PROFILES
+from apollonius.learn.stage_config import StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
 

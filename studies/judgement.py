@@ -3,10 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from apollonius.agents.kind import Named
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.evaluate.match_cache import cached_result
-from apollonius.exploit.attack import Attack, LossRate, measure_loss
+from apollonius.evaluate.statistics import wilson_interval
+from apollonius.exploit.attack import Attack
 from apollonius.exploit.responses import cached_response, train_response
 from apollonius.game.by_side import BySide
 from apollonius.game.types import Role
@@ -31,6 +35,24 @@ class Effort:
     """Training of a response to a final agent; responses to earlier ones get half."""
     games: int = 500
     """Games that judge a response, and in each match with an agent of the zoo."""
+
+
+@dataclass(frozen=True)
+class LossRate:
+    """How often an agent loses to one opponent: a rate with its Wilson 95 % interval, and the match."""
+
+    rate: float
+    interval: tuple[float, float]
+    match: MatchResult
+
+
+def measure_loss(attack: Attack, opponent: AbstractPolicy, games: int) -> LossRate:
+    """How often the agent loses to any opponent. A pursuer loses every game that it does not win."""
+    players = BySide.of(attack.role, attack.player, Named("opponent", opponent))
+    match = play_match(Match(attack.rules, players, games), slots=64)
+    won = round(match.pursuer_win_rate * games)
+    lost = games - won if attack.role == Role.PURSUER else won
+    return LossRate(lost / games, wilson_interval(lost, games), match)
 
 
 @dataclass(frozen=True)
@@ -78,13 +100,13 @@ def judge(run: Path, role: Role, percent: int, effort: Effort) -> Judgement:
         str(agent_file(run, LAST[role], percent)),
         env_steps=effort.response_env_steps // (1 if percent == 100 else 2),
         first=FIRST[role.other],
-        dqn=QUICK,
+        learner=QUICK,
     )
 
     def losses() -> Judgement:
         folder = run / "responses" / _file(run, role, percent).stem
         train_response(attack, folder, seed=0)
-        against = {"response": measure_loss(attack, cached_response(folder, 0), effort.games)}
+        against = {"response": measure_loss(attack, cached_response(attack, folder, 0), effort.games)}
         for name in ZOO[attack.role.other]:
             against[name] = measure_loss(attack, find_player(name, attack.role.other).policy, effort.games)
         return Judgement(against)

@@ -22,10 +22,11 @@ from apollonius.evaluate.tournament import Tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.types import ROLES, Role
 from apollonius.jobs import Job
-from apollonius.learn.config import RunConfig, SelfPlayConfig
+from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.opponents.schemes import SCHEMES
+from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style

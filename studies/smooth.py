@@ -23,9 +23,10 @@ from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import gears
 from apollonius.game.types import Outcome, Role
 from apollonius.jobs import Job
-from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.replay import BothActions, Trajectory
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style

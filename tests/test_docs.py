@@ -138,7 +138,8 @@ def made_by(words, options):
             kind = "scratch" if options["stage"] == "self-play" and not options["pursuer"] else "curriculum"
             both = {f"P_{kind}", f"E_{kind}"} if options["stage"] != "fixed-target" else set()
             folder = options["out"]
-            made = {f"{folder}/agents/{name}.safetensors" for name in stage1 | both} if folder else set()
+            names = {"P_optimal", "E_optimal"} if str(options["preset"]).endswith("-by-table") else stage1 | both
+            made = {f"{folder}/agents/{name}.safetensors" for name in names} if folder else set()
         case ["apollonius", "reproduce", *_]:
             made = {str(options["out"] or f"runs/reproduce-{options['budget']}")}
         case _:

@@ -73,14 +73,21 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
 
 
 @pytest.mark.slow
-def test_a_grid_attacks(capsys, tables):
-    found = run_json(
-        capsys, "exploit", "evader", "still", "--by", "grid", "--table", tables["pursuer"], "--games", "10"
-    )
-    assert set(found["responses"]) == {"sure of the table", "best response on the grid"}
-    assert found["agent_loses_at_least"] == found["judged"]["interval"][0] <= found["judged"]["agent_loses"]
-    rates = {name: response["agent_loses"] for name, response in found["responses"].items()}
-    assert rates[found["strongest"]] == max(rates.values())
+def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(capsys, tables):
+    both = ("--tables", tables["pursuer"], tables["evader"])
+    kinds = ("--attackers", "table", "foresight-1", "search", "grid")
+    found = run_json(capsys, "exploit", "evader", "still", *both, *kinds, "--games", "20", "--seed", "4")
+    assert (found["agent"], found["side"]) == ("still", "evader")
+    assert [one["name"] for one in found["attackers"]] == list(kinds[1:])
+    rates = {one["name"]: one["loses"] for one in found["attackers"]}
+    assert rates[found["worst"]["name"]] == max(rates.values()) > 0
+    for one in [*found["attackers"], found["worst"]]:
+        assert one["games"] == 20
+        assert one["interval"][0] <= one["loses"] <= one["interval"][1]
+        assert one["fails"] == 0, "who stands still fails at nothing"
+    again = run_json(capsys, "exploit", "evader", "still", *both, *kinds[:2], "--games", "20", "--seed", "5")
+    if found["worst"]["name"] == "table":
+        assert again["attackers"][0]["loses"] == found["worst"]["loses"], "judged on the games of the next seed"
 
 
 @pytest.mark.parametrize(
@@ -90,9 +97,8 @@ def test_a_grid_attacks(capsys, tables):
         (("solve", "game", "--target", "1", "2"), ("--target", "left out otherwise")),
         (("regret", "P_stage1", "--role", "pursuer"), ("--role", "without --tables")),
         (("regret", "P_stage1", "--record", "2"), ("--record", "without --tables")),
-        (("exploit", "pursuer", "P_stage1", "--by", "grid"), ("--table", "missing")),
-        (("exploit", "pursuer", "P_stage1", "--table", __file__), ("--table", "--by grid")),
-        (("exploit", "pursuer", "P_stage1", "--by", "grid", "--table", "t.npz"), ("--table = t.npz", "check the path")),
+        (("exploit", "pursuer", "P_stage1", "--attackers", "nobody"), ("--attackers", "nobody")),
+        (("exploit", "pursuer", "P_stage1", "--tables", "t.npz", "e.npz"), ("--tables = t.npz", "check the path")),
     ],
 )
 def test_what_does_not_go_together_is_refused(capsys, arguments, words):
@@ -106,7 +112,4 @@ def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
     both = ("--tables", tables["pursuer"], tables["evader"])
     assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "left out with --tables"))
     assert_refused(capsys, "regret", "random", *both, "--record", "11", naming=("--record", "from 0 to 10"))
-    assert_refused(
-        capsys, "exploit", "evader", "still", "--by", "grid", "--table", tables["evader"],
-        naming=("--table", "the other side's; this is the evader's"),
-    )  # fmt: skip
+    assert_refused(capsys, "exploit", "evader", "still", *twice, naming=("--tables", "a pursuer's and an evader's"))

@@ -36,7 +36,7 @@ KINDS: dict[str, set[str]] = {
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
 COUNTS = "games targets hold responses env_steps seeds port devices processes"
 REALS = "gap size opponent opponent_speed opponent_heading speed heading target"
-CHOICES = "action what role by on to starts stage algorithm opponents preset profile budget payoff side"
+CHOICES = "action what role attackers on to starts stage algorithm opponents preset profile budget payoff side"
 ARGUMENTS = {
     **dict.fromkeys(COUNTS.split(), "count"),
     **dict.fromkeys(["record", "response_games", "discs", "process"], "count from 0"),
@@ -49,7 +49,7 @@ ARGUMENTS = {
             "action",
             "what",
             "role",
-            "by",
+            "attackers",
             "on",
             "to",
             "starts",
@@ -67,7 +67,7 @@ ARGUMENTS = {
     "grid": "nodes",
     **dict.fromkeys(["out", "plot"], "file to write"),
     **dict.fromkeys(["train out", "exploit out", "reproduce out", "replays", "keep", "site"], "folder to write"),
-    **dict.fromkeys(["table", "tables", "config", "drive"], "file to read"),
+    **dict.fromkeys(["tables", "config", "drive"], "file to read"),
     "folder": "folder to read",
     **dict.fromkeys(
         ["game", "pursuer", "evader", "pursuers", "evaders", "agent", "first", "against", "coordinator"], "name"
@@ -80,7 +80,7 @@ ENOUGH = {
     "evaluate": {"pursuer": ["random"], "evader": ["still"]},
     "simulate": {"pursuer": ["random"], "evader": ["still"]},
     "tournament": {},
-    "exploit": {"role": ["pursuer"], "agent": ["random"]},
+    "exploit": {"side": ["pursuer"], "agent": ["random"]},
     "solve": {"what": ["safety"]},
     "regret": {"agent": ["random"]},
     "show": {"pursuer": ["random"], "evader": ["still"]},
@@ -251,14 +251,18 @@ def test_a_written_grid_is_read():
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.bench import CLASSIC
     from apollonius.commands.bench import BENCHES
+    from apollonius.commands.exploit import ATTACKERS
     from apollonius.commands.options import LENGTHS
     from apollonius.commands.show import FORMATS
-    from apollonius.commands.train import PROFILES
+    from apollonius.commands.train import BY_TABLE, PROFILES
+    from apollonius.exploit.attackers import KINDS
     from apollonius.learn import learner_config
-    from apollonius.learn.config import PRESETS
+    from apollonius.learn.config import DISTILLATIONS, PRESETS
     from apollonius.show import animation
 
     assert set(LENGTHS) == set(PRESETS)
+    assert set(BY_TABLE) == set(DISTILLATIONS)
+    assert list(ATTACKERS) == list(KINDS)
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert set(BENCHES) == {"classic", *learner_config.PROFILES}
     assert CLASSIC.batch == 128

@@ -98,7 +98,7 @@ def _run_card(options: argparse.Namespace, game: "Game") -> int:
     from apollonius.evaluate.match import Match, record_game
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
-    from apollonius.solve.players import ResponsePolicy
+    from apollonius.solve.foresight import ResponsePolicy
     from apollonius.solve.solved import table_player
     from apollonius.terminal import card_table
 

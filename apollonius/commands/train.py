@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import LENGTHS
+from apollonius.commands.solving import SOLVING, solved_game
 from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
 from apollonius.interrupts import answer, go_on
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
+BY_TABLE = ("evader-by-table", "pursuer-by-table")
+"""Names of the presets of a distillation."""
+_SOLVING_WORK = 10_000_000
+"""Env steps of one learning side that solving for one side takes about as long as."""
 
 _JUDGING = "judging"
 _JUDGED_GAMES = 2000
@@ -34,8 +39,9 @@ def add_train(subparsers: Any) -> None:
     """The parser of `train`."""
     parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
     parser.add_argument(
-        "--preset", choices=LENGTHS, default="quick",
-        help="length of training: quick (minutes, default), standard or paper",
+        "--preset", choices=(*LENGTHS, *BY_TABLE), default="quick",
+        help="length of training: quick (minutes, default), standard or paper; or evader-by-table, pursuer-by-table: "
+        "solve the game and distil what it says into a network (half an hour of one core)",
     )  # fmt: skip
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument(
@@ -104,7 +110,7 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
-    from apollonius.learn.run import load_first, plans_of
+    from apollonius.learn.plans import load_first, plans_of
 
     leads = _join(options)
     config = _requested_config(options)
@@ -132,11 +138,11 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
-    from apollonius.learn.config import PRESETS
+    from apollonius.learn.config import DISTILLATIONS, PRESETS
     from apollonius.learn.folder import load_config
     from apollonius.learn.learner_config import PROFILES, SACConfig
 
-    config = load_config(options.config) if options.config else PRESETS[options.preset]
+    config = load_config(options.config) if options.config else (PRESETS | DISTILLATIONS)[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")
     bound = "left out with --algorithm sac, whose numbers a --config says"
     require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)
@@ -164,6 +170,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", leads: bool) -> int:
     """Train to the end or to Ctrl-C; at the end, whoever leads plays the new agents and says how good they are."""
     from apollonius.learn.run import Run
+    from apollonius.learn.school import TABLES
     from apollonius.terminal import training_notes
 
     interrupts: list[int] = []
@@ -189,8 +196,12 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", lead
 
     run = Run(config, folder, report, should_stop)
     stages = list(run.work)
-    display.plan(run.work | {_JUDGING: _judging_work(config, stages)})
+    distils = config.stages == "distillation"
+    solving = dict.fromkeys(SOLVING, _SOLVING_WORK) if distils else {}
+    display.plan(solving | run.work | {_JUDGING: _judging_work(config, stages)})
     go_on(f"go on with: apollonius resume {folder}")
+    if distils:
+        solved_game(display, config.game, config.distillation.grid, folder / TABLES)
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:
         display.begin(stages[0], compiles=True)
@@ -199,7 +210,11 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", lead
         signal.signal(signal.SIGINT, before)
     if not finished:
         raise KeyboardInterrupt
-    if leads:
+    if leads and distils:
+        display.end()
+        (agent,) = (folder / "agents").glob("*.safetensors")
+        finish(folder, then=command("exploit", config.distillation.role, agent))
+    elif leads:
         display.begin(_JUDGING, compiles=True)
         _judge(config, folder, display)
     return 0

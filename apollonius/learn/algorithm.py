@@ -76,6 +76,11 @@ def algorithm_of(config: LearnerConfig) -> Algorithm:
     return ALGORITHMS[type(config)]
 
 
+def shape_of(network: Network) -> tuple[str, int, int]:
+    """The observation, depth and width that a network was made for."""
+    return network.observation.name, len(network.layers) - 1, int(network.layers[0].out_features)
+
+
 def require_fitting(network: Network, config: LearnerConfig, name: str, value: object) -> None:
     """Refuse a network that is not of the kind a configuration trains.
 
@@ -85,7 +90,7 @@ def require_fitting(network: Network, config: LearnerConfig, name: str, value: o
     Raises:
         InvalidInput: naming both kinds.
     """
-    made_for = (network.observation.name, len(network.layers) - 1, network.layers[0].out_features)
+    made_for = shape_of(network)
     wanted = (config.observation, config.depth, config.width)
     bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
     require(made_for == wanted, name, value, bound)

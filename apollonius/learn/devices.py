@@ -18,8 +18,8 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Int
 
 from apollonius.errors import require
-from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.opponents.seats import seat_games
+from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import DEVICE_AXIS, Plan
 
 T = TypeVar("T")

@@ -1,5 +1,7 @@
 """Deep Q-learning (Eq. 3): targets, loss, one update."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -75,12 +77,21 @@ def update(
     value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
     if across is not None:
         value, gradient = jax.lax.pmean((value, gradient), across)
+    return step(learner, gradient, learning_rate, config.averaging), value
+
+
+def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float) -> DQNLearner:
+    """The learner after one step of Adam along a gradient.
+
+    Args:
+        averaging: part of the way that the averaged weights go towards the network; 1 takes the network itself.
+    """
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
     average = network
-    if config.averaging < 1:
-        average = jax.tree.map(lambda old, new: old + config.averaging * (new - old), learner.average, network)
-    return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1), value
+    if averaging < 1:
+        average = jax.tree.map(lambda old, new: old + averaging * (new - old), learner.average, network)
+    return DQNLearner(network, learner.target, average, optimiser, learner.updates + 1)
 
 
 def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:

@@ -8,7 +8,6 @@ import numpy as np
 
 from apollonius.errors import require
 from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import Role
 from apollonius.learn.checkpoint import Evaluation, Stand
 from apollonius.learn.train_state import Plan, TrainState
 from apollonius.learn.train_step import Metrics
@@ -55,7 +54,7 @@ def measure(stand: Stand, plan: Plan, train: TrainState, metrics: Metrics, speed
         env_steps=env_steps,
         total_env_steps=total,
         episodes=int(train.episodes),
-        updates=int(train.learners[Role.PURSUER].learner.updates),
+        updates=int(next(iter(train.learners.values())).learner.updates),
         env_steps_per_second=speed,
         outcomes=counts_by_name(np.asarray(metrics.outcomes)),
         losses={name: round(loss, 6) for name, loss in losses.items()},

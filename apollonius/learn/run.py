@@ -7,6 +7,7 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
+from functools import cached_property
 from pathlib import Path
 
 import equinox as eqx
@@ -15,25 +16,26 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.agents.network import Network
+from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import load_network
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.types import ROLES, Role
-from apollonius.learn.algorithm import require_fitting
 from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
-from apollonius.learn.config import RunConfig, StageConfig
-from apollonius.learn.devices import agreed, begun, gathered, own_share, placed, share
+from apollonius.learn.config import RunConfig
+from apollonius.learn.devices import agreed, begun, gathered, own_share, placed
+from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.evaluation import greedy_outcomes
 from apollonius.learn.fixed_target import fixed_target, start_fixed_target
 from apollonius.learn.folder import agent_file
+from apollonius.learn.plans import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, load_first, plans_of
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
+from apollonius.learn.school import TABLES, School, open_school
 from apollonius.learn.self_play import self_play, start_self_play
 from apollonius.learn.train_state import Plan, TrainState
 
-FIXED_TARGET, SELF_PLAY = _STAGES = "fixed-target", "self-play"
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
 
@@ -73,10 +75,15 @@ class Run:
         self.evaders = find_pool(config.evaders, Role.EVADER, config.game)
         self.plans = plans_of(config)
 
+    @cached_property
+    def school(self) -> School:
+        """Who teaches in a distillation, and whom the student meets; the game is solved for it if it is not yet."""
+        return open_school(self.config, self.folder / TABLES)
+
     @property
     def work(self) -> dict[str, int]:
         """About how much each stage takes, by name: its env steps, once for each side that learns."""
-        sides = {FIXED_TARGET: 1, SELF_PLAY: 2}
+        sides = {FIXED_TARGET: 1, SELF_PLAY: 2, DISTILLATION: 1}
         return {stage: sides[stage] * plan.devices * plan.stage.env_steps for stage, plan in self.plans.items()}
 
     def execute(self) -> bool:
@@ -110,9 +117,11 @@ class Run:
 
     def _start(self, stage: str, plan: Plan, networks: BySide[Network | None]) -> Saved:
         """What a stage begins with, whose networks go on from these."""
-        game, key = self.config.game, jax.random.fold_in(jax.random.key(self.config.seed), _STAGES.index(stage))
+        game, key = self.config.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == SELF_PLAY:
             return Saved(begun(plan, lambda device: start_self_play(plan, game, key, networks, device)), None)
+        if stage == DISTILLATION:
+            return Saved(start_distillation(plan, game, key, networks[self.config.distillation.side]), None)
 
         def start(device: Int[Array, ""] | None) -> TrainState:
             return start_fixed_target(plan, game, key, self.evaders, networks.pursuer, device=device)
@@ -125,6 +134,8 @@ class Run:
         train, best, game = saved.train, saved.best, plan.stage.rewarded(self.config.game)
         if stand.stage == FIXED_TARGET:
             chunks = fixed_target(plan, game, train, self.evaders, stand.chunks)
+        elif stand.stage == DISTILLATION:
+            chunks = distillation(plan, game, train, self.school, stand.chunks)
         else:
             chunks = self_play(plan, game, train, stand.chunks)
         began, last_save = time.monotonic() - stand.seconds, time.monotonic()
@@ -163,7 +174,8 @@ class Run:
         most wins would be one that waits until a random evader has failed.
         """
         networks = {role: side.learner.average for role, side in own.learners.items()}
-        outcomes = greedy_outcomes(self.config.game, networks, self.evaders, plan.stage.evaluation_games)
+        fixed = solo(self.school.opponents[0]) if stand.stage == DISTILLATION else self.evaders
+        outcomes = greedy_outcomes(self.config.game, networks, fixed, plan.stage.evaluation_games)
         found = Evaluation(plan.devices * int(own.env_steps), int(own.episodes), outcomes)
         stand = replace(stand, evaluation=found)
         if stand.stage != FIXED_TARGET:
@@ -174,6 +186,10 @@ class Run:
         return best, stand
 
     def _keep_snapshots(self, plan: Plan, own: TrainState, before: int, stand: Stand) -> None:
+        if stand.stage == DISTILLATION and stand.chunks == plan.chunks:
+            for role, side in own.learners.items():
+                record = {"env_steps": int(own.env_steps), "episodes": int(own.episodes)}
+                self._save_agent(side.learner.average, role, f"{role.name[0]}_optimal", record, stand)
         if stand.stage != SELF_PLAY:
             return
         kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
@@ -202,31 +218,6 @@ class Run:
     def _truncate_metrics(self, size: int) -> None:
         if self.leads:
             truncate_metrics(self.metrics, size)
-
-
-def plans_of(config: RunConfig) -> dict[str, Plan]:
-    """The stages of a run in their order, by name: each device's share of them.
-
-    Raises:
-        InvalidInput: when there are not so many devices, or a number cannot be shared out between them.
-    """
-    stages: dict[str, StageConfig] = {FIXED_TARGET: config.fixed_target, SELF_PLAY: config.self_play}
-    asked = list(stages) if config.stages == "both" else [config.stages]
-    return {stage: share(Plan(config.learner, stages[stage]), config.devices) for stage in asked}
-
-
-def load_first(config: RunConfig, role: Role) -> Network | None:
-    """The network that a side goes on from, if the config names one.
-
-    Raises:
-        InvalidInput: when there is no such agent, or its network is not of the kind that the config trains.
-    """
-    name = config.first[role]
-    if name is None:
-        return None
-    network = load_network(name, role)
-    require_fitting(network, config.self_play.learner_of(role, config.learner), role.name.lower(), name)
-    return network
 
 
 def _stage1_name(evaders: tuple[str, ...]) -> str:

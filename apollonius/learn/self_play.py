@@ -21,8 +21,8 @@ from apollonius.learn.devices import on_each, own_share
 from apollonius.learn.opponents import archive
 from apollonius.learn.opponents.payoffs import play_missing
 from apollonius.learn.opponents.seats import has_seat
-from apollonius.learn.replay_buffer import cut
-from apollonius.learn.train_state import Past, Plan, TrainState, first_learner, start
+from apollonius.learn.replay_buffer import ReplayBuffer, cut
+from apollonius.learn.train_state import LearnerState, Past, Plan, TrainState, first_learner, start
 from apollonius.learn.train_step import Metrics, play_and_learn
 from apollonius.rollout import Games, fresh_player, reset_where_done
 
@@ -121,13 +121,18 @@ def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None
         bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
         fresh = ROLES.map(lambda role: fresh_player(state.games.sides[role].member, bits[role], plan.stage.disturbance))
         old = state.past.archives
+
+        def cut_short(side: LearnerState) -> LearnerState:
+            assert isinstance(side.buffer, ReplayBuffer)
+            return replace(side, buffer=cut(side.buffer, seated))
+
         archives = ROLES.map(
             lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
         )
         return replace(
             state,
             games=jax.vmap(reset_where_done)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
-            learners={role: replace(side, buffer=cut(side.buffer, seated)) for role, side in state.learners.items()},
+            learners={role: cut_short(side) for role, side in state.learners.items()},
             past=Past(archives, state.past.payoffs),
         )
 

@@ -16,11 +16,12 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, Role, Scalar
 from apollonius.learn import replay_buffer
 from apollonius.learn.algorithm import Learner, algorithm_of
-from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.learner_config import LearnerConfig
+from apollonius.learn.lessons import Lessons
 from apollonius.learn.opponents import archive
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.opponents.payoffs import Payoffs, nothing_played
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.observe.registry import find_observation
 from apollonius.rollout import Games, begin
 
@@ -85,10 +86,10 @@ class Plan:
 
 
 class LearnerState(eqx.Module):
-    """One learning side: its networks and its memory."""
+    """One learning side: its networks and its memory, of what it has played or of what it has been told."""
 
     learner: Learner
-    buffer: replay_buffer.ReplayBuffer
+    buffer: replay_buffer.ReplayBuffer | Lessons
 
 
 class Past(eqx.Module):

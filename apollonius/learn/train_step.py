@@ -134,6 +134,7 @@ def _learn(
     config, algorithm, part = plan.learner, algorithm_of(plan.learner), transitions.sides[role]
     flags = transitions.terminated, transitions.truncated
     row = replay_buffer.Row(part.observation, part.action, part.reward, part.next_observation, *flags)
+    assert isinstance(side.buffer, replay_buffer.ReplayBuffer)
     buffer = replay_buffer.add(side.buffer, row)
     context = UpdateContext(env_steps, plan.stage.env_steps, plan.across)
     n_step = jnp.round(context.between(config.n_step, config.final_n_step)).astype(jnp.int32)

@@ -16,8 +16,10 @@ _HEADINGS = range(40, 65)
 """Numbers of headings among which a hold's turn comes closest to whole cells of one."""
 _FASTER = 0.05
 """Least distance between neighbouring speeds [m/s]."""
-_PAIRS = 1.2e8
+PAIRS = 1.2e8
 """About as many pairs of nodes has the grid of two robots."""
+FEW_PAIRS = 1e7
+"""The same of one that is solved in seconds."""
 _SPEEDS = 5
 """Its speeds."""
 _LONGEST = 2.0
@@ -41,8 +43,11 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 
-def joint_grid(game: Game, role: Role) -> tuple[Grid, int]:
+def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:
     """The grid of one robot of two: coarser, since pairs of nodes count.
+
+    Args:
+        pairs: about how many of them.
 
     Returns:
         The grid, and the control steps for which actions are held: both robots', by the pursuer's limits.
@@ -51,7 +56,7 @@ def joint_grid(game: Game, role: Role) -> tuple[Grid, int]:
     faster = (float(lead.v_max) - float(lead.v_min)) / (_SPEEDS - 1)
     hold = max(1, min(round(faster / max(float(lead.u1_max), _FASTER) / dt), round(_LONGEST / dt)))
     headings = min(max(8, round(tau / max(float(lead.u2_max) * dt * hold, 1e-6))), 16)
-    places = _PAIRS**0.5 / (_SPEEDS * headings)
+    places = pairs**0.5 / (_SPEEDS * headings)
     shape = (float(arena.x_max) - float(arena.x_min)) / (float(arena.y_max) - float(arena.y_min))
     x, y = (max(2, round((places * ratio) ** 0.5)) for ratio in (shape, 1 / shape))
     return make_grid(arena, game.body(role), (x, y, _SPEEDS, headings)), hold

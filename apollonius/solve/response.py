@@ -12,7 +12,7 @@ decide the game by a capture that it wants, or cannot help one that it does not 
 where each of the draws has that capture if it is wanted, and where one of them has if it is not.
 
 On the grid an opponent with continuous actions takes the nearest discrete ones. What comes of it is a table to play by,
-with the opponent's own actions in the hold that comes (`players.ResponsePolicy`), and is judged by the games it wins.
+with the opponent's own actions in the hold that comes (`foresight.ResponsePolicy`), and is judged by the games it wins.
 """
 
 from collections.abc import Callable
@@ -27,12 +27,12 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Answers, Decided, decisive
+from apollonius.solve.foresight import COURSES, answer_of, answers_by_chance
 from apollonius.solve.grid import Grid
 from apollonius.solve.guarantee import TOLERANCE, make_sides
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
 from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
 from apollonius.solve.motion import discount_after
-from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy, answer_of, answers_by_chance
 from apollonius.solve.side import Side
 from apollonius.solve.transition_map import greatest, total
 from apollonius.solve.zero_sum_game import ZeroSumGame
@@ -141,25 +141,3 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
 
 def _node(grid: Grid, index: Int[Array, ""]) -> RobotState:
     return grid.node(*jnp.unravel_index(index, grid.shape))
-
-
-def responders(
-    table: SaddlePolicy, agent: AbstractPolicy, report: Callable[[Sweep], None] = silent
-) -> dict[str, ResponsePolicy]:
-    """Two opponents that know an agent and look one hold ahead: what either wins of it is what it can lose at least.
-
-    One hold is far from enough for the most that could be won: two are known to win twice as much.
-
-    One trusts, after the hold, the best response on the grid, where the agent decides as seldom as a hold and only from
-    nodes; the other trusts no more than what its side is sure of against anyone.
-
-    Args:
-        table: the player by the solved game, of the side that the agent does not play.
-        report: told after each sweep.
-    """
-    zero_sum_game = table.zero_sum_game
-    solved = solve_response(make_response(zero_sum_game, agent), report)
-    return {
-        "sure of the table": ResponsePolicy(zero_sum_game, table.table, agent),
-        "best response on the grid": ResponsePolicy(zero_sum_game, solved.table, agent),
-    }

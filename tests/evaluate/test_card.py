@@ -15,10 +15,11 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.card import measure_card
 from apollonius.evaluate.match import begin, play_match
 from apollonius.game.types import Role
+from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.response import responders
+from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.matches import a_match
 from tests.solve.small import BODY, SMALL
@@ -33,6 +34,11 @@ def player(role, payoff="win"):
     grid = make_grid(QUICK.arena, BODY, (5, 6, 3, 6))
     zero_sum_game = make_zero_sum_game(QUICK, (grid, grid), 5, role, payoff)
     return SaddlePolicy(zero_sum_game, solve_duel(make_duel(zero_sum_game)).table)
+
+
+def response_to(agent, table):
+    game = table.zero_sum_game
+    return ResponsePolicy(game, solve_response(make_response(game, agent)).table, agent)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +77,7 @@ def test_the_gap_is_what_it_could_be_sure_of_more_than_it_gets(card, tables):
 
 def test_a_response_to_a_still_evader_captures_it(tables):
     pursuer, evader = tables
-    response = responders(pursuer, Still())["best response on the grid"]
+    response = response_to(Still(), pursuer)
     still = measure_card(a_match(QUICK, pursuer, Still(), GAMES), evader, response, response_games=40)
     assert still.response is not None
     assert still.response.games == 40
@@ -84,7 +90,7 @@ def test_agents_with_continuous_actions_have_cards_too(tables, role):
     """In play against a table, and against a response to what they do."""
     agent = SquashedMean(make_actor("encoded", 16, 2, jax.random.key(0)))
     own, other = tables if role == Role.PURSUER else tables[::-1]
-    response = responders(other, agent)["best response on the grid"]
+    response = response_to(agent, other)
     asked = a_match(QUICK, *((agent, other) if role == Role.PURSUER else (other, agent)), GAMES)
     card, match = measure_card(asked, own, response, response_games=20), play_match(asked)
     lost = match.evader_win_rate if role == Role.PURSUER else match.pursuer_win_rate

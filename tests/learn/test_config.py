@@ -10,9 +10,10 @@ import tomli_w
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
 from apollonius.errors import InvalidInput
-from apollonius.learn.config import PRESETS, RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 
 SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 

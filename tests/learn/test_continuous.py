@@ -19,13 +19,14 @@ from apollonius.exploit.best_response import best_response
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.config import SelfPlayConfig, StageConfig
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.run import Run, load_first
+from apollonius.learn.plans import load_first
+from apollonius.learn.run import Run
 from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
 from tests.learn.tiny import CHUNK, GAME, RUN, SMALL

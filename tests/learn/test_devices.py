@@ -18,13 +18,13 @@ from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.devices import share
 from apollonius.learn.folder import create_run
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.opponents import archive as archives
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.run import Run
+from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import DEVICE_AXIS, Plan
 from tests.learn.test_opponents import GAMES, archive_of
 from tests.learn.tiny import CHUNK, DQN, RUN, SMALL

@@ -17,8 +17,8 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
 from tests.learn.tiny import CHUNK, DQN, GAME

@@ -18,11 +18,11 @@ from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.types import ROLES, Outcome, Role
-from apollonius.learn.config import SelfPlayConfig
 from apollonius.learn.opponents import archive as archives
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.opponents.schemes import INSTEAD
 from apollonius.learn.self_play import admit, renew_opponents, start_self_play
+from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan, players
 from apollonius.learn.train_step import play_and_learn
 from apollonius.rollout import collect

@@ -6,8 +6,9 @@ from typing import Any
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
-from apollonius.learn.config import RunConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 
 CHUNK = 8192

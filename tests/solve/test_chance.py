@@ -14,9 +14,10 @@ from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.observe.view import Views, look
+from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import lanes_of
-from apollonius.solve.players import ResponsePolicy, SaddlePolicy
+from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.solve.small import BODY, MOVING, SMALL

@@ -13,12 +13,13 @@ from apollonius.agents.fleeing import FleeAware
 from apollonius.agents.uniform import Uniform
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.view import look
+from apollonius.solve.foresight import COURSES, ResponsePolicy
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import make_duel, solve_duel
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.motion import HORIZON
-from apollonius.solve.players import COURSES, ResponsePolicy, SaddlePolicy
-from apollonius.solve.response import make_response, responders, solve_response
+from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import CRAMPED, FEW, HOLD, as_matrix
@@ -114,14 +115,3 @@ def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(
     own, other = quiet_pairs(robot, captures, still=False)
     promised = SaddlePolicy(duel.zero_sum_game, found.table).best_value(states(own, other))
     np.testing.assert_allclose(promised, expected[own, other], atol=1e-5)
-
-
-def test_an_agent_meets_one_who_trusts_no_more_than_what_is_sure_and_one_who_trusts_its_own_table():
-    sure = SaddlePolicy(zero_sum_game(Role.EVADER), jnp.full((1, 1, 1), 0.5))
-    found = responders(sure, CHASER)
-    assert [type(player) for player in found.values()] == [ResponsePolicy] * 2
-    trusts_sure, trusts_response = found.values()
-    assert trusts_sure.table is sure.table
-    solved = solve_response(make_response(sure.zero_sum_game, CHASER))
-    np.testing.assert_array_equal(trusts_response.table, solved.table)
-    assert all(player.opponent is CHASER for player in found.values())

@@ -1,0 +1,72 @@
+"""The teacher of a distillation: what each of the nine actions is worth in a state, as the student shall see it."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.agents.policy import AbstractActionValuePolicy
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
+from apollonius.observe.view import Views
+from apollonius.solve.grid import Grid
+from apollonius.solve.motion import Motion, last
+
+DEEPEST = 0.3
+"""How much worse than the best an action is, at most, before room is looked at: bad is bad, and what a network learns
+of how bad is lost to the choice between good ones."""
+STEEPNESS = 5.0
+"""What a missing metre of room costs."""
+COSTLIEST = 0.8
+"""What missing room costs at most."""
+
+
+class Room(eqx.Module):
+    """The room that a robot can keep for ever after each of its actions, by the safety table of `solve.safety`.
+
+    Attributes:
+        motion: the robot, for as many steps as an action is looked at.
+        grid, table: the room [m] at the nodes.
+        wanted: less than this is paid for [m].
+    """
+
+    motion: Motion
+    grid: Grid
+    table: Float[Array, "v heading x y"]
+    wanted: Real
+
+    def price(self, robot: RobotState) -> Float[Array, "9"]:
+        """What each action costs."""
+
+        def room(action: Array) -> Scalar:
+            course = self.motion.hold(robot, action)
+            return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
+
+        missing = self.wanted - jax.vmap(room)(jnp.arange(NUM_ACTIONS))
+        return jnp.clip(STEEPNESS * missing, 0.0, COSTLIEST)
+
+
+class Teacher(eqx.Module):
+    """A player that values all nine actions, and the room that they leave.
+
+    Attributes:
+        policy: the player.
+        scale: what a game that is lost is worth to it, about, its sign turned.
+        room: of the student's robot; None leaves it out.
+    """
+
+    policy: AbstractActionValuePolicy
+    scale: Real
+    room: Room | None
+
+    def worths(self, seen: Views) -> Float[Array, "games 9"]:
+        """What the nine actions are worth in each of many games, in the player's own units; the best is worth what the
+        player says it is.
+        """
+        bits = jnp.zeros(seen.states.steps.shape, jnp.uint32)
+        values = self.policy.weigh_together(self.policy.observation.together(seen), bits)
+        best = jnp.max(values, axis=1, keepdims=True)
+        behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
+        if self.room is not None:
+            price = self.room.price
+            behind = behind - seen.each(lambda view: price(view.own.state))
+        return best + self.scale * (behind - jnp.max(behind, axis=1, keepdims=True))

@@ -1,0 +1,187 @@
+"""Distillation: what a student is asked, what it is told, and that it learns it and goes on where it was stopped."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.greedy import Greedy
+from apollonius.agents.network import make_network
+from apollonius.agents.store import load_agent
+from apollonius.errors import InvalidInput
+from apollonius.game.game import reset_batch
+from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.learn.config import DISTILLATIONS, RunConfig
+from apollonius.learn.learner_config import DQNConfig, SACConfig
+from apollonius.learn.lessons import Lessons
+from apollonius.learn.run import Run
+from apollonius.learn.school import open_school
+from apollonius.learn.situations import fresh_starts, situations
+from apollonius.learn.stage_config import DistillationConfig
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, Room, Teacher
+from apollonius.observe.view import Views
+from apollonius.solve.motion import motion_of
+from apollonius.solve.reference import reference_grid
+from apollonius.solve.safety import solve_safety
+from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
+from tests.solve.small import FEW, SMALL
+
+GAME = replace(SMALL, max_steps=60)
+STAGE = DistillationConfig(
+    env_steps=40_960, evaluations=2, evaluation_games=32, opponents=("table", "random"), near_sighted=16,
+    far_sighted=4, grid=FEW, updates=4,
+)  # fmt: skip
+FITTING = DQNConfig(
+    width=32, depth=1, learning_rate=3e-3, final_learning_rate=1e-3, averaging=0.1, batch=64, games=128,
+    env_steps_per_update=640, replay_capacity=20_000,
+)  # fmt: skip
+RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAGE)
+
+
+@pytest.fixture(scope="module")
+def school():
+    return open_school(RUN, None)
+
+
+@pytest.fixture(scope="module")
+def visited():
+    return jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), games=400)
+
+
+def test_situations_are_those_visited_and_others_around_close_and_anywhere(visited):
+    asked = jax.jit(situations)(GAME, visited, jax.random.key(1))
+    same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
+    assert len(anywhere) == 100
+    for before, after in zip(jax.tree.leaves(visited), jax.tree.leaves(asked), strict=True):
+        np.testing.assert_array_equal(before, after[same])
+    moved = np.hypot(asked.evader.x[around] - visited.evader.x, asked.evader.y[around] - visited.evader.y)
+    assert 0.1 < np.median(moved) < 0.5
+    for robot in (asked.pursuer, asked.evader):
+        assert np.all((robot.x > -1) & (robot.x < 2) & (robot.y > 0) & (robot.y < 4))
+        assert np.all((robot.v >= 0) & (robot.v <= 0.6) & (np.abs(robot.heading) <= np.pi + 1e-6))
+    assert np.ptp(asked.pursuer.v[anywhere]) > 0.4, "they move"
+    apart = np.hypot(asked.pursuer.x - asked.evader.x, asked.pursuer.y - asked.evader.y)
+    assert np.median(apart[close]) < np.median(apart[anywhere])
+    fresh = jax.jit(fresh_starts, static_argnames="games")(GAME, games=50, key=jax.random.key(2))
+    rest = np.asarray(fresh.evader.v) == 0
+    assert rest.sum() == 25
+
+
+def teacher_of(values, room=None):
+    """One that values the actions so, everywhere."""
+    network = jax.tree.map(jnp.zeros_like, make_network("paper", 4, 1, jax.random.key(0)))
+    network = eqx.tree_at(lambda one: one.layers[-1].bias, network, jnp.asarray(values, jnp.float32))
+    return Teacher(Greedy(network), 10.0, room)
+
+
+def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(visited):
+    worths = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).worths(Views(GAME, visited, Role.EVADER))
+    expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
+    np.testing.assert_allclose(worths, np.tile(expected, (400, 1)), atol=1e-6)
+
+
+def test_what_leaves_too_little_room_is_worth_less(visited):
+    grid, hold = reference_grid(GAME, Role.EVADER)
+    table = solve_safety(GAME, Role.EVADER, grid, hold).table
+    room = Room(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
+    moving = jax.jit(situations)(GAME, visited, jax.random.key(1))
+    seen = Views(GAME, moving, Role.EVADER)
+    worths = np.asarray(teacher_of(np.zeros(NUM_ACTIONS), room).worths(seen))
+    prices = np.asarray(seen.each(lambda view: room.price(view.own.state)))
+    np.testing.assert_allclose(worths.max(axis=1), 0, atol=1e-6)
+    np.testing.assert_allclose(worths, 10 * (prices.min(axis=1, keepdims=True) - prices), atol=1e-5)
+    clear = np.asarray(jax.vmap(GAME.arena.clearance)(moving.evader.x, moving.evader.y)) > 0.6
+    assert np.all(prices[clear & (np.asarray(moving.evader.v) < 0.1)] == 0)
+    assert prices.max() == pytest.approx(COSTLIEST)
+    doomed = prices.min(axis=1) > 0
+    assert 0 < doomed.mean() < 0.5
+
+
+def test_lessons_are_a_ring():
+    ring = Lessons(jnp.zeros((6, 2)), jnp.zeros((6, 9)), jnp.int32(0), jnp.int32(0))
+    for number in range(1, 5):
+        ring = ring.add(jnp.full((2, 2), float(number)), jnp.full((2, 9), float(number)))
+        assert int(ring.filled) == min(2 * number, 6)
+    assert ring.observation[:, 0].tolist() == [4, 4, 2, 2, 3, 3] == ring.worths[:, 0].tolist()
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted", RUN)
+    assert Run(RUN, folder).execute()
+    return folder
+
+
+def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, school, visited):
+    assert list(agents(uninterrupted)) == ["E_optimal"]
+    assert len(list((uninterrupted / "tables").iterdir())) == 2
+    agent = load_agent(uninterrupted / "agents" / "E_optimal.safetensors")
+    assert agent.header.role == "evader"
+    assert agent.header.training["config"]["distillation"]["teacher"] == "table"
+    losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
+    assert losses[-1] < losses[0] / 2
+    seen = Views(GAME, jax.jit(situations)(GAME, visited, jax.random.key(5)), Role.EVADER)
+    worths = np.asarray(school.teacher.worths(seen))
+
+    def lost(network):
+        """What the best action by a network costs by what the teacher says."""
+        chosen = np.argmax(network.together(network.observation.together(seen)), axis=1)
+        return np.mean(worths.max(axis=1) - worths[np.arange(len(worths)), chosen])
+
+    assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))
+
+
+def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
+    folder = begin(tmp_path / "run", RUN)
+    assert not Run(RUN, folder, should_stop=stop_after(3)).execute()
+    assert agents(folder) == {}
+    assert Run(RUN, folder).execute()
+    assert_same_end(folder, uninterrupted)
+
+
+@pytest.mark.parametrize("role", Role)
+def test_the_shipped_recipes_can_be_begun(role):
+    name = role.name.lower()
+    config = DISTILLATIONS[f"{name}-by-table"]
+    assert (config.stages, config.distillation.role) == ("distillation", name)
+    few = replace(config, game=GAME, distillation=replace(config.distillation, grid=FEW, room=0.0))
+    found = open_school(few, None)
+    assert len(found.opponents) == len(few.distillation.opponents)
+    assert found.table.zero_sum_game.role == role.other
+    assert found.teacher.room is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sac": SACConfig()}, "sac = given is not possible: it must be left out"),
+        ({"devices": 2}, "devices = 2 is not possible"),
+        (
+            {"dqn": replace(FITTING, games=20, env_steps_per_update=100)},
+            "games = 20 .* more than the 20",
+        ),
+        ({"distillation": replace(STAGE, teacher="E_smooth")}, "it must be one that values the nine actions"),
+        ({"distillation": replace(STAGE, opponents=("nobody",))}, "no agent is called 'nobody'"),
+    ],
+)
+def test_what_cannot_be_distilled_is_refused(change, message):
+    with pytest.raises(InvalidInput, match=message):
+        open_school(replace(RUN, **change), None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"opponents": ()}, "opponents = none"),
+        ({"room": -0.1}, "room = -0.1"),
+        ({"far_sighted": -1}, "far_sighted = -1"),
+        ({"grid": (3, 3)}, "four numbers of nodes"),
+        ({"updates": 0}, "updates = 0"),
+    ],
+)
+def test_impossible_numbers_are_refused(change, message):
+    with pytest.raises(InvalidInput, match=message):
+        replace(STAGE, **change)
