@@ -3,13 +3,14 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from apollonius.catalogue import TABLE
 from apollonius.errors import require, require_positive
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.opponents.seats import seat_games
-from apollonius.learn.stage_config import TABLE, DistillationConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from apollonius.limits import SEED
 from apollonius.observe.registry import find_observation
 
@@ -123,18 +124,18 @@ DISTILLATIONS: dict[str, RunConfig] = {
         RunConfig(),
         stages="distillation",
         dqn=_FITTING,
+        distillation=DistillationConfig(grid=(25, 25, 5, 8)),
     ),
     "pursuer-by-table": replace(
         RunConfig(),
         stages="distillation",
         dqn=_FITTING,
-        pursuer="P_prioritised",
+        pursuer="P_hunter",
         distillation=DistillationConfig(
             role="pursuer",
-            teacher="P_prioritised",
-            room=0.15,
-            far_sighted=64,
-            env_steps=40_000_000,
+            teacher="P_hunter",
+            room=0.1,
+            env_steps=20_000_000,
             opponents=(TABLE, "E_prioritised", "E_curriculum", "E_scratch", "flee-aware", "still", "random"),
         ),
     ),

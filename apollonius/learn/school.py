@@ -7,12 +7,11 @@ import equinox as eqx
 
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.catalogue import find_player
+from apollonius.catalogue import TABLE, find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
-from apollonius.learn.stage_config import TABLE
 from apollonius.learn.teacher import Room, Teacher
 from apollonius.solve.iteration import Sweep
 from apollonius.solve.kept import kept_tables

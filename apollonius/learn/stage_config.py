@@ -5,6 +5,7 @@ from math import inf
 from typing import Literal
 
 from apollonius.agents.disturbance import Disturbance
+from apollonius.catalogue import TABLE
 from apollonius.errors import require, require_positive
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -13,9 +14,6 @@ from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.limits import GAMES
 from apollonius.observe.registry import find_observation
-
-TABLE = "table"
-"""Instead of a player's name: the player by the game solved for that side."""
 
 
 @dataclass(frozen=True)
@@ -129,12 +127,13 @@ class DistillationConfig(StageConfig):
     """Whom it meets, each in an equal part of the games: `table` is the other side's."""
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
-    far_sighted: int = 32
+    far_sighted: int = 64
     """Games against one that looks two holds ahead, at four times the cost."""
     grid: tuple[int, ...] | None = None
     """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius solve game`."""
-    room: float = 0.08
-    """Actions that leave less room than this [m] are worth less, whatever the teacher says; 0 leaves that out."""
+    room: float = 0.05
+    """Where actions leave less room than this [m], the teacher's say gives way to how much they leave; 0 leaves that
+    out."""
     updates: int = 8
     """Updates in a round."""
 

@@ -14,7 +14,7 @@ from apollonius.solve.motion import Motion, last
 DEEPEST = 0.3
 """How much worse than the best an action is, at most, before room is looked at: bad is bad, and what a network learns
 of how bad is lost to the choice between good ones."""
-STEEPNESS = 5.0
+STEEPNESS = 10.0
 """What a missing metre of room costs."""
 COSTLIEST = 0.8
 """What missing room costs at most."""
@@ -26,7 +26,7 @@ class Room(eqx.Module):
     Attributes:
         motion: the robot, for as many steps as an action is looked at.
         grid, table: the room [m] at the nodes.
-        wanted: less than this is paid for [m].
+        wanted: with more than this there is nothing to worry about [m].
     """
 
     motion: Motion
@@ -34,15 +34,25 @@ class Room(eqx.Module):
     table: Float[Array, "v heading x y"]
     wanted: Real
 
-    def price(self, robot: RobotState) -> Float[Array, "9"]:
-        """What each action costs."""
+    def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
+        """What the actions are worth once their room counts, from how far each is behind the best.
+
+        As room runs out, what a teacher prefers counts less and less, and room alone in the end: a wall is come to by
+        many steps, none of which leaves much less room than another would.
+        """
+        rooms = jnp.minimum(self.after(robot), self.wanted)
+        most = jnp.max(rooms)
+        ease = jnp.clip(most / self.wanted, 0.0, 1.0)
+        return ease * behind - jnp.minimum(STEEPNESS * (most - rooms), COSTLIEST)
+
+    def after(self, robot: RobotState) -> Float[Array, "9"]:
+        """The room after each action [m]."""
 
         def room(action: Array) -> Scalar:
             course = self.motion.hold(robot, action)
             return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
 
-        missing = self.wanted - jax.vmap(room)(jnp.arange(NUM_ACTIONS))
-        return jnp.clip(STEEPNESS * missing, 0.0, COSTLIEST)
+        return jax.vmap(room)(jnp.arange(NUM_ACTIONS))
 
 
 class Teacher(eqx.Module):
@@ -67,6 +77,6 @@ class Teacher(eqx.Module):
         best = jnp.max(values, axis=1, keepdims=True)
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
         if self.room is not None:
-            price = self.room.price
-            behind = behind - seen.each(lambda view: price(view.own.state))
+            own = seen.states.robots[seen.role][0]
+            behind = jax.vmap(self.room.weighed)(behind, own)
         return best + self.scale * (behind - jnp.max(behind, axis=1, keepdims=True))

@@ -92,7 +92,7 @@ class SaddlePolicy(AbstractLookahead):
         """
         zero_sum_game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
         mine, theirs = (
-            _every_hold(motion, robot) for motion, robot in zip(zero_sum_game.motions, (own, other), strict=True)
+            every_hold(motion, robot) for motion, robot in zip(zero_sum_game.motions, (own, other), strict=True)
         )
         outcome, seconds = first_events(zero_sum_game.game, *zero_sum_game.pair(mine, theirs))
         if zero_sum_game.role == Role.EVADER:
@@ -103,7 +103,7 @@ class SaddlePolicy(AbstractLookahead):
         return jnp.min(action_values, axis=1)
 
 
-def _every_hold(motion: Motion, robots: RobotState) -> RobotState:
+def every_hold(motion: Motion, robots: RobotState) -> RobotState:
     """The courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
     in_games = jax.vmap(motion.hold, (0, None), -1)
     return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))

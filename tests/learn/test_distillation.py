@@ -21,7 +21,7 @@ from apollonius.learn.run import Run
 from apollonius.learn.school import open_school
 from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, Room, Teacher
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher
 from apollonius.observe.view import Views
 from apollonius.solve.motion import motion_of
 from apollonius.solve.reference import reference_grid
@@ -89,15 +89,21 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     room = Room(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
     moving = jax.jit(situations)(GAME, visited, jax.random.key(1))
     seen = Views(GAME, moving, Role.EVADER)
-    worths = np.asarray(teacher_of(np.zeros(NUM_ACTIONS), room).worths(seen))
-    prices = np.asarray(seen.each(lambda view: room.price(view.own.state)))
-    np.testing.assert_allclose(worths.max(axis=1), 0, atol=1e-6)
-    np.testing.assert_allclose(worths, 10 * (prices.min(axis=1, keepdims=True) - prices), atol=1e-5)
-    clear = np.asarray(jax.vmap(GAME.arena.clearance)(moving.evader.x, moving.evader.y)) > 0.6
-    assert np.all(prices[clear & (np.asarray(moving.evader.v) < 0.1)] == 0)
-    assert prices.max() == pytest.approx(COSTLIEST)
-    doomed = prices.min(axis=1) > 0
+    left = np.asarray(seen.each(lambda view: room.after(view.own.state)))
+    most = left.max(axis=1, keepdims=True)
+    wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
+    worths = np.asarray(teacher_of(wanted, room).worths(seen))
+    clear, doomed = left.min(axis=1) > 0.1, most[:, 0] < 0
+    assert 0.2 < clear.mean() < 0.9
     assert 0 < doomed.mean() < 0.5
+    unheeding = np.asarray(teacher_of(wanted).worths(seen))
+    np.testing.assert_allclose(worths[clear], unheeding[clear], atol=1e-6)
+    price = 10 * np.minimum(STEEPNESS * (np.minimum(most, 0.1) - np.minimum(left, 0.1)), COSTLIEST)
+    np.testing.assert_allclose(worths[doomed], 4 - price[doomed], atol=1e-4)
+    np.testing.assert_allclose(worths.max(axis=1), 4, atol=1e-5)
+    short = (most[:, 0] < 0.05) & (most[:, 0] - left[:, -1] > 0.02)
+    assert short.any()
+    assert np.all(worths[short, -1] < 4), "whatever the player says, not on towards the wall"
 
 
 def test_lessons_are_a_ring():
