@@ -24,7 +24,7 @@ YOU = "you"
 """What a person is called in place of an agent."""
 BUILT_IN = ("random", "still")
 """Players that the page has besides trained ones."""
-BEST = {Role.PURSUER: "shielded:P_pool", Role.EVADER: "E_prioritised"}
+BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
 """Whom a person meets first."""
 
 

@@ -57,7 +57,7 @@ def test_colours_are_those_of_all_pictures():
 
 def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
-    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_pool", YOU, 3, {})
+    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("P_optimal", YOU, 3, {})
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
 
 
