@@ -61,6 +61,7 @@ ARGUMENTS = {
             "budget",
             "payoff",
             "side",
+            "kind",
         ],
         "choice",
     ),
@@ -249,7 +250,9 @@ def test_a_written_grid_is_read():
 
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
+    from apollonius.arenas import random_arena
     from apollonius.bench import CLASSIC
+    from apollonius.commands import arena
     from apollonius.commands.bench import BENCHES
     from apollonius.commands.exploit import ATTACKERS
     from apollonius.commands.options import LENGTHS
@@ -263,6 +266,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert set(LENGTHS) == set(PRESETS)
     assert set(BY_TABLE) == set(DISTILLATIONS)
     assert list(ATTACKERS) == list(KINDS)
+    assert tuple(random_arena.KINDS) == arena.KINDS
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert set(BENCHES) == {"classic", *learner_config.PROFILES}
     assert CLASSIC.batch == 128

@@ -11,6 +11,9 @@ from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
 
+KINDS = ("discs", "blocks", "rooms", "maze", "racks")
+"""Kinds of random arenas."""
+
 
 def add_arena(subparsers: Any) -> None:
     """The parser of `arena`."""
@@ -25,7 +28,8 @@ def add_arena(subparsers: Any) -> None:
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
-    draw.add_argument("--discs", type=count(DISCS), default=5, help="number of discs (default: %(default)s)")
+    draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
+    draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
     draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
     draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
     draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
@@ -96,9 +100,13 @@ def run_random(options: argparse.Namespace) -> int:
     from apollonius.document import write_atomically
 
     require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
-    game = find_game(options.game)
-    elsewhere = in_random_arena(game, options.discs, options.seed, options.gap, tuple(options.size))
+    require(
+        options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
+    )
+    game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
+    elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
     write_atomically(options.out, tomli_w.dumps(to_dict(elsewhere)).encode())
-    print(f"{options.discs} discs, passages of {options.gap:g} m and more")
+    obstacles = len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)
+    print(f"{options.kind}, {obstacles} obstacles, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0

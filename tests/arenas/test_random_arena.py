@@ -6,18 +6,19 @@ from math import hypot
 import pytest
 
 from apollonius.arenas.file import load_game
-from apollonius.arenas.random_arena import random_arena
+from apollonius.arenas.random_arena import KINDS, random_arena
 from apollonius.arenas.survey import survey
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.validation import check_game
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_every_gap_is_kept(seed):
-    arena = random_arena(8, seed, gap=0.6, width=12.0, height=8.0, radius=(0.2, 0.9))
+    arena = random_arena("discs", seed, gap=0.6, width=12.0, height=8.0, count=8, radius=(0.2, 0.9))
     assert len(arena.discs) == 8
     for disc in arena.discs:
         assert 0.2 <= disc.radius <= 0.9
@@ -26,35 +27,49 @@ def test_every_gap_is_kept(seed):
         assert hypot(one.x - other.x, one.y - other.y) - one.radius - other.radius >= 0.6 - 1e-9
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_robot_just_thinner_than_the_gap_reaches_everything(seed):
-    body = Unicycle(radius=0.28)
-    game = Game(pursuer=body, evader=body, arena=random_arena(9, seed, gap=0.6), capture_distance=0.6)
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
+    width, height = ((10.0, 10.0), (14.0, 8.0), (9.0, 16.0), (6.0, 6.0))[seed]
+    body = Unicycle(radius=0.47)
+    arena = random_arena(kind, seed, gap=1.0, width=width, height=height)
+    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=1.0)
+    check_game(game)
+    assert len(arena.obstacles) >= 1
     found = survey(game)
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert found.wrong == ()
 
 
-def test_one_seed_gives_one_arena_and_another_another():
-    assert random_arena(4, 7) == random_arena(4, 7)
-    assert random_arena(4, 7) != random_arena(4, 8)
-    assert random_arena(0, 0).discs == ()
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_seed_gives_one_arena_and_another_another(kind):
+    assert random_arena(kind, 7) == random_arena(kind, 7)
+    assert random_arena(kind, 7) != random_arena(kind, 8)
+    assert len({len(random_arena(kind, 0, width=side, height=side).obstacles) for side in (6.0, 12.0, 24.0)}) == 3
+
+
+def test_there_may_be_none():
+    assert random_arena("discs", 0, count=0).obstacles == ()
 
 
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
-        ({"discs": -1}, "discs = -1"),
-        ({"discs": 200}, "discs = 200 find no room: after .* ask for fewer"),
+        ({"count": -1}, "discs = -1"),
+        ({"count": 200}, "discs = 200 find no room: after .* ask for fewer"),
         ({"gap": -1.0}, "gap = -1"),
         ({"radius": (0.5, 0.2)}, "radius = .* smallest first"),
         ({"width": 3.0}, "width, height = .* more than 3.6 m"),
         ({"seed": -1}, "seed = -1"),
+        ({"kind": "caves"}, "kind = caves .* one of discs, blocks"),
+        ({"kind": "maze", "width": 2.0}, "width, height = .* two corridors"),
+        ({"kind": "racks", "height": 2.0}, "width, height = .* an aisle on either side"),
+        ({"kind": "rooms", "width": 1e6}, "width, height = .* at most 100 m"),
     ],
 )
 def test_the_impossible_is_refused(numbers, said):
     with pytest.raises(InvalidInput, match=said):
-        random_arena(**{"discs": 3, "seed": 0} | numbers)
+        random_arena(**{"kind": "discs", "seed": 0} | numbers)
 
 
 def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
@@ -63,7 +78,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     write += ["--game", "robot", "--out", "mine.toml"]
     assert main(write) == 0
     game = load_game(tmp_path / "mine.toml")
-    assert game.arena == random_arena(4, 2, width=12.0, height=7.0)
+    assert game.arena == random_arena("discs", 2, width=12.0, height=7.0, count=4)
     assert game.pursuer == make_game("robot").pursuer
     assert main(["arena", "check", "mine.toml"]) == 0
     capsys.readouterr()
@@ -72,3 +87,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert load_game(tmp_path / "mine.toml") == game
     assert main([*write, "--force", "--gap", "0.3"]) == 2
     assert "does not fit through" in capsys.readouterr().err
+    assert main(["arena", "random", "--kind", "rooms", "--discs", "3", "--out", "rooms.toml"]) == 2
+    assert "--discs" in capsys.readouterr().err
+    assert main(["arena", "random", "--kind", "rooms", "--seed", "3", "--out", "rooms.toml"]) == 0
+    assert load_game(tmp_path / "rooms.toml").arena == random_arena("rooms", 3)
