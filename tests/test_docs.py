@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import re
 import runpy
 import tomllib
@@ -339,3 +340,19 @@ def test_every_name_in_the_glossary_is_in_the_code():
         *owner, last = name.split(".")
         assert re.search(rf"\b(def|class) {last}\b|\b{last}\b *[:=]", code), name
         assert not owner or re.search(rf"class {owner[0]}\b", code), name
+
+
+def test_near_optimal_play_is_told_as_it_was_measured():
+    folder = Path(__file__).parents[1] / "docs"
+    found = json.loads((folder / "results" / "near_optimal.json").read_text())
+    text = (folder / "near_optimal.md").read_text()
+    judged = [one for one in found["exploit"] if one["agent"] in ("E_optimal", "P_optimal")]
+    assert {one["agent"] for one in judged} == {"E_optimal", "P_optimal"}
+    for one in judged:
+        assert one["worst"]["name"] in {attacker["name"] for attacker in one["attackers"]}
+        for attacker in one["attackers"]:
+            low, high = attacker["interval"]
+            told = f"{attacker['loses']:.1%} [{100 * low:.1f}, {100 * high:.1f}]".replace("%", " %")
+            assert f"| `{attacker['name']}` | {attacker['games']:,} | {told} |" in text
+    most = max(attacker["loses"] for one in judged for attacker in one["attackers"] if one["agent"] == "E_optimal")
+    assert f"**`E_optimal` loses {100 * most:.1f} %" in text
