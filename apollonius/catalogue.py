@@ -1,8 +1,7 @@
 """Players by name: every kind that there is, and whoever is put behind a shield or searches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -66,14 +65,16 @@ def _looking_ahead(bare: Named, game: Game, role: Role) -> AbstractPolicy:
     bound = "an agent trained by DQN or distillation, whose values can stand behind a search"
     require(isinstance(bare.policy, Greedy), "lookahead", f"'{bare.name}'", bound)
     assert isinstance(bare.policy, Greedy)
-    assert bare.header is not None
-    return lookahead(bare.policy, game, role, _price_of_losing(bare.header.training, game))
+    return lookahead(bare.policy, game, role, price_of_losing(bare, game))
 
 
-def _price_of_losing(training: Mapping[str, Any], game: Game) -> float:
-    """About what a lost game costs in the units of an agent's values: 1 for those of a solved game's, which a table has
-    taught, and otherwise the price of a failure.
+def price_of_losing(player: Named, game: Game) -> float:
+    """About what a lost game costs in the units of a player's action values: 1 for a solved game's player and for whom
+    a table has taught, the price of a failure for whom rewards have.
     """
+    if player.header is None:
+        return 1.0
+    training = player.header.training
     taught = training.get("stage") == "distillation" and training["config"]["distillation"]["teacher"] == TABLE
     return 1.0 if taught else float(game.reward.failure)
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -28,7 +29,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, Role
+from apollonius.game.types import GameState, Outcome, Role
 from apollonius.replay import Trajectory
 from apollonius.reproduce.finding import Finding
 from apollonius.show.markdown import markdown_table
@@ -113,14 +114,14 @@ class NearOptimal(driver.AbstractStudy):
         farthest, found = -1.0, None
         for index in range(match.games):
             course = replay_game(match, index)
-            turned = _turned(self.game, course.states)
-            for first in range(0, len(turned) - steps):
-                if (round_it := abs(float(turned[first : first + steps].sum()))) > farthest:
-                    farthest, found = round_it, (course, first)
+            so_far = np.concatenate([[0.0], np.cumsum(_turned(self.game, course.states))])
+            round_it = np.abs(so_far[steps:] - so_far[:-steps])
+            if len(round_it) and round_it.max() > farthest:
+                farthest, found = round_it.max(), (course, int(round_it.argmax()))
         assert found, "some game lasts longer than that"
         course, first = found
         states = jax.tree.map(lambda leaf: leaf[first : first + steps + 1], course.states)
-        return Trajectory(states, course.actions[first : first + steps], course.outcome * 0)
+        return Trajectory(states, course.actions[first : first + steps], jnp.asarray(Outcome.ONGOING, jnp.int32))
 
 
 def _turned(game: Game, states: GameState) -> Float[np.ndarray, " steps"]:

@@ -15,6 +15,7 @@ from apollonius.arenas.random.rooms import rooms
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
+from apollonius.game.validation import MOST_POLYGONS
 from apollonius.limits import SEED
 
 KINDS: dict[str, Callable[[Layout, np.random.Generator], Arena]] = {
@@ -46,10 +47,13 @@ def random_arena(
     """
     require(kind in KINDS, "kind", kind, f"one of {', '.join(KINDS)}")
     SEED.require("seed", seed)
-    require(0 <= gap < _LARGEST, "gap", gap, "0 m or more, and less than the arena is long")
+    require(0 < gap < _LARGEST, "gap", gap, f"more than 0 and less than {_LARGEST:g} m")
     sides = (float(width), float(height))
     require(0 < min(sides) <= max(sides) <= _LARGEST, "width, height", sides, f"more than 0 and at most {_LARGEST:g} m")
-    return partial(KINDS[kind], **numbers)(Layout(*sides, gap), np.random.default_rng(seed))
+    arena = partial(KINDS[kind], **numbers)(Layout(*sides, gap), np.random.default_rng(seed))
+    bound = f"wider, or the arena smaller: a game has at most {MOST_POLYGONS} polygons, and this one more"
+    require(len(arena.polygons) <= MOST_POLYGONS, "gap", gap, bound)
+    return arena
 
 
 def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], **numbers: object) -> Game:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import equinox as eqx
 
-from apollonius.agents.greedy import Greedy
+from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.catalogue import TABLE, find_player
+from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -55,16 +55,16 @@ def open_school(
     role = stage.side
     tables = kept_tables(game, stage.grid, folder, report)
 
-    def player(name: str, role: Role) -> AbstractPolicy:
-        return tables[role] if name == TABLE else find_player(name, role, game).policy
+    def player(name: str, role: Role) -> Named:
+        return Named(name, tables[role]) if name == TABLE else find_player(name, role, game)
 
-    teacher = player(stage.teacher, role)
-    values = isinstance(teacher, AbstractActionValuePolicy)
+    found = player(stage.teacher, role)
+    values = isinstance(found.policy, AbstractActionValuePolicy)
     require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
-    assert isinstance(teacher, AbstractActionValuePolicy)
-    scale = float(game.reward.failure) if isinstance(teacher, Greedy) else 1.0
-    opponents = tuple(player(name, role.other) for name in stage.opponents)
-    return School(Teacher(teacher, scale, _room(game, role, stage.room)), opponents, tables[role.other])
+    assert isinstance(found.policy, AbstractActionValuePolicy)
+    teacher = Teacher(found.policy, price_of_losing(found, game), _room(game, role, stage.room))
+    opponents = tuple(player(name, role.other).policy for name in stage.opponents)
+    return School(teacher, opponents, tables[role.other])
 
 
 def _room(game: Game, role: Role, wanted: float) -> Room | None:

@@ -144,6 +144,9 @@ class DistillationConfig(StageConfig):
         require(0 <= self.room < inf, "room", self.room, "at least 0 m and finite")
         for name in ("near_sighted", "far_sighted"):
             require(getattr(self, name) >= 0, name, getattr(self, name), "at least 0")
+        require(
+            self.disturbance == Disturbance(), "disturbance", self.disturbance, "left out: robots are the rules' own"
+        )
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property

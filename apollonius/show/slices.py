@@ -23,7 +23,7 @@ from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.view import look
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
-from apollonius.solve.players import AbstractLookahead
+from apollonius.solve.players import SaddlePolicy
 
 CELLS = 200
 """Cells of a slice along each side of the arena."""
@@ -125,7 +125,7 @@ def save_slice(
     path.parent.mkdir(parents=True, exist_ok=True)
     found = slice_values(player, game, role, own, opponent)
     with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
-        _draw_values(left, found, solved=isinstance(player, AbstractLookahead))
+        _draw_values(left, found, solved=isinstance(player, SaddlePolicy))
         _draw_actions(right, found)
         for axes in (left, right):
             draw_arena(axes, game.arena)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, Shaped, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, acts_by_chance
 from apollonius.game.by_side import BySide
@@ -31,12 +31,14 @@ class ResponsePolicy(AbstractLookahead):
     actions count as often as it takes them. What it then does in the game is drawn anew.
 
     Attributes:
+        table: what its side is sure of, once it has moved.
         opponent: the other player.
         hold: control steps for which a plan holds an action; None for as many as the table does.
         holds: how many holds a plan has.
         width: most plans that are gone on from after a hold.
     """
 
+    table: Shaped[Array, "tiles moving lanes"]
     opponent: AbstractPolicy
     hold: int | None = eqx.field(static=True, default=None)
     holds: int = eqx.field(static=True, default=1)

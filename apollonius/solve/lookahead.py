@@ -5,15 +5,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt32
 
 from apollonius.agents.greedy import Greedy
-from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, Real, RobotState, Role
-from apollonius.observe.view import View, Views
-from apollonius.solve.event import first_events
-from apollonius.solve.motion import last
-from apollonius.solve.players import every_hold
+from apollonius.game.types import GameState, Real, RobotState, Role
+from apollonius.observe.view import Views
+from apollonius.solve.players import AbstractLookahead, hold_all
 from apollonius.solve.reference import joint_grid
-from apollonius.solve.zero_sum_game import ZeroSumGame, make_zero_sum_game
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 SECONDS = 1.0
 """How long actions are held in what is looked at [s], as in the tables that networks are taught by."""
@@ -25,55 +22,37 @@ _LEAST = 1e-3
 """What the network's own values count for beside the search."""
 
 
-class Lookahead(AbstractActionValuePolicy):
+class Lookahead(AbstractLookahead):
     """The player that holds each action against each of the nine answers, and avoids those whose worst is bad.
 
     A pair of actions counts by the rules where it ends the game, and otherwise by the value of the best action that the
     network sees behind it. The answer is chosen by one who knows the action, so the search is on the safe side.
 
     Attributes:
-        zero_sum_game: the game, from its side; of its grids nothing is used.
         player: the player by the network.
         scale: what its values are divided by, so that a game that is lost is worth about -1.
         slack: by how much an action's worst may fall short of the best without anything being made of it.
     """
 
-    zero_sum_game: ZeroSumGame
     player: Greedy
     scale: Real
     slack: Real = SLACK
 
-    def values(self, seen: View) -> Float[Array, "9"]:
-        """What the nine actions are worth."""
-        own, other = (jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], robot.state) for robot in seen.robots)
-        return self._action_values(own, other)[0]
-
-    def weigh_together(self, seen: Views, bits: UInt32[Array, " games"]) -> Float[Array, "games 9"]:
-        """What they are worth in each of many games."""
-        own, other = (seen.states.robots[side][0] for side in (seen.role, seen.role.other))
-        return self._action_values(own, other)
-
-    def _action_values(self, own: RobotState, other: RobotState) -> Float[Array, "games 9"]:
-        worst = jnp.min(self._after_a_hold(own, other), axis=1).T
-        enough = jnp.max(worst, axis=1, keepdims=True) - self.slack
-        return jnp.minimum(worst, enough) + _LEAST * self._by_network(own, other)
-
-    def _after_a_hold(self, own: RobotState, other: RobotState) -> Float[Array, "9 9 games"]:
-        """What is behind each action and each answer to it."""
-        game = self.zero_sum_game
-        mine, theirs = (every_hold(motion, robot) for motion, robot in zip(game.motions, (own, other), strict=True))
-        outcome, seconds = first_events(game.game, *game.pair(mine, theirs))
-        if game.role == Role.EVADER:
-            outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
-
-        pairs = (NUM_ACTIONS, *last(mine).x.shape)
+    def action_values(
+        self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
+    ) -> Float[Array, "9 games"]:
+        """What each action is worth against the answer that is worst for it; beyond the slack, by the network."""
+        held = hold_all(self.zero_sum_game, own, other)
+        pairs = held.worth.shape
         ends = (
-            jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[:, None], pairs).reshape(-1), last(mine)),
-            jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[None], pairs).reshape(-1), last(theirs)),
+            jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[:, None], pairs).reshape(-1), held.own),
+            jax.tree.map(lambda leaf: jnp.broadcast_to(leaf[None], pairs).reshape(-1), held.other),
         )
         # Whatever the network says, no game that goes on is worth more than one that is won, or less than a lost one.
         later = jnp.clip(jnp.max(self._by_network(*ends), axis=1), -1.0, 1.0).reshape(pairs)
-        return jnp.where(outcome == Outcome.ONGOING, game.motions[0].discount * later, game.payoff_of(outcome, seconds))
+        worst = jnp.min(jnp.where(held.ongoing, self.zero_sum_game.motions[0].discount * later, held.worth), axis=1)
+        enough = jnp.max(worst, axis=0, keepdims=True) - self.slack
+        return jnp.minimum(worst, enough) + _LEAST * self._by_network(own, other).T
 
     def _by_network(self, own: RobotState, other: RobotState) -> Float[Array, "games 9"]:
         """The network's own values."""

@@ -8,27 +8,25 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
-from jaxtyping import Array, Float, Shaped, UInt32
+from jaxtyping import Array, Bool, Float, Shaped, UInt32
 
 from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.observe.view import View
 from apollonius.solve.event import first_events
 from apollonius.solve.joint import interpolate
-from apollonius.solve.motion import Motion
+from apollonius.solve.motion import Motion, last
 from apollonius.solve.zero_sum_game import ZeroSumGame
 
 
 class AbstractLookahead(AbstractActionValuePolicy):
-    """A player that holds each of its actions by the rules and asks a table what comes after.
+    """A player that holds each of its actions by the rules and judges by what comes after.
 
     Attributes:
         zero_sum_game: the game, from its side.
-        table: what its side is sure of.
     """
 
     zero_sum_game: ZeroSumGame
-    table: Shaped[Array, "tiles moving lanes"]
 
     def values(self, seen: View) -> Float[Array, "9"]:
         """What the nine actions are worth."""
@@ -80,8 +78,11 @@ def _values_in_many(
 class SaddlePolicy(AbstractLookahead):
     """The player of either side that makes most of what it can be sure of (`guarantee`).
 
-    `table` is that of `solve_duel`: what its side is sure of once it has moved.
+    Attributes:
+        table: that of `solve_duel`: what its side is sure of once it has moved.
     """
+
+    table: Shaped[Array, "tiles moving lanes"]
 
     def action_values(
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
@@ -90,20 +91,38 @@ class SaddlePolicy(AbstractLookahead):
 
         An answer counts by the rules where it ends the game within the hold, and by the table otherwise.
         """
-        zero_sum_game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
-        mine, theirs = (
-            every_hold(motion, robot) for motion, robot in zip(zero_sum_game.motions, (own, other), strict=True)
-        )
-        outcome, seconds = first_events(zero_sum_game.game, *zero_sum_game.pair(mine, theirs))
-        if zero_sum_game.role == Role.EVADER:
-            outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
-        later = interpolate(self.table, (other_grid, other), (grid, jax.tree.map(lambda leaf: leaf[-1], mine)))
-        going_on = (zero_sum_game.motions[0].discount * later)[:, None]
-        action_values = jnp.where(outcome == Outcome.ONGOING, going_on, zero_sum_game.payoff_of(outcome, seconds))
-        return jnp.min(action_values, axis=1)
+        game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
+        held = hold_all(game, own, other)
+        later = interpolate(self.table, (other_grid, other), (grid, held.own))
+        worth = jnp.where(held.ongoing, (game.motions[0].discount * later)[:, None], held.worth)
+        return jnp.min(worth, axis=1)
 
 
-def every_hold(motion: Motion, robots: RobotState) -> RobotState:
+class Held(eqx.Module):
+    """All nine actions of a player against all nine answers, held by the rules in several games.
+
+    Attributes:
+        own, other: where the robots are afterwards, leaves `[9 games]`.
+        ongoing: whether the game goes on.
+        worth: what it is worth to the player where it does not.
+    """
+
+    own: RobotState
+    other: RobotState
+    ongoing: Bool[Array, "9 9 games"]
+    worth: Float[Array, "9 9 games"]
+
+
+def hold_all(game: ZeroSumGame, own: RobotState, other: RobotState) -> Held:
+    """Every pair of actions, by action and answer; the robots' leaves are `[games]`."""
+    mine, theirs = (_every_hold(motion, robot) for motion, robot in zip(game.motions, (own, other), strict=True))
+    outcome, seconds = first_events(game.game, *game.pair(mine, theirs))
+    if game.role == Role.EVADER:
+        outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
+    return Held(last(mine), last(theirs), outcome == Outcome.ONGOING, game.payoff_of(outcome, seconds))
+
+
+def _every_hold(motion: Motion, robots: RobotState) -> RobotState:
     """The courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
     in_games = jax.vmap(motion.hold, (0, None), -1)
     return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))

@@ -64,6 +64,11 @@ def test_there_may_be_none():
         ({"kind": "caves"}, "kind = caves .* one of discs, blocks"),
         ({"kind": "maze", "width": 2.0}, "width, height = .* two corridors"),
         ({"kind": "racks", "height": 2.0}, "width, height = .* an aisle on either side"),
+        ({"kind": "blocks", "gap": 4.7}, "width, height = .* a block with a gap"),
+        ({"kind": "rooms", "gap": 9.0}, "width, height = .* two rooms"),
+        ({"kind": "rooms", "gap": 1e-3, "width": 90.0}, "gap = 0.001 .* at most 200 polygons"),
+        ({"kind": "maze", "width": 60.0, "height": 60.0}, "gap = 1.0 .* wider, or the arena smaller"),
+        ({"gap": 0.0}, "gap = 0.0 .* more than 0"),
         ({"kind": "rooms", "width": 1e6}, "width, height = .* at most 100 m"),
     ],
 )

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.store import load_agent
@@ -186,6 +187,7 @@ def test_what_cannot_be_distilled_is_refused(change, message):
         ({"far_sighted": -1}, "far_sighted = -1"),
         ({"grid": (3, 3)}, "four numbers of nodes"),
         ({"updates": 0}, "updates = 0"),
+        ({"disturbance": Disturbance(delay=1)}, "disturbance = "),
     ],
 )
 def test_impossible_numbers_are_refused(change, message):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from apollonius.arenas.random.layout import TRIES, Layout, apart
+from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.polygon import Polygon
 
@@ -19,18 +20,24 @@ _FILLED = 0.16
 def blocks(layout: Layout, rng: np.random.Generator) -> Arena:
     """As many as cover about a sixth of the arena, or as find room.
 
-    Round obstacles that keep a gap from each other and from the walls do not part a rectangle, and what is inside their
-    circles does not either, as each block is star-shaped from its circle's middle.
+    Round obstacles that keep a gap from each other and from the walls do not part a rectangle, and neither do blocks
+    inside them.
+
+    Raises:
+        InvalidInput: where not one of the smallest fits.
     """
+    sides, least = (layout.width, layout.height), 2 * (_RADIUS[0] + layout.gap)
+    require(
+        min(sides) > least, "width, height", sides, f"more than {least:g} m each, a block with a gap on either side"
+    )
     placed: list[tuple[float, float, float]] = []
     wanted, covered = _FILLED * layout.width * layout.height, 0.0
-    most = min(_RADIUS[1], min(layout.width, layout.height) / 2 - layout.gap)
+    most = min(_RADIUS[1], min(sides) / 2 - layout.gap)
     for _ in range(TRIES):
         if covered >= wanted:
             break
-        radius = rng.uniform(min(_RADIUS[0], most), most)
-        room = np.array([layout.width, layout.height]) - radius - layout.gap
-        x, y = rng.uniform(radius + layout.gap, room)
+        radius = rng.uniform(_RADIUS[0], most)
+        x, y = rng.uniform(radius + layout.gap, np.array(sides) - radius - layout.gap)
         if apart(placed, (x, y, radius), layout.gap):
             placed.append((float(x), float(y), float(radius)))
             covered += np.pi * radius**2

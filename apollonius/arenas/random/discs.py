@@ -7,14 +7,14 @@ from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.limits import DISCS
 
-RADIUS = (0.3, 0.8)
+_RADIUS = (0.3, 0.8)
 """Smallest and largest radius of a disc [m], unless another is asked for."""
 _PER_AREA = 0.05
 """Discs on each square metre where nobody says how many."""
 
 
 def discs(
-    layout: Layout, rng: np.random.Generator, count: int | None = None, radius: tuple[float, float] = RADIUS
+    layout: Layout, rng: np.random.Generator, count: int | None = None, radius: tuple[float, float] = _RADIUS
 ) -> Arena:
     """Discs that keep the gap from each other and from the walls.
 

@@ -3,7 +3,9 @@
 import numpy as np
 
 from apollonius.arenas.random.layout import WALL, Layout, rectangle
+from apollonius.errors import require
 from apollonius.game.arena import Arena
+from apollonius.game.validation import MOST_POLYGONS
 
 _LEAST = 2.4
 """How long a room's sides are at least, in gaps."""
@@ -24,12 +26,18 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
     """Walls across the longer side of a room, if there is space for two; no wall ends at another one's door.
 
     Whatever is parted is joined by the door, so all rooms are. Two doors lead through a wall that is long enough, so
-    that there are ways round.
+    that there are ways round. Parting ends once there are more walls than a game may have.
+
+    Raises:
+        InvalidInput: where there is no space for two rooms.
     """
+    sides, least = (layout.width, layout.height), 2 * _LEAST * layout.gap + WALL
+    enough = f"{least:g} m and more for one side, two rooms, and {_LEAST * layout.gap:g} m for the other"
+    require(max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, enough)
     walls: list[Room] = []
     doors: list[Room] = []
     waiting: list[Room] = [(0.0, 0.0, layout.width, layout.height)]
-    while waiting:
+    while waiting and len(walls) <= MOST_POLYGONS:
         room = waiting.pop()
         whole = walls and max(room[2] - room[0], room[3] - room[1]) < _LARGE * layout.gap and rng.uniform() < _WHOLE
         parted = None if whole else _part(room, doors, layout.gap, rng)
