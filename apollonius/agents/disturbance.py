@@ -125,7 +125,7 @@ def step_disturbed(
     game: Game, state: GameState, handicaps: BySide[Handicap | None], actions: BySide[Action]
 ) -> tuple[Timestep, BySide[Handicap | None]]:
     """Where both sides' actions lead: by the rules or, with handicaps, by the controls that these make of them."""
-    bodies, robots = one_each(game.bodies), one_each(state.robots)
+    bodies, robots = one_each(game.at(state).bodies), one_each(state.robots)
 
     def response(role: Role) -> tuple[tuple[Scalar, Scalar], Handicap | None]:
         handicap = handicaps[role]

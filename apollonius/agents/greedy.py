@@ -7,19 +7,24 @@ from jaxtyping import Array, Float, Int, UInt32
 from apollonius.agents.network import QNetwork
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.uniform import uniform_action
+from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
-from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.charted import Charted
+from apollonius.observe.observation import AbstractObservation, Whole
 
 
 class Greedy(AbstractActionValuePolicy):
     """The action of highest value; among equals, the lowest index."""
 
     network: QNetwork
+    chart: Chart | None = None
+    """Of the arena, for a network that reads one where the game has none."""
 
     @property
-    def observation(self) -> AbstractObservation:
+    def observation(self) -> Whole:
         """What the network reads."""
-        return self.network.observation
+        reads = self.network.observation
+        return reads if self.chart is None else Charted(reads, self.chart)
 
     def values(self, seen: Float[Array, " size"]) -> Float[Array, "9"]:
         """The network's action values."""

@@ -6,19 +6,24 @@ from jaxtyping import Array, Float, UInt32
 
 from apollonius.agents.network import GaussianActor
 from apollonius.agents.policy import AbstractContinuous
+from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
-from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.charted import Charted
+from apollonius.observe.observation import AbstractObservation, Whole
 
 
 class SquashedMean(AbstractContinuous):
     """The hyperbolic tangents of the means: what a trained agent does when it counts."""
 
     network: GaussianActor
+    chart: Chart | None = None
+    """Of the arena, for a network that reads one where the game has none."""
 
     @property
-    def observation(self) -> AbstractObservation:
+    def observation(self) -> Whole:
         """What the network reads."""
-        return self.network.observation
+        reads = self.network.observation
+        return reads if self.chart is None else Charted(reads, self.chart)
 
     def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Float[Array, "2"]:
         return jnp.tanh(self.network(seen)[0])

@@ -1,13 +1,15 @@
 """Who plays by a trained network, at its best or exploring; and where such agents are found: the zoo, runs, files."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
-from apollonius.agents.kind import AbstractKind, Named, unknown
+from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.store import Agent, load_agent, load_header
+from apollonius.arenas.charting import charted
 from apollonius.errors import InvalidInput
 from apollonius.game.game import Game
 from apollonius.game.types import Role, Scalar
@@ -25,6 +27,19 @@ _RUNS = Path("runs")
 def greedy(network: Network) -> Greedy | SquashedMean:
     """The player that does what the network thinks best."""
     return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
+
+
+def greedy_in(game: Game | None, network: Network, name: str) -> Greedy | SquashedMean:
+    """The same for a game, whose arena's chart it takes along if it reads one and the game has none.
+
+    Raises:
+        InvalidInput: if it reads a chart and there is no game; `name` is the player's.
+    """
+    player = greedy(network)
+    if not network.observation.charted:
+        return player
+    known = known_game(game, name)
+    return player if known.scenario is not None else replace(player, chart=charted(known).arena.chart)
 
 
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
@@ -60,7 +75,8 @@ class Trained(AbstractKind):
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
-        return Named(name if name.startswith(_FROM_ZOO) else called(path), greedy(agent.network), agent.header)
+        policy = greedy_in(game, agent.network, name)
+        return Named(name if name.startswith(_FROM_ZOO) else called(path), policy, agent.header)
 
 
 TRAINED = Trained()

@@ -15,6 +15,8 @@ from apollonius.game.scenario import Scenario
 T = TypeVar("T")
 _LARGEST_WHOLE = 2**1000
 """A whole number below this has a real one."""
+_DERIVED = ("chart",)
+"""Fields that follow from others: no file says them."""
 
 
 def to_dict(config: Any) -> dict[str, Any]:
@@ -37,7 +39,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     Raises:
         InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
     """
-    hooks = {float: _real, int: _whole, OccupancyMap: lambda named: find_map(named, folder)}
+    hooks = {float: _real, int: _whole, OccupancyMap: lambda named: find_map(named, folder), Scenario: _scenario}
     try:
         return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks=hooks))
     except dacite.UnexpectedDataError as error:
@@ -73,6 +75,13 @@ def find_map(named: Any, folder: Path) -> OccupancyMap:
     raise InvalidInput(f"map = {named} is not possible: it must be the name of a ROS map's YAML file.")
 
 
+def _scenario(named: Any) -> Scenario:
+    """Those that a record names."""
+    from apollonius.arenas.scenarios import find_scenario  # which reads records itself
+
+    return named if isinstance(named, Scenario) else find_scenario(named)
+
+
 def _real(value: Any) -> Any:
     """A whole number serves as a real one, as people write 1 for 1.0; anything else is left for the type check."""
     return float(value) if type(value) is int and abs(value) < _LARGEST_WHOLE else value
@@ -87,11 +96,13 @@ def _whole(value: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Scenario):
-        raise InvalidInput("a game in one of several arenas has no file: write it in each of them.")
+        if not value.name:
+            raise InvalidInput("a game in one of several arenas has no file: write it in each of them.")
+        return value.name
     if isinstance(value, OccupancyMap):
         return {"file": value.file, "sha256": value.digest}
     if is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in fields(value)}
+        value = {field.name: getattr(value, field.name) for field in fields(value) if field.name not in _DERIVED}
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, (list, tuple)):

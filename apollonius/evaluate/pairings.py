@@ -41,7 +41,8 @@ def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str
     agents, found = last_agents(run), {}
     for pair in pairings(agents):
         files = BySide(*pair).map(lambda name: str(agents.get(name, name)))
-        found[pair] = Match(game, ROLES.map(lambda role, files=files: find_player(files[role], role)), games, seed)
+        players = ROLES.map(lambda role, files=files: find_player(files[role], role, game))
+        found[pair] = Match(game, players, games, seed)
     return found
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from apollonius.errors import require
+from apollonius.game.chart import Chart
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon, Polygons
@@ -56,6 +57,7 @@ class Arena(eqx.Module):
         discs, polygons: the obstacles.
         map: cells that are obstacles, or None.
         territory: where the evader wins and does not start, or None.
+        chart: what players read who know any arena (`apollonius.arenas.charting`), or None. No file says it.
     """
 
     x_min: Real = 0.0
@@ -66,11 +68,12 @@ class Arena(eqx.Module):
     polygons: tuple[Polygon, ...] = ()
     map: OccupancyMap | None = None
     territory: Disc | None = None
+    chart: Chart | None = None
 
     @property
     def obstacles(self) -> tuple[AbstractObstacle, ...]:
         """All of them: discs, polygons, the map, and those of any other field."""
-        values = [getattr(self, field.name) for field in fields(self) if field.name != "territory"]
+        values = [getattr(self, field.name) for field in fields(self) if field.name not in ("territory", "chart")]
         several = [one for value in values for one in (value if isinstance(value, tuple) else (value,))]
         return tuple(one for one in several if isinstance(one, AbstractObstacle))
 

@@ -45,7 +45,7 @@ class Game(eqx.Module):
     arena: Arena = Arena()
     capture_distance: Real = 0.3
     dt: Real = 0.1
-    max_steps: int = 1000
+    max_steps: int | Array = 1000
     reward: Reward = Reward()
     starts: Starts = Starts()
     scenario: Scenario | None = None
@@ -68,12 +68,12 @@ class Game(eqx.Module):
             return self.starts.sample(key, self.arena, self.pursuer, self.evader)
         place_key, start_key = jax.random.split(key)
         place = self.scenario.sample(place_key)
-        state = self.starts.sample(start_key, self.scenario.arena(place), self.pursuer, self.evader)
-        return replace(state, place=place)
+        game = self.scenario.game(self, place)
+        return replace(self.starts.sample(start_key, game.arena, game.pursuer, game.evader), place=place)
 
-    def arena_of(self, state: GameState) -> Arena:
-        """Where a game in this state is played."""
-        return self.arena if self.scenario is None else self.scenario.arena(state.place)
+    def at(self, state: GameState) -> "Game":
+        """The game in one arena and of two known robots that is played in this state."""
+        return self if self.scenario is None else self.scenario.game(self, state.place)
 
     def require_one_arena(self, who: str) -> None:
         """Refuse a game in one of several arenas.
@@ -89,18 +89,20 @@ class Game(eqx.Module):
 
     def step(self, state: GameState, pursuer_action: Action, evader_action: Action) -> Timestep:
         """Both robots hold their actions for `dt`; then the rules judge the step."""
-        pursuer, evader = self.pursuer.controls(pursuer_action), self.evader.controls(evader_action)
+        game = self.at(state)
+        pursuer, evader = game.pursuer.controls(pursuer_action), game.evader.controls(evader_action)
         return self.step_controls(state, BySide((pursuer,), (evader,)))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
         """All robots hold their controls (u1 [m/s^2], u2 [rad/s], within their limits) for `dt`."""
+        game = self.at(state)
 
         def moved(role: Role) -> tuple[RobotState, ...]:
-            robots = zip(self.bodies[role], state.robots[role], controls[role], strict=True)
+            robots = zip(game.bodies[role], state.robots[role], controls[role], strict=True)
             return tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
-        outcome = outcome_after(self, state, after)
+        outcome = outcome_after(game, state, after)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
@@ -124,8 +126,8 @@ def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 
 @fusion_barrier
 def outcome_after(game: Game, before: GameState, after: GameState) -> Int[Array, ""]:
-    """How the game stands after a step, from the states at its two ends."""
-    arena = game.arena_of(before)
+    """How a game in one arena stands after a step, from the states at its two ends."""
+    arena = game.arena
     return decide(
         captured=is_captured(before, after, game.capture_distance),
         pursuer_hit=arena.hits_obstacle(before.pursuer, after.pursuer, game.pursuer.radius),

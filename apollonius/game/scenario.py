@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray
+import numpy as np
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.errors import require
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.polygon import Polygon
 
 if TYPE_CHECKING:
@@ -20,32 +22,73 @@ _FAR = 1e6
 """Where what fills an empty place is [m], along x and y: so far away that it touches nothing."""
 
 
-class Scenario(eqx.Module):
-    """Arenas of one shape, each as likely as any other.
+class Makes(eqx.Module):
+    """Pairs of robots of several makes, leaves `[makes]`.
 
     Attributes:
-        arenas: leaves `[members]`.
-        size: how many they are.
+        pursuer, evader: their limits.
+        capture_distance: how near to each other they are when one is caught [m].
+    """
+
+    pursuer: Unicycle
+    evader: Unicycle
+    capture_distance: Float[Array, " makes"]
+
+    def __len__(self) -> int:
+        return len(self.capture_distance)
+
+
+class Scenario(eqx.Module):
+    """Arenas of one shape, each as likely as any other, and maybe robots of several makes, each as likely too.
+
+    Attributes:
+        arenas: leaves `[arenas]`.
+        count: how many they are.
+        makes: the robots; None for those of the game everywhere.
+        name: of the file that says which they are, or empty.
     """
 
     arenas: Arena
-    size: int = eqx.field(static=True)
+    count: int = eqx.field(static=True)
+    makes: Makes | None = None
+    name: str = eqx.field(static=True, default="")
+
+    @property
+    def size(self) -> int:
+        """How many places there are: every arena with every make of robots."""
+        return self.count * (len(self.makes) if self.makes else 1)
 
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
         """The number of one of them. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
 
     def arena(self, place: Int[Array, ""] | None) -> Arena:
-        """The arena of this number, which the state of a game says."""
+        """The arena of this place, which the state of a game says; its chart stays with those of the others, as it is
+        too large to be copied for each game.
+        """
         assert place is not None, "a state of a game in one of several arenas says in which"
-        return jax.tree.map(lambda leaf: leaf[place], self.arenas)
+        number = place % self.count
+        arena = jax.tree.map(lambda leaf: leaf[number], replace(self.arenas, chart=None))
+        chart = self.arenas.chart
+        return arena if chart is None else replace(arena, chart=replace(chart, member=number))
+
+    def game(self, game: "Game", place: Int[Array, ""] | None) -> "Game":
+        """The game in one arena that is played at this place."""
+        alone = replace(game, arena=self.arena(place), scenario=None)
+        if self.makes is None or place is None:
+            return alone
+        make = jax.tree.map(lambda leaf: leaf[place // self.count], self.makes)
+        return replace(alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance)
 
 
-def in_arenas(game: "Game", arenas: Sequence[Arena]) -> "Game":
+def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None, name: str = "") -> "Game":
     """A game that is played in one of several arenas, drawn at each start; with one it is the game in that.
 
-    All numbers of an arena are data, so that what is compiled serves them all; those with fewer obstacles than others
-    are `padded`. `game.arena` is the first of them.
+    All numbers of an arena are data, so that what is compiled serves them all. `game.arena` is the first of them.
+
+    Args:
+        makes: robots of several makes, of which a pair is drawn too; None for those of the game.
+        name: of the file that says all this, if there is one.
 
     Raises:
         InvalidInput: for no arena, for one that the game cannot be played in, and for arenas that do not go together:
@@ -53,8 +96,17 @@ def in_arenas(game: "Game", arenas: Sequence[Arena]) -> "Game":
     """
     require(arenas, "arenas", "none", "one at least")
     first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
-    if not others:
+    if not others and makes is None:
         return first
+    return replace(first, scenario=Scenario(together(arenas), len(arenas), makes, name))
+
+
+def together(arenas: Sequence[Arena]) -> Arena:
+    """Arenas of one shape, leaves `[arenas]`: those with fewer obstacles than others are `padded`.
+
+    Raises:
+        InvalidInput: for arenas that do not go together, as `in_arenas`.
+    """
     require(not any(arena.map for arena in arenas), "arenas", "with maps", "without, as maps have sizes of their own")
     discs = max(len(arena.discs) for arena in arenas)
     polygons = max(len(arena.polygons) for arena in arenas)
@@ -62,8 +114,7 @@ def in_arenas(game: "Game", arenas: Sequence[Arena]) -> "Game":
     alike = [padded(arena, discs, polygons, corners) for arena in arenas]
     shapes = {jax.tree.structure(arena) for arena in alike}
     require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
-    stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf, jnp.float32) for leaf in leaves]), *alike)
-    return replace(first, scenario=Scenario(stacked, len(alike)))
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *alike)
 
 
 def padded(arena: Arena, discs: int, polygons: int, corners: int) -> Arena:

@@ -73,8 +73,10 @@ def _numbers(game: "Game") -> list[tuple[str, Any]]:
     """All its numbers by name, but for a map's field of distances and what a game need not have."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
-    left_out = {(name, True) for name in ("arena.map", "arena.territory", "scenario", "reward.zero_sum_within")}
-    return [(name, leaf) for name, leaf in named if (name, leaf is None) not in {*left_out, ("arena.map.field", False)}]
+    optional = "arena.map", "arena.territory", "arena.chart", "scenario", "reward.zero_sum_within"
+    left_out = {(name, True) for name in optional} | {("arena.map.field", False)}
+    checked = [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
+    return [(name, leaf) for name, leaf in checked if not name.startswith("arena.chart.")]
 
 
 def _check_finite(game: "Game") -> None:

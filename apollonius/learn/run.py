@@ -18,6 +18,7 @@ from jaxtyping import Array, Int
 from apollonius.agents.network import Network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
@@ -35,6 +36,7 @@ from apollonius.learn.progress import Progress, append_metrics, measure, truncat
 from apollonius.learn.school import TABLES, School, open_school
 from apollonius.learn.self_play import self_play, start_self_play
 from apollonius.learn.train_state import Plan, TrainState
+from apollonius.observe.registry import find_observation
 
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
@@ -70,9 +72,11 @@ class Run:
         self.report = report
         self.should_stop = should_stop
         self.leads = jax.process_index() == 0
+        reads = [find_observation(self.config.learner.observation)]
+        self.game = charted(config.game) if any(one.charted for one in reads) else config.game
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
-        self.evaders = find_pool(config.evaders, Role.EVADER, config.game)
+        self.evaders = find_pool(config.evaders, Role.EVADER, self.game)
         self.plans = plans_of(config)
 
     @cached_property
@@ -117,7 +121,7 @@ class Run:
 
     def _start(self, stage: str, plan: Plan, networks: BySide[Network | None]) -> Saved:
         """What a stage begins with, whose networks go on from these."""
-        game, key = self.config.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
+        game, key = self.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == SELF_PLAY:
             return Saved(begun(plan, lambda device: start_self_play(plan, game, key, networks, device)), None)
         if stage == DISTILLATION:
@@ -131,7 +135,7 @@ class Run:
 
     def _train_stage(self, plan: Plan, saved: Saved, stand: Stand) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        train, best, game = saved.train, saved.best, plan.stage.rewarded(self.config.game)
+        train, best, game = saved.train, saved.best, plan.stage.rewarded(self.game)
         if stand.stage == FIXED_TARGET:
             chunks = fixed_target(plan, game, train, self.evaders, stand.chunks)
         elif stand.stage == DISTILLATION:
@@ -175,7 +179,7 @@ class Run:
         """
         networks = {role: side.learner.average for role, side in own.learners.items()}
         fixed = solo(self.school.opponents[0]) if stand.stage == DISTILLATION else self.evaders
-        outcomes = greedy_outcomes(self.config.game, networks, fixed, plan.stage.evaluation_games)
+        outcomes = greedy_outcomes(self.game, networks, fixed, plan.stage.evaluation_games)
         found = Evaluation(plan.devices * int(own.env_steps), int(own.episodes), outcomes)
         stand = replace(stand, evaluation=found)
         if stand.stage != FIXED_TARGET:

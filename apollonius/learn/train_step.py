@@ -27,6 +27,8 @@ from apollonius.rollout import Players, Transition, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one of them."""
+_STARTS_IN_ARENAS = 1024
+"""The same in games of several arenas, where each takes as long to draw as some ten steps to play."""
 
 
 class Metrics(eqx.Module):
@@ -54,7 +56,8 @@ def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Rol
 
     def chunk(state: TrainState, game: Game, fixed: Mapping[Role, Pool]) -> tuple[TrainState, Metrics]:
         steps = plan.learner.steps_per_iteration
-        rows = max(1, _STARTS_PER_CHUNK // (plan.learner.games * steps))
+        drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
+        rows = max(1, drawn_at_once // (plan.learner.games * steps))
         pool_key = jax.random.fold_in(jax.random.fold_in(state.key, 0), state.iterations)
         drawn = reset_batch(game, pool_key, rows * steps * plan.learner.games)
         starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, plan.learner.games), drawn)

@@ -41,6 +41,8 @@ class AbstractObservation(Whole):
     """How many numbers they are."""
     exported: ClassVar[bool] = False
     """Whether exported policies can make them: there is a file for each format."""
+    charted: ClassVar[bool] = False
+    """Whether it reads the arena's chart (`apollonius.arenas.charting`)."""
     measures: ClassVar[bool] = True
     """Whether the arena is in them by more than its walls."""
 

@@ -11,7 +11,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import Action, Actions, GameState, RobotState, Role, Scalar
+from apollonius.game.types import Action, Actions, GameState, Real, RobotState, Role, Scalar
 
 
 class Robot(eqx.Module):
@@ -29,6 +29,7 @@ class View(eqx.Module):
         own: the robot itself.
         mates: the other robots of its side.
         opponents: the robots of the other side.
+        capture_distance: how near to each other they are when one is caught [m].
         announced: the opponent's controls (u1 [m/s^2], u2 [rad/s]) in the step to come, if the robot is told them.
     """
 
@@ -36,6 +37,7 @@ class View(eqx.Module):
     own: Robot
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
+    capture_distance: Real
     announced: tuple[Scalar, Scalar] | None = None
 
     @property
@@ -56,11 +58,14 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
         role, number: its side, and which of its robots it is.
     """
 
+    here = game.at(state)
+
     def robots(role: Role) -> tuple[Robot, ...]:
-        return tuple(Robot(*both) for both in zip(game.bodies[role], state.robots[role], strict=True))
+        return tuple(Robot(*both) for both in zip(here.bodies[role], state.robots[role], strict=True))
 
     ours = robots(role)
-    return View(game.arena_of(state), ours[number], ours[:number] + ours[number + 1 :], robots(role.other))
+    mates = ours[:number] + ours[number + 1 :]
+    return View(here.arena, ours[number], mates, robots(role.other), here.capture_distance)
 
 
 class Views(eqx.Module):
@@ -84,7 +89,7 @@ class Views(eqx.Module):
         def one(state: GameState, announced: Action | None, *rest: Any) -> Any:
             view = look(self.game, state, self.role)
             if announced is not None:
-                view = replace(view, announced=self.game.body(self.role.other).controls(announced))
+                view = replace(view, announced=view.opponent.body.controls(announced))
             return function(view, *rest)
 
         return jax.vmap(one)(self.states, self.announced, *rest)

@@ -35,7 +35,7 @@ def test_what_is_of_two_robots_only_refuses_more_in_one_line():
     crowd = GameState(BySide((state.pursuer, third), (state.evader,)), state.steps)
     assert (crowd.robots.pursuer[0], crowd.robots.evader) == (state.pursuer, (state.evader,))
     pursuers = tuple(Robot(game.pursuer, robot) for robot in crowd.robots.pursuer)
-    view = View(game.arena, Robot(game.evader, state.evader), (), pursuers)
+    view = View(game.arena, Robot(game.evader, state.evader), (), pursuers, game.capture_distance)
     for asked in (lambda: crowd.pursuer, lambda: PAPER(view)):
         with pytest.raises(
             InvalidInput, match=r"^robots = (2 v 1|1 v 2) is not possible: it must be 1 v 1: .+ two robots only.$"

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from apollonius.agents.store import load_header
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
@@ -11,7 +12,7 @@ from apollonius.evaluate.pairings import last_agents
 from apollonius.evaluate.paper import TABLE_2, TABLE_3
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Role
+from apollonius.game.types import ROLES
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
 from apollonius.show.report.page import Page, Section, picture
 
@@ -65,10 +66,8 @@ def _games(seed: Path) -> list[Shown]:
     files = {name: file for run in sorted(seed.iterdir()) for name, file in last_agents(run).items()}
     shown = []
     for pursuer, evader in _PAIRINGS:
-        hunter = find_player(str(files[pursuer]), Role.PURSUER)
-        assert hunter.header, "a trained agent's file has a header"
-        game = from_dict(Game, hunter.header.game, f"'{files[pursuer]}'")
-        shown += games_to_show(
-            Match(game, BySide(hunter, find_player(str(files.get(evader, evader)), Role.EVADER)), GAMES, SEED)
-        )
+        game = from_dict(Game, load_header(files[pursuer]).game, f"'{files[pursuer]}'")
+        names = BySide(*(str(files.get(name, name)) for name in (pursuer, evader)))
+        players = ROLES.map(lambda role, names=names, game=game: find_player(names[role], role, game))
+        shown += games_to_show(Match(game, players, GAMES, SEED))
     return shown

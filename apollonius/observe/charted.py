@@ -1,0 +1,31 @@
+"""An observation by a chart of the player's own, for games whose arena has none."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from jaxtyping import Array, Float
+
+from apollonius.game.chart import Chart
+from apollonius.observe.observation import AbstractObservation, Whole
+from apollonius.observe.view import View, Views
+
+
+@dataclass(frozen=True)
+class Charted(Whole):
+    """What an observation says of a view with this chart.
+
+    Attributes:
+        observation: reads a chart.
+        chart: of the arena that is played in.
+    """
+
+    observation: AbstractObservation
+    chart: Chart
+
+    def __call__(self, view: View) -> Float[Array, " size"]:
+        """The numbers for a view."""
+        return self.observation(replace(view, arena=replace(view.arena, chart=self.chart)))
+
+    def together(self, views: Views) -> Any:
+        """Those for the views in many games."""
+        return views.each(self)

@@ -1,0 +1,190 @@
+"""What a robot sees from where it is, in its own frame: the same in every arena, so that it carries over to others."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.errors import InvalidInput
+from apollonius.game.chart import FARTHEST, Chart
+from apollonius.game.fusion_barrier import fusion_barrier
+from apollonius.game.types import Real, Scalar
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.view import Robot, View
+
+RAYS = 32
+"""Directions in which it is looked how far a wall or an obstacle is, the first one ahead, counter-clockwise."""
+COURSES = 16
+"""Directions, every other one of those, in which it is looked how far the opponent would have to go."""
+NEAR, AHEAD = 1.5, 5.0
+"""How far in them [m], before an obstacle."""
+_BEFORE = 0.1
+"""How far before it [m]."""
+_PATCH, _STEP = 16, 0.4
+"""Places along the sides of the patch, and how far they are apart [m]."""
+_SHARPNESS = 4.0
+"""How much the best direction counts more than one along which nothing is gained."""
+_SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
+"""Units of the limits: those of the paper's robots."""
+
+
+@dataclass(frozen=True)
+class Egocentric(AbstractObservation):
+    """The robots, and of the arena rays, ways or a patch.
+
+    Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
+    and the room where it stands and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
+    Of the opponent cosine and sine of its bearing, its distance d as 1 / (1 + d) and log(1 + d) / 2, what is left of it
+    before a capture, clipped to 3 m, cosine and sine of its heading, all as the robot sees it; its speed and limits
+    without v_min, and its room (14). And the capture distance (1).
+
+    Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et al., "Learning to
+    navigate with IPAPRec", 2021).
+
+    Ways (37): whether the opponent can be seen; the length w of the shortest way to it as 1 / (1 + w) and
+    log(1 + w) / 2; in sixteen directions how much farther that way would be from 1.5 m ahead, over 1.5 m; where those
+    point where it gets shorter (2); and who would be first 5 m ahead, as the difference of the times that both robots
+    would take at their top speeds over their sum (16).
+
+    Patch (256): the room at 16 by 16 places 0.4 m apart around the robot, clipped to [-0.5, 2].
+    """
+
+    name: str  # pyright: ignore[reportIncompatibleVariableOverride]
+    rays: bool = False
+    ways: bool = False
+    patch: bool = False
+    charted = True
+
+    @property
+    def size(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """How many numbers they are."""
+        return 23 + RAYS * self.rays + (5 + 2 * COURSES) * self.ways + _PATCH**2 * self.patch
+
+    def __call__(self, view: View) -> Float[Array, " size"]:
+        """The numbers for a view.
+
+        Raises:
+            InvalidInput: in an arena without a chart.
+        """
+        chart = view.arena.chart
+        if chart is None:
+            raise InvalidInput(f"'{self.name}' reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
+        own, opponent = view.own.state, view.opponent.state
+        cos, sin = _turned(own.heading)
+        dx, dy = opponent.x - own.x, opponent.y - own.y
+        distance = jnp.hypot(dx, dy)
+        parts = [_robots(view, chart, (cos, sin), (dx, dy), distance)]
+        if self.rays or self.ways:
+            angles = own.heading + jnp.arange(RAYS) * (2 * jnp.pi / RAYS)
+            directions = jnp.cos(angles), jnp.sin(angles)
+            ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
+            if self.rays:
+                parts.append(1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0)))
+            if self.ways:
+                every = RAYS // COURSES
+                some = ranges[::every], directions[0][::every], directions[1][::every]
+                parts.append(_ways(view, chart, (dx, dy), distance, *some))
+        if self.patch:
+            parts.append(_patch(view, chart, cos, sin))
+        return jnp.concatenate(parts)
+
+
+@fusion_barrier
+def _turned(heading: Scalar) -> tuple[Scalar, Scalar]:
+    """Cosine and sine of a heading, which several numbers are made of."""
+    return jnp.cos(heading), jnp.sin(heading)
+
+
+def _robots(
+    view: View, chart: Chart, ahead: tuple[Scalar, Scalar], away: tuple[Scalar, Scalar], distance: Scalar
+) -> Float[Array, "23"]:
+    """What is seen of both robots."""
+    (cos, sin), (dx, dy) = ahead, away
+    other = view.opponent
+    their_cos, their_sin = _turned(other.state.heading)
+    far = jnp.maximum(distance, 1e-6)
+    numbers: list[Real] = [
+        *_motion(view.own),
+        view.own.body.v_min / _SPEED,
+        *_rooms(chart, view.own, cos, sin),
+        (cos * dx + sin * dy) / far,
+        (cos * dy - sin * dx) / far,
+        *_length(distance),
+        jnp.clip(distance - view.capture_distance, 0.0, 3.0) / 3,
+        cos * their_cos + sin * their_sin,
+        cos * their_sin - sin * their_cos,
+        *_motion(other),
+        *_rooms(chart, other, their_cos, their_sin),
+        view.capture_distance / _LENGTH,
+    ]
+    return jnp.stack([jnp.asarray(number, jnp.float32) for number in numbers])
+
+
+def _motion(robot: Robot) -> list[Real]:
+    body = robot.body
+    return [robot.state.v / _SPEED, body.v_max / _SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
+
+
+def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
+    """Of the body here, and at the point where braking straight ahead would stop it."""
+    body, state = robot.body, robot.state
+    braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
+    here, there = chart.room(state.x, state.y), chart.room(state.x + braking * cos, state.y + braking * sin)
+    return [jnp.clip(room - body.radius, -1.0, 1.0) for room in (here, there)]
+
+
+def _length(length: Scalar) -> list[Scalar]:
+    """A length [m] on two scales, one that tells near ones apart and one for all."""
+    return [1 / (1 + length), jnp.log1p(length) / 2]
+
+
+def _ways(
+    view: View,
+    chart: Chart,
+    away: tuple[Scalar, Scalar],
+    distance: Scalar,
+    ranges: Float[Array, "16"],
+    cos: Float[Array, "16"],
+    sin: Float[Array, "16"],
+) -> Float[Array, "37"]:
+    """How far the opponent has to go to the robot, and to places around it."""
+    own, opponent = view.own.state, view.opponent.state
+    far = jnp.maximum(distance, 1e-6)
+    is_seen = chart.range(own.x, own.y, away[0] / far, away[1] / far) >= jnp.minimum(distance, FARTHEST)
+    there, here = chart.places(opponent.x, opponent.y), chart.places(own.x, own.y)
+    from_stop = jax.vmap(chart.way_from, in_axes=(None, 0))
+    stop = there[0][jnp.argmax(there[1])]
+    whole = chart.way_from(stop, here)
+
+    def from_ahead(reach: float) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
+        """How far ahead it is looked, and the opponent's way to there."""
+        along = jnp.clip(ranges - _BEFORE, 0.0, reach)
+        places = jax.vmap(chart.places)(own.x + along * cos, own.y + along * sin)
+        return along, from_stop(stop, places)
+
+    _, near = from_ahead(NEAR)
+    longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)
+    along, theirs = from_ahead(AHEAD)
+    mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
+    first = (later - mine) / (later + mine + 1e-3)
+    weights = jax.nn.softmax(-_SHARPNESS * longer)
+    angles = jnp.arange(COURSES) * (2 * jnp.pi / COURSES)
+    shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
+    length = jnp.stack(_length(jnp.where(is_seen, distance, chart.way(there, here))))
+    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
+
+
+def _patch(view: View, chart: Chart, cos: Scalar, sin: Scalar) -> Float[Array, "256"]:
+    """The room around the robot, row by row from behind at its right."""
+    own = view.own.state
+    offsets = (jnp.arange(_PATCH) - (_PATCH - 1) / 2) * _STEP
+    ahead, left = (grid.ravel() for grid in jnp.meshgrid(offsets, offsets, indexing="ij"))
+    rooms = jax.vmap(chart.room)(own.x + ahead * cos - left * sin, own.y + ahead * sin + left * cos)
+    return jnp.clip(rooms - view.own.body.radius, -0.5, 2.0)
+
+
+EGOCENTRIC = Egocentric("egocentric", rays=True, ways=True)
+RAYS_ONLY = Egocentric("rays", rays=True)
+WAYS_ONLY = Egocentric("ways", ways=True)
+PATCH_ONLY = Egocentric("patch", patch=True)
