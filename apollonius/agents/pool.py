@@ -28,7 +28,11 @@ class Pool(eqx.Module):
     @property
     def observation(self) -> Whole:
         """What all members read of a view."""
-        return self.members.observation
+        return self._first.observation
+
+    @property
+    def _first(self) -> AbstractPolicy:
+        return jax.tree.map(lambda leaf: leaf[0], self.members)
 
     @property
     def samples(self) -> bool:
@@ -49,7 +53,7 @@ class Pool(eqx.Module):
     ) -> Actions:
         """Each game's action, by the member of this pool that it meets."""
         if self.size == 1:
-            return jax.tree.map(lambda leaf: leaf[0], self.members).together(seen, bits)
+            return self._first.together(seen, bits)
         everyone = jax.vmap(lambda policy: policy.together(seen, bits), axis_size=self.size)(self.members)
         theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
         return jnp.take_along_axis(everyone, theirs, axis=0)[0]

@@ -46,6 +46,7 @@ class Backup(eqx.Module):
         steps: how many steps they last.
         manoeuvres: each the braking action to take in a state.
         surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
+        anywhere: whether arena and body are those of the view, in a game of which every state says them.
     """
 
     arena: Arena
@@ -54,6 +55,11 @@ class Backup(eqx.Module):
     steps: int = eqx.field(static=True)
     manoeuvres: tuple[Callable[[RobotState], Int[Array, ""]], ...] = tuple(Brake(action) for action in BRAKING)
     surroundings: Surroundings | None = None
+    anywhere: bool = eqx.field(static=True, default=False)
+
+    def of(self, view: View) -> "Backup":
+        """The manoeuvres of the robot that sees this."""
+        return replace(self, arena=view.arena, body=view.own.body) if self.anywhere else self
 
     def room(self, robot: RobotState) -> Scalar:
         """Least clearance [m] on the way to rest by the best of the manoeuvres, the body's radius taken off.
@@ -136,8 +142,9 @@ class Shielded(AbstractPolicy):
     def __call__(self, seen: View, bits: UInt32[Array, ""]) -> Action:
         own, weighed = seen.own.state, self.policy.weigh(self.policy.observation(seen), bits)
         wanted = self._wanted(weighed)
-        keeps = self.backup.room_after(own, wanted) > MARGIN
-        room = jax.vmap(self.backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
+        backup = self.backup.of(seen)
+        keeps = backup.room_after(own, wanted) > MARGIN
+        room = jax.vmap(backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
         return jnp.where(keeps, wanted, self._instead(weighed, room))
 
     def together(self, seen: Views, bits: UInt32[Array, " games"]) -> Actions:
@@ -147,24 +154,26 @@ class Shielded(AbstractPolicy):
         a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
         is then read from memory in a row.
         """
-        own = seen.each(lambda view: view.own.state)
         weighed = self.policy.weigh_together(self.policy.observation.together(seen), bits)
         wanted = jax.vmap(self._wanted)(weighed)
-        held_back = ~(jax.vmap(self.backup.room_after)(own, wanted) > MARGIN)
+        held_back = ~(seen.each(self._room_after, wanted) > MARGIN)
         games = held_back.shape[0]
         (which,) = jnp.nonzero(held_back, size=games + -games % _HELD_BACK, fill_value=games)
-        room_after = jax.vmap(jax.vmap(self.backup.room_after, in_axes=(0, None)), in_axes=(None, 0))
 
         def some(carry: tuple[Int[Array, ""], Actions]) -> tuple[Int[Array, ""], Actions]:
             done, actions = carry
             rows = jax.lax.dynamic_slice(which, (done,), (_HELD_BACK,))
-            theirs = jax.tree.map(lambda leaf: leaf[jnp.minimum(rows, games - 1)], (own, weighed))
-            rooms = room_after(theirs[0], jnp.arange(NUM_ACTIONS))
-            instead = jax.vmap(self._instead, in_axes=(0, 1))(theirs[1], rooms)
+            there = jnp.minimum(rows, games - 1)
+            theirs, actions = seen.part(there), jnp.arange(NUM_ACTIONS)
+            rooms = jax.vmap(lambda action: theirs.each(lambda view: self._room_after(view, action)))(actions)
+            instead = jax.vmap(self._instead, in_axes=(0, 1))(weighed[there], rooms)
             return done + _HELD_BACK, actions.at[rows].set(instead, mode="drop")
 
         count = jnp.sum(held_back, dtype=jnp.int32)
         return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1]
+
+    def _room_after(self, view: View, action: Action) -> Scalar:
+        return self.backup.of(view).room_after(view.own.state, action)
 
     def _wanted(self, weighed: Any) -> Action:
         """What the player behind the shield would do."""
@@ -182,13 +191,17 @@ def brakes(game: Game, role: Role) -> Backup:
     """Full braking in three directions, for the robot of one side of a game.
 
     Raises:
-        InvalidInput: when that side's robot cannot brake to rest, and for a game in one of several arenas.
+        InvalidInput: when that side's robot cannot brake to rest.
     """
-    game.require_one_arena("a shield")
-    body = game.body(role)
-    bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
-    require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
-    steps = ceil(body.v_max / (body.u1_max * game.dt))
+    makes = game.scenario.makes if game.scenario else None
+    bodies = [game.body(role)] if makes is None else makes.every(role)
+    for body in bodies:
+        bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
+        require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
+    steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
+    body = bodies[0]
+    if game.scenario is not None:
+        return Backup(game.arena, body, game.dt, steps, anywhere=True)
     return Backup(game.arena, body, game.dt, steps, surroundings=_surroundings(game, body))
 
 

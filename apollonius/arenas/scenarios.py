@@ -7,7 +7,9 @@ import numpy as np
 
 from apollonius.errors import require
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
 from apollonius.game.scenario import Makes, Scenario, together
+from apollonius.game.starts import Starts
 
 PAPERS_OWN = 16
 MAKES = 48
@@ -48,3 +50,8 @@ def makes() -> Makes:
     pursuer, evader = body(pursuer_v), body(evader_v)
     capture = jnp.asarray(drawn(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
     return Makes(pursuer, evader, capture)
+
+
+def training_game() -> Game:
+    """The paper's rules with the arenas and robots of `suite-v1/train`, and starts nearer to the walls."""
+    return Game(starts=Starts(clearance=0.15), scenario=find_scenario("suite-v1/train"))

@@ -67,9 +67,13 @@ class Game(eqx.Module):
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.pursuer, self.evader)
         place_key, start_key = jax.random.split(key)
-        place = self.scenario.sample(place_key)
+        return self.reset_at(self.scenario.sample(place_key), start_key)
+
+    def reset_at(self, place: Int[Array, ""], key: PRNGKeyArray) -> GameState:
+        """An initial state at one place of the scenario, which there must be. The key is consumed."""
+        assert self.scenario is not None, "who knows of places knows that there are some"
         game = self.scenario.game(self, place)
-        return replace(self.starts.sample(start_key, game.arena, game.pursuer, game.evader), place=place)
+        return replace(self.starts.sample(key, game.arena, game.pursuer, game.evader), place=place)
 
     def at(self, state: GameState) -> "Game":
         """The game in one arena and of two known robots that is played in this state."""

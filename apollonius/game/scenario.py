@@ -13,7 +13,9 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from apollonius.errors import require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
+from apollonius.game.types import Role
 
 if TYPE_CHECKING:
     from apollonius.game.game import Game
@@ -36,6 +38,11 @@ class Makes(eqx.Module):
 
     def __len__(self) -> int:
         return len(self.capture_distance)
+
+    def every(self, role: Role) -> list[Unicycle]:
+        """The robots of one side, one by one, in plain numbers."""
+        bodies = self.evader if role == Role.EVADER else self.pursuer
+        return [jax.tree.map(lambda leaf, one=one: float(leaf[one]), bodies) for one in range(len(self))]
 
 
 class Scenario(eqx.Module):
@@ -102,23 +109,30 @@ def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None,
 
 
 def together(arenas: Sequence[Arena]) -> Arena:
-    """Arenas of one shape, leaves `[arenas]`: those with fewer obstacles than others are `padded`.
+    """Arenas of one shape, leaves `[arenas]`: those with fewer obstacles or smaller maps than others are `padded`.
 
     Raises:
         InvalidInput: for arenas that do not go together, as `in_arenas`.
     """
-    require(not any(arena.map for arena in arenas), "arenas", "with maps", "without, as maps have sizes of their own")
+    maps = [arena.map.field.shape for arena in arenas if arena.map]
+    corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
     discs = max(len(arena.discs) for arena in arenas)
     polygons = max(len(arena.polygons) for arena in arenas)
     corners = max((len(one.vertices) for arena in arenas for one in arena.polygons), default=0)
-    alike = [padded(arena, discs, polygons, corners) for arena in arenas]
+    alike = [padded(arena, discs, polygons, corners, corners_of_map) for arena in arenas]
     shapes = {jax.tree.structure(arena) for arena in alike}
     require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
     return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *alike)
 
 
-def padded(arena: Arena, discs: int, polygons: int, corners: int) -> Arena:
+def padded(
+    arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None = None
+) -> Arena:
     """The same arena with so many discs and polygons of so many corners each; what is missing is far from everywhere.
+
+    Args:
+        corners_of_map: rows and columns of its map's field, which goes on as it ends; the map is then of no file. One
+            without a map has one that is free everywhere. None for arenas without maps.
 
     Raises:
         InvalidInput: when it has more.
@@ -136,4 +150,12 @@ def padded(arena: Arena, discs: int, polygons: int, corners: int) -> Arena:
         arena,
         discs=(*arena.discs, *[Disc(_FAR, _FAR, 0.0)] * (discs - len(arena.discs))),
         polygons=(*filled, *[nowhere] * (polygons - len(filled))),
+        map=corners_of_map and _padded_map(arena.map, corners_of_map),
     )
+
+
+def _padded_map(found: OccupancyMap | None, corners: tuple[int, int]) -> OccupancyMap:
+    if found is None:
+        return OccupancyMap(jnp.full(corners, _FAR, jnp.float32), 0.0, 0.0, 1.0, "", "")
+    missing = [(0, wanted - there) for wanted, there in zip(corners, found.field.shape, strict=True)]
+    return replace(found, field=jnp.pad(found.field, missing, mode="edge"), file="", digest="")

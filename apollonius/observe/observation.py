@@ -18,6 +18,8 @@ class Whole:
 
     is_told: ClassVar[bool] = False
     """Whether it reads what the opponent does in the step to come, so that it can only be made once that is decided."""
+    charted: ClassVar[bool] = False
+    """Whether it reads the arena's chart (`apollonius.arenas.charting`)."""
 
     def __call__(self, view: View) -> Any:
         """What is read of a view."""
@@ -41,8 +43,6 @@ class AbstractObservation(Whole):
     """How many numbers they are."""
     exported: ClassVar[bool] = False
     """Whether exported policies can make them: there is a file for each format."""
-    charted: ClassVar[bool] = False
-    """Whether it reads the arena's chart (`apollonius.arenas.charting`)."""
     measures: ClassVar[bool] = True
     """Whether the arena is in them by more than its walls."""
 

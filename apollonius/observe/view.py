@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+from jaxtyping import Array, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
@@ -93,6 +94,12 @@ class Views(eqx.Module):
             return function(view, *rest)
 
         return jax.vmap(one)(self.states, self.announced, *rest)
+
+
+    def part(self, games: Int[Array, " some"]) -> "Views":
+        """The views in some of the games."""
+        states, announced = jax.tree.map(lambda leaf: leaf[games], (self.states, self.announced))
+        return Views(self.game, states, self.role, announced)
 
 
 def each(function: Callable[..., Any], seen: Any, *rest: Any) -> Any:

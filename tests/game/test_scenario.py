@@ -11,7 +11,6 @@ from apollonius.agents.chasing import PurePursuit
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
-from apollonius.agents.shield import brakes
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
@@ -24,6 +23,7 @@ from apollonius.game.scenario import in_arenas, padded
 from apollonius.game.types import Role
 from apollonius.playout import play_out
 from apollonius.rollout import begin, collect
+from apollonius.solve.motion import motion_of
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 NARROW = Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.4),))
@@ -118,8 +118,8 @@ def test_what_fills_an_empty_place_touches_nothing():
 
 
 def test_what_must_know_the_arena_beforehand_refuses_several_in_a_line():
-    with pytest.raises(InvalidInput, match=r"^arenas = 2 is not possible: it must be one, which a shield"):
-        brakes(BOTH, Role.PURSUER)
+    with pytest.raises(InvalidInput, match=r"^arenas = 2 is not possible: it must be one, which a table"):
+        motion_of(BOTH, Role.PURSUER, 1)
     with pytest.raises(InvalidInput, match="has no file"):
         to_dict(BOTH)
     with pytest.raises(InvalidInput, match="arenas = none"):
