@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.agents.shield import Shielded
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
+from apollonius.evaluate.shields import alike
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
@@ -145,8 +146,8 @@ def play_makes(
 ) -> MakeTable:
     """Play a match of two players with robots of every make, all with the same seed, and with the game's own.
 
-    All numbers that differ are data: what is compiled for one make serves all, unless a player is made anew for its
-    robot's limits (`lookahead:`, or a shield among polygons).
+    All numbers that differ are data: what is compiled for one make serves all, but for players that search
+    (`lookahead:`), whose grids depend on their robots.
 
     Args:
         game: the rules, and the robots that others are compared with.
@@ -169,7 +170,9 @@ def play_makes(
     makes = [Make(speed, turn, radius) for radius in sizes for turn in turns for speed in speeds]
     played = makes if any(make.is_like(own) for make in makes) else [*makes, own]
     rules = [game if make is own else with_make(game, make) for make in played]
-    pairs = _alike([_players(one, names, make) for one, make in zip(rules, played, strict=True)])
+    found = [_players(one, names, make) for one, make in zip(rules, played, strict=True)]
+    policies = ROLES.map(lambda role: alike([players[role].policy for players in found]))
+    pairs = [BySide(*map(_playing, players, both)) for players, *both in zip(found, *policies, strict=True)]
     results, total = [], games * len(played)
     for one, players in zip(rules, pairs, strict=True):
         before = games * len(results)
@@ -179,8 +182,8 @@ def play_makes(
 
         results.append(play_match(Match(one, players, games, seed, starts), report=of_all))
     own_match = next(result for make, result in zip(played, results, strict=True) if make is own or make.is_like(own))
-    found = iter(results)
-    matches = tuple(tuple(tuple(next(found) for _ in speeds) for _ in turns) for _ in sizes)
+    ended = iter(results)
+    matches = tuple(tuple(tuple(next(ended) for _ in speeds) for _ in turns) for _ in sizes)
     caught = tuple(float(one.capture_distance) for one in rules[: len(makes) : len(speeds) * len(turns)])
     called = pairs[0].map(lambda player: player.name)
     return MakeTable(called.pursuer, called.evader, speeds, turns, sizes, caught, matches, own, own_match)
@@ -194,20 +197,5 @@ def _players(game: Game, names: BySide[str], make: Make) -> BySide[Named]:
         raise InvalidInput(f"{make}: {error}") from error
 
 
-def _alike(pairs: Sequence[BySide[Named]]) -> list[BySide[Named]]:
-    """The same players, whose shields brake for as many steps as the one that needs most: one compilation serves all.
-
-    A robot that has come to rest stays there, so no shield decides otherwise.
-    """
-
-    def steps(player: Named) -> int:
-        return player.policy.backup.steps if isinstance(player.policy, Shielded) else 0
-
-    most = ROLES.map(lambda role: max(steps(pair[role]) for pair in pairs))
-
-    def braking(player: Named, steps: int) -> Named:
-        if not isinstance(player.policy, Shielded):
-            return player
-        return replace(player, policy=replace(player.policy, backup=replace(player.policy.backup, steps=steps)))
-
-    return [ROLES.map(lambda role, pair=pair: braking(pair[role], most[role])) for pair in pairs]
+def _playing(player: Named, policy: AbstractPolicy) -> Named:
+    return replace(player, policy=policy)
