@@ -236,6 +236,8 @@ def with_less(words, options):
         changes = {"--games": "8"} | kind
     if what == "solve":
         changes["--grid"] = GRIDS[options["what"]]
+    if what == "robots":
+        changes |= {"--speed": "1", "--turn": "1", "--radius": "0"}
     if what == "tournament":
         changes |= {} if options["pursuers"] else {"--pursuers": "intercept", "--evaders": "flee-aware"}
     for option, value in changes.items():

@@ -100,6 +100,7 @@ except KeyboardInterrupt:
         (0.4, ["play", "--no-open"]),
         (5.0, ["play", "--no-open"]),
         (3.0, ["tournament", "--games", 10**5]),
+        (4.0, ["robots", "shielded:P_pool", "E_scratch", "--games", 10**5]),
         (5.0, ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9]),
         (2.0, ["regret", "P_stage1", "--games", 10**6]),
         (3.0, ["simulate", "random", "still", "--games", 10**4]),

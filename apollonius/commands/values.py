@@ -16,6 +16,8 @@ from apollonius.limits import Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
+RATIOS = (0.01, 100.0)
+"""Least and largest ratio that is taken."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
@@ -41,12 +43,27 @@ def count(counted: Counted) -> Callable[[str], int]:
 
 def real(text: str) -> float:
     """A finite number of modest size."""
+    return _between(text, -LARGEST, LARGEST, f"a number within {LARGEST:g} of 0")
+
+
+def ratio(text: str) -> float:
+    """How many times one limit of a robot is another."""
+    low, high = RATIOS
+    return _between(text, low, high, f"a number from {low:g} to {high:g}")
+
+
+def length(text: str) -> float:
+    """A length [m]."""
+    return _between(text, 0.0, LARGEST, f"a length from 0 to {LARGEST:g} m")
+
+
+def _between(text: str, low: float, high: float, bound: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
-    if not abs(number) <= LARGEST:
-        raise unfit(text, f"a number within {LARGEST:g} of 0")
+    if not low <= number <= high:
+        raise unfit(text, bound)
     return number
 
 
