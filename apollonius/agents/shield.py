@@ -164,9 +164,10 @@ class Shielded(AbstractPolicy):
             done, actions = carry
             rows = jax.lax.dynamic_slice(which, (done,), (_HELD_BACK,))
             there = jnp.minimum(rows, games - 1)
-            theirs, actions = seen.part(there), jnp.arange(NUM_ACTIONS)
-            rooms = jax.vmap(lambda action: theirs.each(lambda view: self._room_after(view, action)))(actions)
-            instead = jax.vmap(self._instead, in_axes=(0, 1))(weighed[there], rooms)
+            theirs = seen.part(there)
+            room_after = jax.vmap(lambda action: theirs.each(lambda view: self._room_after(view, action)))
+            behind = jax.tree.map(lambda leaf: leaf[there], weighed)
+            instead = jax.vmap(self._instead, in_axes=(0, 1))(behind, room_after(jnp.arange(NUM_ACTIONS)))
             return done + _HELD_BACK, actions.at[rows].set(instead, mode="drop")
 
         count = jnp.sum(held_back, dtype=jnp.int32)
