@@ -11,8 +11,10 @@ from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
 
-KINDS = ("discs", "blocks", "rooms", "maze", "racks")
+KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
+CELLS = ("caves",)
+"""Those of them that are a map's cells, in files of their own."""
 
 
 def add_arena(subparsers: Any) -> None:
@@ -95,18 +97,25 @@ def run_random(options: argparse.Namespace) -> int:
     import tomli_w
 
     from apollonius.arenas.file import find_game
+    from apollonius.arenas.map_file import save_map
     from apollonius.arenas.random_arena import in_random_arena
     from apollonius.arenas.record import to_dict
     from apollonius.document import write_atomically
 
-    require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
+    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind in CELLS else []
+    for path in (options.out, *cells):
+        require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
     require(
         options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
     )
     game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
     elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
-    write_atomically(options.out, tomli_w.dumps(to_dict(elsewhere)).encode())
-    obstacles = len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)
-    print(f"{options.kind}, {obstacles} obstacles, passages of {options.gap:g} m and more")
+    record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
+    if elsewhere.arena.map:
+        save_map(elsewhere.arena.map, cells[0])
+        record["arena"]["map"] = cells[0].name
+        what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
+    write_atomically(options.out, tomli_w.dumps(record).encode())
+    print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0
