@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,14 @@ from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
 
+PARTS = ("train", "held-out")
+"""Parts of a suite."""
 KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
 CELLS = ("caves",)
 """Those of them that are a map's cells, in files of their own."""
+SHOWN = 8
+"""Arenas of each kind in a suite's picture: a row."""
 
 
 def add_arena(subparsers: Any) -> None:
@@ -29,6 +34,13 @@ def add_arena(subparsers: Any) -> None:
     check.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of what was found")
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
+    suite = actions.add_parser(
+        "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
+    )
+    suite.add_argument("--part", choices=PARTS, help="of the suite (default: both)")
+    suite.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of some of each kind")
+    suite.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    suite.set_defaults(run=run_suite)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
     draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
@@ -90,6 +102,38 @@ def run_check(options: argparse.Namespace) -> int:
         )
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
+
+
+def run_suite(options: argparse.Namespace) -> int:
+    """Draw every arena of the suite anew, and list it; exit status 2 where one is not what was published."""
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
+    from apollonius.show.gallery import save_gallery
+
+    suite = SUITES[-1]
+    entries = suite_entries(suite, options.part)
+    options.display.begin("drawing the arenas")
+    for number, entry in enumerate(entries):
+        suite_arena(suite, entry.name)
+        options.display.report(number + 1, len(entries))
+    options.display.end()
+    if options.json:
+        print(json.dumps({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
+    else:
+        for entry in entries:
+            gap = f"gap {entry.gap:4.2f} m" if entry.gap else ""
+            size = f"{entry.width:5.2f} x {entry.height:5.2f} m"
+            print(f"{suite}/{entry.name:<10} {entry.part:<8} {entry.kind:<7} {size}  {gap:<10}  {entry.sha256[:12]}")
+        print(f"{len(entries)} arenas, all as they were published")
+    if options.out:
+        options.display.begin("drawing the picture")
+        kinds = dict.fromkeys(entry.kind for entry in entries)
+        some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
+        play = command("show", "intercept", "flee-aware", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
+        finish(options.out, then=play, json=options.json)
+    return 0
 
 
 def run_random(options: argparse.Namespace) -> int:
