@@ -1,4 +1,4 @@
-"""`apollonius arena`: the arenas there are, the check of one's own, and random ones."""
+"""`apollonius arena`: the arenas there are, the check of one's own, the suite, and random ones."""
 
 import argparse
 import json
@@ -24,7 +24,9 @@ SHOWN = 8
 
 def add_arena(subparsers: Any) -> None:
     """The parser of `arena`."""
-    parser = subparsers.add_parser("arena", help="list arenas, check one of your own, or make a random one")
+    parser = subparsers.add_parser(
+        "arena", help="list arenas, check one of your own, verify the suite, or make a random one"
+    )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
