@@ -125,6 +125,8 @@ def play_out(
 def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
 
+    In several arenas games take turns, as `Scenario.place_of` says.
+
     Returns:
         Initial states, leaves `[games]`.
     """
@@ -136,7 +138,14 @@ def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
 def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
     # The i-th key that `split` makes is that of `fold_in` with i.
     index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
-    return jax.vmap(lambda one: game.reset(jax.random.fold_in(key, one)))(index)
+
+    def draw(one: UInt32[Array, ""]) -> GameState:
+        start_key = jax.random.fold_in(key, one)
+        if game.scenario is None:
+            return game.reset(start_key)
+        return game.reset_at(game.scenario.place_of(one.astype(jnp.int32)), start_key)
+
+    return jax.vmap(draw)(index)
 
 
 def play_at_once(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray) -> Results:

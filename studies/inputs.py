@@ -9,14 +9,11 @@ goes on where it was.
 """
 
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from apollonius.arenas.scenarios import training_game
-from apollonius.jobs import Job
+from apollonius.arenas.scenarios import scenario_game
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.stage_config import StageConfig
@@ -42,7 +39,7 @@ class Inputs(driver.AbstractStudy):
 
     def trainings(self) -> driver.Trainings:
         """By env steps, then by time where that gives others."""
-        game, found = training_game(), {}
+        game, found = scenario_game("suite-v1/train"), {}
         for timed in (False, True):
             for seed in range(self.seeds):
                 for observation in INPUTS:

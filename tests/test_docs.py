@@ -19,6 +19,7 @@ from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
+from apollonius.arenas.suite import SUITES, suite_names
 from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
 from apollonius.commands import values
@@ -99,7 +100,8 @@ def check_command(words, monkeypatch):
             known = {*PLAYERS, *zoo_names(), "..."}
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
-    assert game is None or game in game_names() or game.endswith(".toml")
+    known = {*game_names(), *[f"{suite}/{name}" for suite in SUITES for name in suite_names(suite)]}
+    assert game is None or game in known or game.endswith(".toml")
 
 
 @pytest.mark.parametrize("block", ALL, ids=str)

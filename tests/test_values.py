@@ -64,6 +64,7 @@ ARGUMENTS = {
             "payoff",
             "side",
             "kind",
+            "part",
         ],
         "choice",
     ),
@@ -96,6 +97,7 @@ ENOUGH = {
     "robots": {"pursuer": ["random"], "evader": ["still"]},
     "arena list": {},
     "arena check": {"game": ["paper"]},
+    "arena suite": {},
     "arena random": {"--out": ["new.toml"]},
     "export": {"agent": ["P_pool"], "--to": ["numpy"], "--out": ["a.py"]},
     "reproduce": {},
@@ -258,7 +260,7 @@ def test_a_written_grid_is_read():
 
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
-    from apollonius.arenas import random_arena
+    from apollonius.arenas import random_arena, suite
     from apollonius.bench import CLASSIC
     from apollonius.commands import arena
     from apollonius.commands.bench import BENCHES
@@ -275,6 +277,8 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert set(BY_TABLE) == set(DISTILLATIONS)
     assert list(ATTACKERS) == list(KINDS)
     assert tuple(random_arena.KINDS) == arena.KINDS
+    assert suite.PARTS == arena.PARTS
+    assert [kind for kind in arena.KINDS if random_arena.random_arena(kind, 0).map] == list(arena.CELLS)
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert set(BENCHES) == {"classic", *learner_config.PROFILES}
     assert CLASSIC.batch == 128

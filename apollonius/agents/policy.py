@@ -23,6 +23,11 @@ class AbstractPolicy(eqx.Module):
         return WHOLE
 
     @property
+    def charted(self) -> bool:
+        """Whether it plays by a chart, which a game in several arenas then must have (`apollonius.arenas.charting`)."""
+        return self.observation.charted
+
+    @property
     def continuous(self) -> bool:
         """Whether its actions are pairs of gears."""
         return False

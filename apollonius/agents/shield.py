@@ -135,6 +135,11 @@ class Shielded(AbstractPolicy):
     backup: Backup
 
     @property
+    def charted(self) -> bool:
+        """Whether the player behind the shield does."""
+        return self.policy.charted
+
+    @property
     def continuous(self) -> bool:
         """Whether those of the player behind the shield are."""
         return self.policy.continuous

@@ -15,7 +15,6 @@ from scipy.sparse.csgraph import dijkstra
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.game import Game
-from apollonius.observe.observation import Whole
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 """From each stop to those beside it, columns and rows: eight directions, and as many between them both ways."""
@@ -40,11 +39,6 @@ def charted(game: Game) -> Game:
     alone = [scenario.arena(jnp.asarray(number)) for number in range(scenario.count)]
     arenas = replace(scenario.arenas, chart=_charts(alone, _radius(game)))
     return replace(game, scenario=replace(scenario, arenas=arenas))
-
-
-def charted_for(game: Game, *observations: Whole) -> Game:
-    """The same if one of those who play reads a chart, else the game as it is."""
-    return charted(game) if any(one.charted for one in observations) else game
 
 
 def _radius(game: Game) -> float:

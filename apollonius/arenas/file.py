@@ -1,9 +1,12 @@
-"""Games as files: a TOML file says what differs from the defaults, or a preset's name stands for one."""
+"""Games as files: a TOML file says what differs from the defaults, or a name stands for a game."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from apollonius.arenas.record import find_map, from_dict
+from apollonius.arenas.scenarios import NAMES, scenario_game
+from apollonius.arenas.suite import SUITES, suite_arena
 from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
@@ -27,16 +30,24 @@ def about_game(name: str) -> str:
 
 
 def find_game(name: str) -> Game:
-    """The game of this name, preset or from the gallery, or of this `.toml` file.
+    """The game of this name, preset or from the gallery, of this `.toml` file, or in this arena of a suite.
+
+    `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part.
 
     Raises:
-        InvalidInput: for an unknown name, and as `load_game`.
+        InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
     """
     if Path(name).suffix == ".toml":
         return load_game(Path(name))
+    suite, _, within = name.partition("/")
+    if name in NAMES:
+        return scenario_game(name)
+    if suite in SUITES and within:
+        return replace(make_game("paper"), arena=suite_arena(suite, within))
     if name not in game_names():
         raise InvalidInput(
-            f"no game is called '{name}': choose one of {', '.join(game_names())}, or give a .toml file."
+            f"no game is called '{name}': choose one of {', '.join(game_names())}, one of a suite, as "
+            f"'{SUITES[0]}/racks-07', or give a .toml file."
         )
     return make_game(name) if name in PRESETS else load_game(GALLERY / f"{name}.toml")
 

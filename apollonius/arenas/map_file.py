@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import io
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -10,16 +11,21 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.document import read_bytes
+from apollonius.document import read_bytes, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.limits import require_memory
 
 _MOST_CELLS = 10_000
-"""Most cells along a side: the field of so many takes 400 MB."""
+"""Most cells along a side: the field of so many takes 400 MB, and 12 seconds."""
+_BYTES_A_CELL = 110
+"""Memory that reading a map and surveying it takes, measured, rounded up."""
 _MOST_YAML = 2**14
 """Largest YAML file [bytes]; map_server's have some 150."""
 _MOST_IMAGE = 5 * _MOST_CELLS**2
 """Largest image file [bytes]: as text, a cell may take four digits and a blank."""
+_BLACK, _FREE = 0, 254
+"""What map_server writes for occupied and free cells."""
 _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
 """The lightest value of each kind of grey image."""
 
@@ -41,7 +47,7 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
     text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
     said = _read_yaml(text, f"map '{path}'")
     image = path.parent / str(said["image"])
-    content = read_bytes(image, f"the image of the map '{path}'", "check the path", _MOST_IMAGE)
+    content = read_bytes(image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE)
     found = hashlib.sha256(text + content).hexdigest()
     bound = "the map of this game, which has changed since; restore it"
     require(digest in (None, found), f"map '{path}'", f"SHA-256 {found[:12]}...", bound)
@@ -57,6 +63,27 @@ def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
     x, y, _ = said["origin"]
     field = distance_field(np.ascontiguousarray(~free[::-1]), said["resolution"])
     return OccupancyMap(jnp.asarray(field), x, y, said["resolution"], str(path), digest)
+
+
+def save_map(cells: OccupancyMap, path: Path) -> None:
+    """Write a map's two files, from which `load_map` reads the same field.
+
+    Args:
+        cells: the map.
+        path: the YAML file; the image lies beside it, and ends in `.pgm`.
+    """
+    from PIL import Image
+
+    image = path.with_suffix(".pgm")
+    content = io.BytesIO()
+    shades = np.where(cells.occupied()[::-1], _BLACK, _FREE).astype(np.uint8)
+    Image.fromarray(shades).save(content, "PPM")
+    write_atomically(image, content.getvalue())
+    # JSON is YAML, whatever is in a name.
+    said = {"image": image.name, "resolution": float(cells.cell), "origin": [float(cells.x), float(cells.y), 0.0]}
+    said |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
+    lines = [f"{key}: {json.dumps(value)}\n" for key, value in said.items()]
+    write_atomically(path, "".join(lines).encode())
 
 
 def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
@@ -110,14 +137,19 @@ def _number(value: Any, name: str) -> float:
 
 def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
     """How dark every pixel is, from 0 to 1 (the lightest is 1 where negated), the first row at the top."""
-    from PIL import Image
+    from PIL.PngImagePlugin import PngImageFile
+    from PIL.PpmImagePlugin import PpmImageFile
 
     image_name = f"{name}: image"
+    # `Image.open` has a bound of its own, in lines of its own.
+    kind = PngImageFile if content.startswith(b"\x89PNG") else PpmImageFile
     try:
-        with Image.open(io.BytesIO(content), formats=("PPM", "PNG")) as image:
+        with kind(io.BytesIO(content)) as image:
             require(image.mode in _WHITE, image_name, f"of kind {image.mode}", "grey, as PGM; convert it")
             size = image.size
-            require(max(size) <= _MOST_CELLS, image_name, size, f"at most {_MOST_CELLS} cells along each side; crop it")
+            bound = f"at most {_MOST_CELLS:,} cells along each side; crop it"
+            require(max(size) <= _MOST_CELLS, image_name, size, bound)
+            require_memory(image_name, size, _BYTES_A_CELL * size[0] * size[1], "crop it")
             grey = np.asarray(image, np.float32) / _WHITE[image.mode]
     except InvalidInput:
         raise

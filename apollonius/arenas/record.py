@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import dacite
 
 from apollonius.arenas.map_file import load_map
+from apollonius.arenas.random_arena import is_drawn, random_map
 from apollonius.errors import InvalidInput
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.scenario import Scenario
@@ -22,7 +23,7 @@ _DERIVED = ("chart",)
 def to_dict(config: Any) -> dict[str, Any]:
     """A configuration (a game, a training run) as nested dictionaries, lists and numbers.
 
-    Of an occupancy map, millions of numbers, it says the file and the SHA-256 of what is in it.
+    Of an occupancy map, millions of numbers, it says the file, or how it was drawn, and the SHA-256 of what is in it.
     """
     return _plain(config)
 
@@ -63,15 +64,18 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
 def find_map(named: Any, folder: Path) -> OccupancyMap:
     """The map that a record names: by its YAML file, or by that and its digest, as `to_dict` does.
 
+    In the file's place may stand the name of a map that was drawn at random.
+
     Raises:
-        InvalidInput: for anything else, and as `load_map`.
+        InvalidInput: for anything else, and as `load_map` and `random_map`.
     """
     if isinstance(named, OccupancyMap):
         return named
-    if isinstance(named, str):
-        return load_map(folder / named)
-    if isinstance(named, dict) and set(named) == {"file", "sha256"} and all(isinstance(v, str) for v in named.values()):
-        return load_map(folder / named["file"], named["sha256"])
+    said = {"file": named, "sha256": None} if isinstance(named, str) else named
+    if isinstance(said, dict) and set(said) == {"file", "sha256"} and isinstance(said["file"], str):
+        name, digest = said["file"], said["sha256"]
+        if digest is None or isinstance(digest, str):
+            return random_map(name, digest) if is_drawn(name) else load_map(folder / name, digest)
     raise InvalidInput(f"map = {named} is not possible: it must be the name of a ROS map's YAML file.")
 
 

@@ -1,10 +1,12 @@
-"""Games in many arenas by robots of many makes, by the names that files have for them."""
+"""Games in all the arenas of a suite's part, by the names that files have for them: `suite-v1/train`, for example."""
 
+import functools
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
+from apollonius.arenas.suite import PARTS, SUITES, suite_arena, suite_names
 from apollonius.errors import require
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -12,31 +14,47 @@ from apollonius.game.scenario import Makes, Scenario, together
 from apollonius.game.starts import Starts
 
 PAPERS_OWN = 16
-MAKES = 48
+"""Pairs of the paper's robots among those that are learned with,"""
+OTHERS = 48
+"""and pairs of others."""
+NAMES = tuple(f"{suite}/{part}" for suite in SUITES for part in PARTS)
+"""Of all scenarios."""
 
 
+def scenario_game(name: str) -> Game:
+    """The paper's rules in the arenas of a suite's part; errors as those of `find_scenario`.
+
+    In `train` there are robots of many `makes`, and games begin nearer to walls and obstacles, so that the larger ones
+    find a place.
+    """
+    starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
+    return Game(starts=starts, scenario=find_scenario(name))
+
+
+@functools.cache
 def find_scenario(name: Any) -> Scenario:
-    import json
+    """The arenas of a part of a suite and, in `train`, the robots.
 
-    from apollonius.arenas.random_arena import random_arena
-
-    require(name == "suite-v1/train", "scenario", name, "suite-v1/train")
-    entries = json.load(open("/root/near/suite_train.json"))
-    arenas = [random_arena(e["kind"], e["seed"], gap=e["gap"], width=e["width"], height=e["height"]) for e in entries]
-    return Scenario(together(arenas), len(arenas), makes(), name)
+    Raises:
+        InvalidInput: for an unknown name, and as `suite_arena`.
+    """
+    require(name in NAMES, "scenario", name, f"one of {', '.join(NAMES)}")
+    suite, part = name.split("/")
+    arenas = [suite_arena(suite, arena) for arena in suite_names(suite, part)]
+    return Scenario(together(arenas), len(arenas), makes() if part == "train" else None, name)
 
 
 def makes() -> Makes:
-    """The paper's two robots a few times, and pairs of robots drawn at random around them.
+    """The paper's two robots a few times, and pairs of robots drawn at random around them, all log-uniformly.
 
     Each has a speed of 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's; accelerates by 0.15 to
-    1.2 m/s^2, turns by 0.4 to 2 rad/s, and has a radius of at most 0.25 m. One is caught 0.2 to 0.4 m from where
-    the bodies touch.
+    1.2 m/s^2 and turns by 0.4 to 2 rad/s. Every other pair has bodies, with a radius of 0.05 to 0.25 m. One is caught
+    when there are 0.2 to 0.4 m between them.
     """
     rng = np.random.default_rng(0)
 
     def drawn(low: float, high: float, paper: float) -> np.ndarray:
-        some = np.exp(rng.uniform(np.log(low), np.log(high), MAKES))
+        some = np.exp(rng.uniform(np.log(low), np.log(high), OTHERS))
         return np.concatenate([np.full(PAPERS_OWN, paper), some]).astype(np.float32)
 
     pursuer_v = drawn(0.6, 2.0, 1.2)
@@ -50,8 +68,3 @@ def makes() -> Makes:
     pursuer, evader = body(pursuer_v), body(evader_v)
     capture = jnp.asarray(drawn(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
     return Makes(pursuer, evader, capture)
-
-
-def training_game() -> Game:
-    """The paper's rules with the arenas and robots of `suite-v1/train`, and starts nearer to the walls."""
-    return Game(starts=Starts(clearance=0.15), scenario=find_scenario("suite-v1/train"))

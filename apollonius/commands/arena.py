@@ -1,7 +1,8 @@
-"""`apollonius arena`: the arenas there are, the check of one's own, and random ones."""
+"""`apollonius arena`: the arenas there are, the check of one's own, the suite, and random ones."""
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,21 @@ from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
 
-KINDS = ("discs", "blocks", "rooms", "maze", "racks")
+PARTS = ("train", "held-out")
+"""Parts of a suite."""
+KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
+CELLS = ("caves",)
+"""Those of them that are a map's cells, in files of their own."""
+SHOWN = 8
+"""Arenas of each kind in a suite's picture: a row."""
 
 
 def add_arena(subparsers: Any) -> None:
     """The parser of `arena`."""
-    parser = subparsers.add_parser("arena", help="list arenas, check one of your own, or make a random one")
+    parser = subparsers.add_parser(
+        "arena", help="list arenas, check one of your own, verify the suite, or make a random one"
+    )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
@@ -27,6 +36,13 @@ def add_arena(subparsers: Any) -> None:
     check.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of what was found")
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
+    suite = actions.add_parser(
+        "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
+    )
+    suite.add_argument("--part", choices=PARTS, help="of the suite (default: both)")
+    suite.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of some of each kind")
+    suite.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    suite.set_defaults(run=run_suite)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
     draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
@@ -90,23 +106,62 @@ def run_check(options: argparse.Namespace) -> int:
     return 1 if found.wrong else 0
 
 
+def run_suite(options: argparse.Namespace) -> int:
+    """Draw every arena of the suite anew, and list it; exit status 2 where one is not what was published."""
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
+    from apollonius.show.gallery import save_gallery
+
+    suite = SUITES[-1]
+    entries = suite_entries(suite, options.part)
+    options.display.begin("drawing the arenas")
+    for number, entry in enumerate(entries):
+        suite_arena(suite, entry.name)
+        options.display.report(number + 1, len(entries))
+    options.display.end()
+    if options.json:
+        print(json.dumps({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
+    else:
+        for entry in entries:
+            gap = f"gap {entry.gap:4.2f} m" if entry.gap else ""
+            size = f"{entry.width:5.2f} x {entry.height:5.2f} m"
+            print(f"{suite}/{entry.name:<10} {entry.part:<8} {entry.kind:<7} {size}  {gap:<10}  {entry.sha256[:12]}")
+        print(f"{len(entries)} arenas, all as they were published")
+    if options.out:
+        options.display.begin("drawing the picture")
+        kinds = dict.fromkeys(entry.kind for entry in entries)
+        some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
+        play = command("show", "intercept", "flee-aware", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
+        finish(options.out, then=play, json=options.json)
+    return 0
+
+
 def run_random(options: argparse.Namespace) -> int:
     """Write a game like another, in an arena drawn at random."""
     import tomli_w
 
     from apollonius.arenas.file import find_game
+    from apollonius.arenas.map_file import save_map
     from apollonius.arenas.random_arena import in_random_arena
     from apollonius.arenas.record import to_dict
     from apollonius.document import write_atomically
 
-    require(options.force or not options.out.exists(), "--out", options.out, "a new file; --force overwrites it")
+    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind in CELLS else []
+    for path in (options.out, *cells):
+        require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
     require(
         options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
     )
     game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
     elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
-    write_atomically(options.out, tomli_w.dumps(to_dict(elsewhere)).encode())
-    obstacles = len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)
-    print(f"{options.kind}, {obstacles} obstacles, passages of {options.gap:g} m and more")
+    record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
+    if elsewhere.arena.map:
+        save_map(elsewhere.arena.map, cells[0])
+        record["arena"]["map"] = cells[0].name
+        what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
+    write_atomically(options.out, tomli_w.dumps(record).encode())
+    print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0

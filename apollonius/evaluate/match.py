@@ -10,9 +10,11 @@ from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
+from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
+from apollonius.evaluate.by_arena import ByArena, count_by_arena
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
@@ -57,7 +59,7 @@ class Match:
     the same ones are paired: they meet the very same starts.
 
     Attributes:
-        game: by whose rules.
+        game: by whose rules; with charts, where players read them.
         players: who plays either side.
         games: how many.
         seed: of the starts and of everything random in the games.
@@ -76,6 +78,8 @@ class Match:
     def __post_init__(self) -> None:
         GAMES.require("games", self.games)
         SEED.require("seed", self.seed)
+        if any(player.policy.charted for player in self.players):
+            object.__setattr__(self, "game", charted(self.game))
 
     @classmethod
     def of_names(cls, game: str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str = "rest") -> "Match":
@@ -89,7 +93,8 @@ class Match:
         """
         rules, which = starting(find_game(game), starts)
         names = BySide(pursuer, evader)
-        return cls(rules, ROLES.map(lambda role: find_player(names[role], role, rules)), games, seed, which)
+        players = ROLES.map(lambda role: find_player(names[role], role, rules))
+        return cls(rules, players, games, seed, which)
 
     @property
     def pools(self) -> BySide[Pool]:
@@ -129,10 +134,15 @@ class MatchResult:
     """Mean |change of u1| and of u2 per step, as shares of their largest values; None where it was not measured."""
     evader_change: tuple[float, float] | None = None
     """The same of the evader."""
+    arenas: ByArena | None = None
+    """The same match by arenas, where there are several."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as JSON-like data."""
-        return asdict(self)
+        """The result as JSON-like data; nothing of arenas where there is only one."""
+        data = asdict(self)
+        if self.arenas is None:
+            del data["arenas"]
+        return data
 
 
 def starting(game: Game, starts: str) -> tuple[Game, StartFilter]:
@@ -224,6 +234,7 @@ def count(match: Match, results: Results) -> MatchResult:
         capture_steps_deviation=float(np.std(steps[captured])) if captured.any() else None,
         pursuer_change=pursuer_change and tuple(pursuer_change),
         evader_change=evader_change and tuple(evader_change),
+        arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
     )
 
 

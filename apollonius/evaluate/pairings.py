@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.agents.store import load_header
-from apollonius.arenas.charting import charted_for
 from apollonius.catalogue import find_player
 from apollonius.document import write_atomically
 from apollonius.evaluate.match import Match, MatchResult, play_match
@@ -43,7 +42,7 @@ def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str
     for pair in pairings(agents):
         files = BySide(*pair).map(lambda name: str(agents.get(name, name)))
         players = ROLES.map(lambda role, files=files: find_player(files[role], role, game))
-        found[pair] = Match(charted_for(game, *players.map(lambda one: one.policy.observation)), players, games, seed)
+        found[pair] = Match(game, players, games, seed)
     return found
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -20,6 +20,8 @@ from apollonius.game.types import Role
 if TYPE_CHECKING:
     from apollonius.game.game import Game
 
+_STRIDE = 7
+"""By how many makes two arenas next to each other differ in a match."""
 _FAR = 1e6
 """Where what fills an empty place is [m], along x and y: so far away that it touches nothing."""
 
@@ -68,6 +70,11 @@ class Scenario(eqx.Module):
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
         """The number of one of them. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
+
+    def place_of(self, index: Any) -> Any:
+        """The number of the one in which a match has its game of this index: all arenas take turns, all makes too."""
+        arena, turn = index % self.count, index // self.count
+        return arena if self.makes is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.makes))
 
     def arena(self, place: Int[Array, ""] | None) -> Arena:
         """The arena of this place, which the state of a game says; its chart stays with those of the others, as it is

@@ -152,6 +152,11 @@ def _check_room(game: "Game") -> None:
                 f"the arena leaves the {name} no place to start: none of {_DRAWS:,} has a clearance of {margin:g} m "
                 f"(starts.clearance + {name}.radius); make the obstacles or the clearance smaller, or the arena larger."
             )
+    if not reach:
+        raise InvalidInput(
+            f"the arena leaves the robots no place to start: at none of {_DRAWS:,} pairs of places both are free; make "
+            "the obstacles, starts.clearance or the robots smaller, or the arena larger."
+        )
     require(
         False, "starts.separation", starts.separation,
         f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}; make it smaller or the arena "

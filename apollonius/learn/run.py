@@ -18,7 +18,7 @@ from jaxtyping import Array, Int
 from apollonius.agents.network import Network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.arenas.charting import charted_for
+from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
@@ -72,7 +72,8 @@ class Run:
         self.report = report
         self.should_stop = should_stop
         self.leads = jax.process_index() == 0
-        self.game = charted_for(config.game, find_observation(config.learner.observation))
+        reads = find_observation(config.learner.observation)
+        self.game = charted(config.game) if reads.charted else config.game
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
         self.evaders = find_pool(config.evaders, Role.EVADER, self.game)

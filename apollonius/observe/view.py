@@ -95,7 +95,6 @@ class Views(eqx.Module):
 
         return jax.vmap(one)(self.states, self.announced, *rest)
 
-
     def part(self, games: Int[Array, " some"]) -> "Views":
         """The views in some of the games."""
         states, announced = jax.tree.map(lambda leaf: leaf[games], (self.states, self.announced))

@@ -17,18 +17,18 @@ _LETTERS = 15
 _COLUMNS = 4
 
 
-def save_gallery(games: Mapping[str, Game], path: Path) -> None:
-    """Write a picture of games' arenas, each with its name and its size below."""
+def save_gallery(games: Mapping[str, Game], path: Path, columns: int = _COLUMNS) -> None:
+    """Write a picture of games' arenas, so many side by side, each with its name and its size below."""
     width, height = _SIDE + _GAP, _SIDE + 2 * _GAP + _LETTERS
-    rows = -(-len(games) // _COLUMNS)
-    whole = Image.new("RGB", (min(len(games), _COLUMNS) * width + _GAP, rows * height + _GAP), PAPER)
+    rows = -(-len(games) // columns)
+    whole = Image.new("RGB", (min(len(games), columns) * width + _GAP, rows * height + _GAP), PAPER)
     draw, font = ImageDraw.Draw(whole), ImageFont.load_default(_LETTERS)
     for number, (name, game) in enumerate(games.items()):
-        left, top = _GAP + number % _COLUMNS * width, _GAP + number // _COLUMNS * height
+        left, top = _GAP + number % columns * width, _GAP + number // columns * height
         drawing = Canvas(game).picture()
         drawing.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
         whole.paste(drawing, (left, top + _SIDE - drawing.height))
         arena = game.arena
-        size = f"{float(arena.x_max - arena.x_min):g} x {float(arena.y_max - arena.y_min):g} m"
+        size = f"{float(arena.x_max - arena.x_min):.4g} x {float(arena.y_max - arena.y_min):.4g} m"
         draw.text((left, top + _SIDE + _GAP // 3), f"{name}, {size}", fill=INK, font=font)
     whole.save(path, optimize=True)

@@ -68,6 +68,10 @@ IMPOSSIBLE = [
         ["evader no place to start", "clearance of 0.5 m"],
     ),
     ({"evader": Unicycle(radius=6.0)}, ["evader no place to start", "clearance of 6.3 m", "arena larger"]),
+    (
+        {"pursuer": Unicycle(radius=4.9), "evader": Unicycle(radius=4.9), **starts(clearance=0.05)},
+        ["the robots no place to start", "none of 100,000 pairs", "arena larger"],
+    ),
     (starts(clearance=6.0), ["no place to start", "clearance of 6 m", "clearance smaller"]),
     (starts(clearance=-0.1), ["starts.clearance = -0.1", "0 m or more"]),
     (starts(separation=0.2), ["starts.separation = 0.2", "at least capture_distance = 0.3", "before they begin"]),

@@ -1,0 +1,119 @@
+"""Caves: random rock worn by a cellular automaton, then widened until all passages keep the gap, as a map's cells."""
+
+import hashlib
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool
+from scipy.ndimage import convolve1d, distance_transform_edt, label
+
+from apollonius.arenas.random.layout import Layout
+from apollonius.errors import InvalidInput, require
+from apollonius.game.arena import Arena
+from apollonius.game.occupancy import OccupancyMap, distance_field
+
+_PER_GAP = 8
+"""Cells across a gap."""
+_MOST_CELLS = 1_000
+"""Most cells along a side."""
+_LEAST_SIDE = 4
+"""How long the sides are at least, in gaps."""
+_REACH = _PER_GAP // 2 + 0.25
+"""Clearance of the ways through a cave [cells]: half a gap, and what a map's clearances are too short by."""
+_ROCK = 0.47
+"""Share of the cells that are rock at first."""
+_WINDOW = 3
+"""A cell becomes what most cells are that are no more than so many away along x and y ..."""
+_ROUNDS = 4
+"""... so many times."""
+_LEAST_FREE = 0.45
+"""Share of the cells that are free at least."""
+_PER_PILLAR = 30
+"""Square gaps with a pillar, a way round, each; one at least: a cave without is no place to flee in."""
+_TRIES = 200
+"""Caves drawn until one is large enough and has so many."""
+
+
+def caves(layout: Layout, rng: np.random.Generator) -> Arena:
+    """One cave of cells an eighth of the gap wide, whose sides are those asked for to within half a cell.
+
+    Every place of it is within half a gap of the middle of a passage at least as wide as the gap, and all those middles
+    are joined. What is narrower, or cut off, is rock.
+
+    Raises:
+        InvalidInput: for less than four gaps along a side, for more than a thousand cells, and where no cave is found.
+    """
+    sides, cell = (layout.width, layout.height), layout.gap / _PER_GAP
+    least = _LEAST_SIDE * layout.gap
+    require(min(sides) >= least, "width, height", sides, f"at least {least:g} m each, {_LEAST_SIDE} gaps")
+    columns, rows = (round(side / cell) for side in sides)
+    bound = f"at least {max(sides) * _PER_GAP / _MOST_CELLS:g} m, as a cave has {_MOST_CELLS:,} cells along a side"
+    require(max(columns, rows) <= _MOST_CELLS, "gap", layout.gap, bound)
+    pillars = max(1, round(columns * rows / (_PER_PILLAR * _PER_GAP**2)))
+    for _ in range(_TRIES):
+        free = _widened(_worn(rng.random((rows, columns)) < _ROCK))
+        if free.mean() >= _LEAST_FREE and _pillars(free) >= pillars and _is_one(free):
+            return _arena(~free, cell)
+    raise InvalidInput(
+        f"caves with passages of {layout.gap:g} m find no room: none of {_TRIES} leaves {_LEAST_FREE:.0%} of the arena "
+        f"free and has {pillars} ways round; ask for a smaller gap, or a larger arena."
+    )
+
+
+def _pillars(free: Bool[np.ndarray, "rows columns"]) -> int:
+    """Pieces of rock that are not joined to the walls; corner to corner is joined."""
+    _, count = label(np.pad(~free, 1, constant_values=True), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    return int(count) - 1
+
+
+def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+    """Each cell as most cells around it are, again and again; what is outside counts as neither."""
+    window = np.ones(2 * _WINDOW + 1, int)
+    for _ in range(_ROUNDS):
+        more = convolve1d(np.where(rock, 1, -1), window, 0, mode="constant")
+        rock = convolve1d(more, window, 1, mode="constant") > 0
+    return rock
+
+
+def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+    """The cells within reach of the largest connected part of the corners that have that clearance.
+
+    The corners keep it, as no cell that a disc around one of them touches was rock.
+    """
+    ways = _clearances(rock) >= _REACH
+    largest = _parts(ways)
+    if not largest.any():
+        return largest
+    near = np.asarray(distance_transform_edt(~largest)) < _REACH
+    return near[1:, 1:] | near[1:, :-1] | near[:-1, 1:] | near[:-1, :-1]
+
+
+def _parts(corners: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
+    """The largest part of them that is joined along edges."""
+    numbered, count = label(corners)  # pyright: ignore[reportGeneralTypeIssues]
+    sizes = np.bincount(np.asarray(numbered).ravel(), minlength=count + 1)
+    sizes[0] = 0
+    return (np.asarray(numbered) == np.argmax(sizes)) & corners
+
+
+def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
+    """Of the cells' corners, from rock and from the walls [cells]."""
+    return distance_field(np.pad(rock, 1, constant_values=True), 1.0)[1:-1, 1:-1]
+
+
+def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
+    """Whether robots of all sizes up to the gap find one connected part."""
+    clearances = _clearances(~free)
+    for least in np.linspace(0.5, _REACH, _PER_GAP):
+        fits = clearances >= least
+        if not np.array_equal(_parts(fits), fits):
+            return False
+    return True
+
+
+def _arena(rock: Bool[np.ndarray, "rows columns"], cell: float) -> Arena:
+    """The map's rectangle, with the map."""
+    content = f"{rock.shape} {cell!r}".encode() + np.packbits(rock).tobytes()
+    field = jnp.asarray(distance_field(rock, cell))
+    found = OccupancyMap(field, 0.0, 0.0, cell, "", hashlib.sha256(content).hexdigest())
+    return Arena(x_max=found.x_max, y_max=found.y_max, map=found)

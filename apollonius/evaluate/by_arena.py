@@ -1,0 +1,56 @@
+"""How a match in several arenas went in each of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from apollonius.game.outcome import PURSUER_WINS
+from apollonius.game.scenario import Scenario
+from apollonius.playout import Results
+
+WORST = 0.1
+"""Share of the arenas that count as the worst."""
+
+
+@dataclass(frozen=True)
+class ByArena:
+    """The pursuer's wins in each arena, in the order of the scenario, and games in each."""
+
+    wins: tuple[int, ...]
+    games: tuple[int, ...]
+
+    @property
+    def rates(self) -> list[float]:
+        """The share of wins in each arena."""
+        return [won / played for won, played in zip(self.wins, self.games, strict=True)]
+
+    @property
+    def mean(self) -> float:
+        """The mean of the rates."""
+        return float(np.mean(self.rates))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of that mean, were the arenas drawn anew: of a normal distribution."""
+        reach = 1.96 * float(np.std(self.rates, ddof=1)) / len(self.rates) ** 0.5 if len(self.rates) > 1 else 1.0
+        return max(0.0, self.mean - reach), min(1.0, self.mean + reach)
+
+    @property
+    def worst(self) -> float:
+        """The mean of the rates in the tenth of the arenas where they are least; of one at least."""
+        return float(np.mean(sorted(self.rates)[: max(1, round(WORST * len(self.rates)))]))
+
+    @property
+    def least(self) -> float:
+        """The least of the rates."""
+        return min(self.rates)
+
+
+def count_by_arena(scenario: Scenario, results: Results) -> ByArena:
+    """Count the games of a match, whose i-th game is at the i-th place of `Scenario.place_of`."""
+    outcome = np.asarray(results.outcome)
+    arena = np.asarray(scenario.place_of(np.arange(len(outcome)))) % scenario.count
+    games = np.bincount(arena, minlength=scenario.count)
+    won = np.bincount(arena[np.isin(outcome, PURSUER_WINS)], minlength=scenario.count)
+    played = games > 0
+    return ByArena(tuple(won[played].tolist()), tuple(games[played].tolist()))
