@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from hashlib import sha256
-from typing import cast
 
 import equinox as eqx
 import jax
@@ -22,7 +21,9 @@ _LOOKS = 16
 """Places on a line at which is looked whether there is room."""
 _REMEMBERED = 4
 """Charts that are remembered: of 5 MB each."""
-_latest: dict[bytes, Chart] = {}
+_Leaves = tuple[np.ndarray, ...]
+"""Those of a chart in their order, without the axis of arenas."""
+_latest: dict[bytes, _Leaves] = {}
 _Field = Float[np.ndarray, "corners corners"]
 
 
@@ -50,11 +51,11 @@ def _radius(game: Game) -> float:
 
 def _charts(arenas: list[Arena], radius: float) -> Chart:
     drawn = [_remembered(arena, radius) for arena in arenas]
-    together = jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *drawn)
-    return replace(together, member=jnp.zeros((), jnp.int32))
+    stacked = [np.stack(leaves) for leaves in zip(*drawn, strict=True)]
+    return Chart(*(jnp.asarray(leaf) for leaf in stacked[:3]), *(jnp.asarray(leaf[:, 0]) for leaf in stacked[3:]))
 
 
-def _remembered(arena: Arena, radius: float) -> Chart:
+def _remembered(arena: Arena, radius: float) -> _Leaves:
     """The same; the latest are remembered, as one game is asked for its chart by both its players."""
     leaves, shape = jax.tree.flatten(arena)
     digest = sha256(f"{shape} {radius}".encode() + b"".join(np.asarray(leaf, np.float32).tobytes() for leaf in leaves))
@@ -66,8 +67,8 @@ def _remembered(arena: Arena, radius: float) -> Chart:
     return _latest[key]
 
 
-def _drawn(arena: Arena, radius: float) -> Chart:
-    """One arena's, leaves without the axis of arenas."""
+def _drawn(arena: Arena, radius: float) -> _Leaves:
+    """One arena's chart."""
     x, y = float(arena.x_min), float(arena.y_min)
     side = max(float(arena.x_max) - x, float(arena.y_max) - y)
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
@@ -80,8 +81,8 @@ def _drawn(arena: Arena, radius: float) -> Chart:
     reached = ways.min(axis=1, initial=np.inf, where=~np.eye(len(ways), dtype=bool)) < np.inf
     beside = _beside(field, at, open_ & reached)
     lengths = np.minimum(np.round(100 * ways), NO_WAY).astype(np.uint16)
-    numbers = [np.float32(number) for number in (x, y, side)]
-    return Chart(*[cast(Array, leaf) for leaf in (field, lengths, beside, *numbers)], member=0)
+    numbers = np.array([x, y, side], np.float32)
+    return field, lengths, beside, *numbers[:, None]
 
 
 @eqx.filter_jit

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt16
 
 from apollonius.game.occupancy import beside
-from apollonius.game.types import Real, Scalar
+from apollonius.game.types import Scalar
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
@@ -67,7 +67,7 @@ class Chart(eqx.Module):
         It is followed by sphere tracing (Hart, 1996), `GLANCES` steps: along a long wall it is too short.
         """
 
-        def on(_: int, along: Scalar) -> Scalar:
+        def on(_: Int[Array, ""], along: Scalar) -> Scalar:
             return jnp.minimum(along + jnp.maximum(self.room(x + along * cos, y + along * sin), 0.0), FARTHEST)
 
         return jax.lax.fori_loop(0, GLANCES, on, jnp.zeros_like(x))
@@ -79,14 +79,17 @@ class Chart(eqx.Module):
         """
         member, side = self.member, self.side[self.member]
         shares = (x - self.x[member]) / side, (y - self.y[member]) / side
-        column, row = (jnp.clip(jnp.floor(share * SIDE), 0, SIDE - 1).astype(jnp.int32) for share in shares)
-        left, right = _between((column + 0.5) / SIDE, shares[0])
-        low, up = _between((row + 0.5) / SIDE, shares[1])
+        cells = [jnp.clip(jnp.floor(share * SIDE), 0.0, SIDE - 1.0) for share in shares]
+        column, row = (cell.astype(jnp.int32) for cell in cells)
+        (left, right), (low, up) = (
+            _between((cell + 0.5) / SIDE, share) for cell, share in zip(cells, shares, strict=True)
+        )
         first = low * STOPS + left
         stops = jnp.stack([first, first + 1, first + STOPS, first + STOPS + 1])
         weights = jnp.stack([(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up])
         known = self.beside[member, row, column].astype(jnp.int32)
-        weights = (weights + 1e-3) * ((known >> (STOP_BITS + jnp.arange(4))) & 1)
+        seen = (known >> (STOP_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
+        weights = (weights + 1e-3) * seen.astype(jnp.float32)
         total = jnp.sum(weights)
         nearest = known & (2**STOP_BITS - 1)
         alone = jnp.array([1.0, 0.0, 0.0, 0.0])
@@ -105,11 +108,11 @@ class Chart(eqx.Module):
         return jnp.sum(self.ways[self.member, stop, stops].astype(jnp.float32) * weights) / 100
 
 
-def _between(middle: Scalar, share: Real | Scalar) -> tuple[Int[Array, ""], Scalar]:
+def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     """The stop before a cell's middle along one axis, and how far a point is on the way to the next, from 0 to 1.
 
     Args:
         middle, share: of the cell's middle and of the point, shares of the side.
     """
-    before = jnp.clip(jnp.floor(middle * STOPS - 0.5), 0, STOPS - 2)
+    before = jnp.clip(jnp.floor(middle * STOPS - 0.5), 0.0, STOPS - 2.0)
     return before.astype(jnp.int32), jnp.clip(share * STOPS - 0.5 - before, 0.0, 1.0)

@@ -76,7 +76,7 @@ class Egocentric(AbstractObservation):
         distance = jnp.hypot(dx, dy)
         parts = [_robots(view, chart, (cos, sin), (dx, dy), distance)]
         if self.rays or self.ways:
-            angles = own.heading + jnp.arange(RAYS) * (2 * jnp.pi / RAYS)
+            angles = own.heading + jnp.arange(RAYS, dtype=jnp.float32) * (2 * jnp.pi / RAYS)
             directions = jnp.cos(angles), jnp.sin(angles)
             ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
             if self.rays:
@@ -169,7 +169,7 @@ def _ways(
     mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
     first = (later - mine) / (later + mine + 1e-3)
     weights = jax.nn.softmax(-_SHARPNESS * longer)
-    angles = jnp.arange(COURSES) * (2 * jnp.pi / COURSES)
+    angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
     shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
     length = jnp.stack(_length(jnp.where(is_seen, distance, chart.way(there, here))))
     return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
@@ -178,7 +178,7 @@ def _ways(
 def _patch(view: View, chart: Chart, cos: Scalar, sin: Scalar) -> Float[Array, "256"]:
     """The room around the robot, row by row from behind at its right."""
     own = view.own.state
-    offsets = (jnp.arange(_PATCH) - (_PATCH - 1) / 2) * _STEP
+    offsets = (jnp.arange(_PATCH, dtype=jnp.float32) - (_PATCH - 1) / 2) * _STEP
     ahead, left = (grid.ravel() for grid in jnp.meshgrid(offsets, offsets, indexing="ij"))
     rooms = jax.vmap(chart.room)(own.x + ahead * cos - left * sin, own.y + ahead * sin + left * cos)
     return jnp.clip(rooms - view.own.body.radius, -0.5, 2.0)

@@ -1,0 +1,126 @@
+"""Charts: how much room there is, how far one sees, and how long the ways are, against what can be worked out."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.arenas.charting import charted
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOPS
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
+from apollonius.game.scenario import in_arenas
+
+WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+"""Across an arena of 8 by 8 m, with a door of 2 m at its top."""
+ROOM = Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))
+OPEN = Arena(-1.0, 5.0, 2.0, 6.0, discs=(Disc(2.0, 4.0, 0.7),))
+
+
+def chart_of(arena, **changes):
+    return charted(replace(Game(arena=arena), **changes)).arena.chart
+
+
+@pytest.fixture(scope="module")
+def room():
+    return chart_of(ROOM)
+
+
+@pytest.fixture(scope="module")
+def wide():
+    return chart_of(OPEN)
+
+
+def points(arena, count, seed=0):
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(arena.x_min, arena.x_max, count).astype(np.float32)
+    y = rng.uniform(arena.y_min, arena.y_max, count).astype(np.float32)
+    return x, y
+
+
+@pytest.mark.parametrize(("name", "arena"), [("room", ROOM), ("wide", OPEN)])
+def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
+    chart, (x, y) = request.getfixturevalue(name), points(arena, 3000)
+    found = jax.vmap(chart.room)(x, y)
+    known = jax.vmap(arena.clearance)(x, y)
+    cell = float(chart.side[0]) / SIDE
+    assert float(jnp.max(jnp.abs(found - known))) < 0.75 * cell
+    assert float(jnp.mean(jnp.abs(found - known))) < 0.05 * cell
+
+
+def test_a_ray_ends_where_the_first_thing_is(wide):
+    """From (0, 4) the disc is 1.3 m ahead, the walls are 1, 2 and 2 m away, and sideways past the disc 5 m."""
+    ways = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
+    found = [float(wide.range(*map(jnp.float32, way))) for way in ways]
+    np.testing.assert_allclose(found[:3], [1.3, 1.0, 2.0], atol=0.02)
+    assert 2.0 < found[3] <= 5.02, "past the disc the steps get short"
+
+
+def test_no_ray_goes_through_anything(room):
+    x, y = points(ROOM, 500)
+    angles = np.random.default_rng(1).uniform(-np.pi, np.pi, 500)
+    ranges = np.asarray(jax.vmap(room.range)(x, y, *map(jnp.float32, (np.cos(angles), np.sin(angles)))))
+    assert (ranges <= FARTHEST).all()
+    free = np.asarray(jax.vmap(ROOM.clearance)(x, y)) > 0.05
+    for share in np.linspace(0, 1, 50):
+        there = ranges * share
+        clearance = jax.vmap(ROOM.clearance)(x + there * np.cos(angles), y + there * np.sin(angles))
+        assert (np.asarray(clearance)[free] > -0.05).all()
+    assert GLANCES >= 12
+
+
+def way(chart, start, end):
+    there = [chart.places(*map(jnp.float32, place)) for place in (start, end)]
+    return float(chart.way(*there))
+
+
+def test_ways_lead_through_the_door(room):
+    """Beside the wall, a metre from it on either side and 5 m below the door's middle: round the wall's end."""
+    assert way(room, (1.0, 1.0), (1.0, 7.0)) == pytest.approx(6.0, rel=0.05)
+    assert way(room, (6.0, 1.0), (7.5, 1.0)) == pytest.approx(1.5, abs=0.15)
+    around = np.hypot(1.0, 5.0) + 0.2 + np.hypot(1.0, 5.0)
+    assert way(room, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(around, rel=0.05)
+    assert way(room, (5.2, 1.0), (3.0, 1.0)) == pytest.approx(way(room, (3.0, 1.0), (5.2, 1.0)), rel=1e-3)
+    beside = way(room, (3.9, 3.0), (4.3, 3.0))
+    assert beside == pytest.approx(6.3, rel=0.1), "a few centimetres from the wall nothing is seen through it"
+
+
+def test_a_body_that_does_not_fit_through_has_no_way():
+    door = Polygon(((4.0, 6.5), (4.2, 6.5), (4.2, 8.0), (4.0, 8.0)))
+    narrow = replace(ROOM, polygons=(WALL, door))
+    slim, stout = (chart_of(narrow, pursuer=Unicycle(radius=radius)) for radius in (0.1, 0.4))
+    assert way(slim, (3.0, 1.0), (5.2, 1.0)) < 20
+    assert way(stout, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(NO_WAY / 100, rel=1e-3)
+
+
+def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one(wide):
+    x, y = points(OPEN, 500)
+    stops, weights = jax.vmap(wide.places)(x, y)
+    np.testing.assert_allclose(jnp.sum(weights, axis=1), 1.0, atol=1e-5)
+    free = np.asarray(jax.vmap(OPEN.clearance)(x, y)) > 0.3
+    pitch = 6.0 / STOPS
+    middle_x = (np.asarray(stops) % STOPS + 0.5) * pitch - 1.0
+    middle_y = (np.asarray(stops) // STOPS + 0.5) * pitch + 2.0
+    np.testing.assert_allclose(np.sum(weights * middle_x, axis=1)[free], x[free], atol=0.02)
+    np.testing.assert_allclose(np.sum(weights * middle_y, axis=1)[free], y[free], atol=0.02)
+
+
+def test_each_of_several_arenas_has_its_own_chart():
+    together = charted(in_arenas(Game(), [ROOM, OPEN]))
+    for number, arena in enumerate((ROOM, OPEN)):
+        chart = together.scenario.arena(jnp.asarray(number)).chart
+        alone = chart_of(arena)
+        x, y = points(arena, 200)
+        np.testing.assert_allclose(jax.vmap(chart.room)(x, y), jax.vmap(alone.room)(x, y), atol=1e-5)
+        ways = [np.asarray(one.ways[member]) for one, member in ((chart, number), (alone, 0))]
+        assert np.mean(ways[0] != ways[1]) < 1e-3
+
+
+def test_a_chart_is_drawn_once():
+    game = charted(Game(arena=ROOM))
+    assert charted(game) is game
+    assert charted(Game(arena=ROOM)).arena.chart.ways is not None

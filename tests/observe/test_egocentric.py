@@ -1,0 +1,123 @@
+"""What is seen in the robot's own frame: the same wherever the arena lies and however it is turned."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.arenas.charting import charted
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.polygon import Polygon
+from apollonius.game.types import GameState, RobotState, Role
+from apollonius.observe.charted import Charted
+from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, PATCH_ONLY, RAYS, RAYS_ONLY, WAYS_ONLY
+from apollonius.observe.view import Views, look
+
+SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
+WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
+GAME = charted(Game(pursuer=SLOW, arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), capture_distance=0.6))
+ALL = [EGOCENTRIC, RAYS_ONLY, WAYS_ONLY, PATCH_ONLY]
+
+
+def robot(x, y, v, heading):
+    return RobotState(*jnp.asarray([x, y, v, heading], jnp.float32))
+
+
+def state(pursuer, evader):
+    return GameState.of_two(robot(*pursuer), robot(*evader), jnp.asarray(0))
+
+
+def seen(observation, now, role=Role.PURSUER, game=GAME):
+    return np.asarray(observation(look(game, now, role)))
+
+
+def test_robots_number_by_number():
+    """The pursuer at (2, 4) looks up at 0.6 m/s; the evader is 3 m to its right and drives away from it."""
+    numbers = seen(RAYS_ONLY, state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
+    own = [0.5, 0.5, 2.0, 2.0, 0.5, 0.0, 1.0, 1.0]
+    apart = [0.0, -1.0, 1 / 4, math.log(4) / 2, (3.0 - 0.6) / 3]
+    other = [0.0, -1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.8, 0.6, 2.0]
+    np.testing.assert_allclose(numbers, own + apart + other, atol=0.03)
+
+
+def test_rays_number_by_number():
+    numbers = seen(RAYS_ONLY, state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23:]
+    assert numbers.shape == (RAYS,)
+    for angle, wall in ((0, 2.0), (RAYS // 4, 4.0), (RAYS // 2, 2.0), (3 * RAYS // 4, 4.0)):
+        assert numbers[angle] == pytest.approx(1 / (1 + wall - 0.15), abs=0.01)
+
+
+def test_ways_say_where_to_go_and_who_is_first():
+    """Behind a wall 6 m long the evader is not seen, its way leads up, and it is last wherever the pursuer can go."""
+    hidden = seen(WAYS_ONLY, state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23:]
+    length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
+    assert hidden[0] == 0
+    np.testing.assert_allclose(hidden[1:3], [1 / (1 + length), math.log1p(length) / 2], rtol=0.05)
+    longer, shorter, first = hidden[3 : 3 + COURSES], hidden[3 + COURSES : 5 + COURSES], hidden[5 + COURSES :]
+    assert longer[0] < -0.8, "a metre and a half up the way is shorter by as much"
+    assert longer[COURSES // 2] > 0.8
+    assert shorter[0] > 0.5
+    assert abs(shorter[1]) < 0.5
+    along = min(4.0 - 0.1, AHEAD)
+    theirs = math.hypot(0.95, 2.15) + 0.5 + math.hypot(1.15, 2.15 - 1.9)
+    mine, later = along / 0.6, theirs / 1.2
+    assert first[0] == pytest.approx((later - mine) / (later + mine), abs=0.06)
+    plain = seen(WAYS_ONLY, state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23:]
+    assert plain[0] == 1
+    assert plain[1] == pytest.approx(1 / 3, abs=1e-3)
+    assert NEAR < AHEAD
+
+
+def test_a_patch_is_seen_from_the_robot():
+    """Looking at the wall 1 m ahead: the patch's rows go from behind to ahead."""
+    patch = seen(PATCH_ONLY, state((3.0, 4.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)))[23:].reshape(16, 16)
+    assert patch[10, 7] < -0.1
+    assert patch[5, 7] == pytest.approx(2.0 - 0.2 - 0.15, abs=0.25)
+    turned = seen(PATCH_ONLY, state((3.0, 4.0, 0.0, math.pi / 2), (1.0, 1.0, 0.0, 0.0)))[23:].reshape(16, 16)
+    assert turned[7, 5] < -0.1, "to its right"
+
+
+@pytest.mark.parametrize("observation", ALL, ids=lambda one: one.name)
+def test_sizes_and_ranges_wherever_games_begin(observation):
+    states = reset_batch(GAME, jax.random.key(0), 300)
+    for role in Role:
+        numbers = np.asarray(jax.jit(lambda s, role=role: observation.together(Views(GAME, s, role)))(states))
+        assert numbers.shape == (300, observation.size)
+        assert np.isfinite(numbers).all()
+        assert np.abs(numbers).max() <= 4.0
+
+
+@pytest.mark.parametrize("observation", ALL, ids=lambda one: one.name)
+def test_what_is_seen_does_not_depend_on_where_the_arena_lies_or_where_north_is(observation):
+    """The arena moved and turned by a quarter: but for cells, which do not fall alike, the numbers stay."""
+    discs = (Disc(2.0, 5.0, 0.6), Disc(5.5, 3.0, 0.9))
+    here = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, discs=discs)))
+    turned = tuple(Disc(10.0 + 8.0 - disc.y, -5.0 + disc.x, disc.radius) for disc in discs)
+    there = charted(Game(arena=Arena(10.0, 18.0, -5.0, 3.0, discs=turned)))
+    rng = np.random.default_rng(0)
+    apart = []
+    for _ in range(40):
+        x, y, ex, ey = rng.uniform(0.3, 7.7, 4)
+        heading, their_heading = rng.uniform(-1.5, 1.5, 2)
+        before = state((x, y, 0.3, heading), (ex, ey, 0.9, their_heading))
+        quarter = math.pi / 2
+        after = state((18.0 - y, -5.0 + x, 0.3, heading + quarter), (18.0 - ey, -5.0 + ex, 0.9, their_heading + quarter))
+        apart.append(np.abs(seen(observation, before, game=here) - seen(observation, after, game=there)))
+    apart = np.array(apart)
+    assert np.median(apart.max(axis=1)) < 0.06
+    assert np.mean(apart) < 0.01
+
+
+def test_without_a_chart_it_says_what_is_missing_and_a_player_can_bring_its_own():
+    bare = replace(GAME, arena=replace(GAME.arena, chart=None))
+    now = state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0))
+    with pytest.raises(InvalidInput, match="'egocentric' reads an arena's chart"):
+        EGOCENTRIC(look(bare, now, Role.EVADER))
+    own = Charted(EGOCENTRIC, GAME.arena.chart)
+    np.testing.assert_array_equal(own(look(bare, now, Role.EVADER)), seen(EGOCENTRIC, now, Role.EVADER))
