@@ -16,18 +16,16 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.arenas.random_arena import random_arena
-from apollonius.arenas.record import to_dict
-from apollonius.game.arena import Arena, Disc
+from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, STOP_BITS, STOPS, Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.observe.registry import observe
 from apollonius.replay import as_rows, as_state
-from tests.web.test_rules_in_javascript import ask
+from tests.web.test_rules_in_javascript import as_on_the_page, ask, on_a_floor
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 SOME_STOPS = [*range(0, STOPS**2, 97)]
@@ -41,26 +39,6 @@ MOST_FLIPPED = 0.01
 """Share of the states that may be seen otherwise: a ray just passes an obstacle, or two stops are equally near."""
 
 
-def told(game):
-    """A game as the page has it: a map with its field."""
-    record, occupancy = to_dict(game), game.arena.map
-    if occupancy:
-        rows, columns = occupancy.field.shape
-        place = {name: getattr(occupancy, name) for name in ("x", "y", "cell")}
-        field = np.asarray(occupancy.field).ravel().tolist()
-        record["arena"]["map"] |= place | {"rows": rows, "columns": columns, "field": field}
-    return record
-
-
-def floor():
-    """Twelve by nine metres with walls, blocks, a closed room, and a disc; its lower left corner is not the origin."""
-    occupied = np.zeros((90, 120), bool)
-    occupied[20:23, :70] = occupied[45:48, 50:] = occupied[60:85, 20:23] = True
-    occupied[60:80, 80:82] = occupied[60:80, 98:100] = occupied[60:62, 80:100] = occupied[78:80, 80:100] = True
-    field = jnp.asarray(distance_field(occupied, 0.1))
-    return Arena(-3.0, 9.0, 2.0, 11.0, (Disc(2.0, 9.0, 0.4),), map=OccupancyMap(field, -3.0, 2.0, 0.1, "floor", ""))
-
-
 def robots_of_two_sizes(game):
     return replace(game, pursuer=NARROW, evader=WIDE)
 
@@ -70,7 +48,7 @@ GAMES = {
     "office": lambda: find_game("office"),
     "courtyard": lambda: robots_of_two_sizes(find_game("courtyard")),
     "random maze": lambda: robots_of_two_sizes(Game(arena=random_arena("maze", 5, width=12.0))),
-    "map": lambda: robots_of_two_sizes(Game(arena=floor())),
+    "map": lambda: robots_of_two_sizes(Game(arena=on_a_floor())),
 }
 
 
@@ -107,7 +85,7 @@ def as_for_users():
 
 
 def test_charts_are_alike(case):
-    (drawn,) = ask(charts=[{"game": told(case.game), "stops": SOME_STOPS}])["charts"]
+    (drawn,) = ask(charts=[{"game": as_on_the_page(case.game), "stops": SOME_STOPS}])["charts"]
     field, beside, ways = (np.asarray(leaf[0]) for leaf in (case.chart.field, case.chart.beside, case.chart.ways))
     np.testing.assert_allclose(drawn["field"], field.ravel(), atol=1e-4)
     theirs = np.asarray(drawn["beside"])
@@ -126,7 +104,11 @@ def test_robots_see_the_same_and_do_the_same(case, tmp_path):
     network = levelled(network, seen)
     values = np.asarray(jax.vmap(network)(jnp.asarray(seen)))
     save_agent(describe(network, case.role, {}, {}), tmp_path / "small.safetensors")
-    agent = {"path": str(tmp_path / "small.safetensors"), "game": told(case.game), "role": case.role.name.lower()}
+    agent = {
+        "path": str(tmp_path / "small.safetensors"),
+        "game": as_on_the_page(case.game),
+        "role": case.role.name.lower(),
+    }
     answer = ask(agent=agent, positions=case.states.tolist())
     is_alike = np.abs(np.asarray(answer["observed"]) - seen).max(axis=1) <= 1e-3
     assert np.mean(~is_alike) <= MOST_FLIPPED

@@ -1,5 +1,5 @@
 // The shortest ways between the stops of an arena: those from one stop to all others are looked for when they are first
-// asked for, as all of them at once would take a second.
+// asked for, as all of them at once would take half a second.
 
 import { STOPS, roomBetween } from "./chart.js";
 
