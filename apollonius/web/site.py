@@ -64,6 +64,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
+    require(rules.scenario is None, "game", game, "one in a single arena, as in the page: name one of its arenas")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     games = {} if game in game_names() else {Path(game).stem: rules}
