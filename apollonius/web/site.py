@@ -4,8 +4,11 @@ import json
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from apollonius.agents.store import load_agent
+import numpy as np
+
+from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
@@ -14,6 +17,7 @@ from apollonius.errors import require
 from apollonius.game.arena import Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
 from apollonius.limits import SEED
@@ -26,6 +30,9 @@ BUILT_IN = ("random", "still")
 """Players that the page has besides trained ones."""
 BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
 """Whom a person meets first."""
+READS = ("paper", "encoded", "egocentric")
+"""Observations that the page makes: of the others there is no JavaScript."""
+_MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 
 @dataclass(frozen=True)
@@ -57,8 +64,9 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
-    bound = f"discs and polygons, as in the page, and the game '{game}' has others"
-    rules.arena.require_only((Disc, Polygon), bound)
+    require(rules.scenario is None, "game", game, "one in a single arena, as in the page: name one of its arenas")
+    bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
+    rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     games = {} if game in game_names() else {Path(game).stem: rules}
     side = person.other
     name = against or BEST[side]
@@ -68,6 +76,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     require(playable, "opponent", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
     agents = {}
     if found.header is not None:
+        require(found.header.observation in READS, "observation", found.header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
@@ -89,14 +98,28 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     published = {}
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
-        published[name] = f"agents/{number}.safetensors"
-        shutil.copyfile(path, folder / published[name])
-        names[load_agent(path).header.role].append(name)
+        header = load_header(path)
+        if header.observation in READS:
+            published[name] = f"agents/{number}.safetensors"
+            shutil.copyfile(path, folder / published[name])
+            names[header.role].append(name)
     games = {name: find_game(name) for name in game_names()} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
+        "maps": {name: _write_map(game.arena.map, folder) for name, game in games.items() if game.arena.map},
         "agents": names,
         "files": published,
         "chosen": {"pursuer": chosen.pursuer, "evader": chosen.evader, "game": chosen.game, "seed": chosen.seed},
     }
     (folder / "catalogue.json").write_text(json.dumps(catalogue))
+
+
+def _write_map(occupancy: OccupancyMap, folder: Path) -> dict[str, Any]:
+    """What the page knows of a map besides its file's name; its field is a file beside the page."""
+    field = np.asarray(occupancy.field, "<f4")
+    path = Path("maps") / f"{occupancy.digest}.f32"
+    (folder / path.parent).mkdir(exist_ok=True)
+    (folder / path).write_bytes(field.tobytes())
+    rows, columns = field.shape
+    place = {"x": occupancy.x, "y": occupancy.y, "cell": occupancy.cell}
+    return place | {"rows": rows, "columns": columns, "field": path.as_posix()}

@@ -15,11 +15,9 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.game.game import Game
-from apollonius.game.types import Role
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE, PAPER
-from apollonius.web.site import choose
 
 pytest.importorskip("yaml")
 
@@ -181,8 +179,6 @@ def test_a_map_is_checked_and_drawn(hall, tmp_path, capsys):
     assert image.get_array()[0, 0] == 1
 
 
-def test_the_page_and_exports_refuse_maps(hall):
-    with pytest.raises(InvalidInput, match=r"obstacles = OccupancyMap .* as in the page"):
-        choose(Role.EVADER, None, str(hall), 0)
+def test_exports_refuse_maps(hall):
     with pytest.raises(InvalidInput, match="obstacles = OccupancyMap"):
         make_blueprint("P", find_trained("P_pool")[0], find_game(str(hall)))

@@ -3,9 +3,11 @@
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
-const { page, games = [], agent, observations = [], positions = [], match } = JSON.parse(readFileSync(0, "utf8"));
+const { page, games = [], agent, observations = [], positions = [], match, charts = [] } = JSON.parse(readFileSync(0, "utf8"));
 const rules = await import(pathToFileURL(`${page}/rules.js`));
 const agents = await import(pathToFileURL(`${page}/agents.js`));
+const { observe } = await import(pathToFileURL(`${page}/observation.js`));
+const { chartOf } = await import(pathToFileURL(`${page}/charting.js`));
 const { Match } = await import(pathToFileURL(`${page}/match.js`));
 
 const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
@@ -38,13 +40,19 @@ function findPlayer(name) {
   return { name, act: (...seen) => player(...seen)[0] };
 }
 
-const answer = { games: games.map(play) };
+/** What a chart says, with the ways from some stops. */
+function drawChart({ game, stops }) {
+  const { field, beside, ways } = chartOf(game);
+  return { field: [...field], beside: [...beside], ways: stops.map((stop) => [...ways.from(stop)]) };
+}
+
+const answer = { games: games.map(play), charts: charts.map(drawChart) };
 if (agent) {
   const network = read(agent.path);
   const [bare, behindShield] = [agents.atBest(network), agents.shielded(agents.atBest(network))];
   const chosen = (player) => positions.map((row) => rules.gears(player(agent.game, asState(row), agent.role)[0]));
   answer.outputs = observations.map((observation) => [...agents.outputs(network, observation)]);
-  answer.observed = positions.map((row) => rules.observe(network.header.observation, agent.game, asState(row), agent.role));
+  answer.observed = positions.map((row) => observe(network.header.observation, agent.game, asState(row), agent.role));
   [answer.gears, answer.shielded] = [chosen(bare), chosen(behindShield)];
 }
 if (match) {

@@ -1,11 +1,21 @@
 """The page in a real browser: a person plays a game to its end, and its replay plays again in Python."""
 
+import json
 import re
 import shutil
 from contextlib import contextmanager
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, save_agent
+from apollonius.game.arena import Arena
+from apollonius.game.game import Game
+from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.game.types import Role
 from apollonius.replay import load_replay
 from apollonius.web.site import Choice, write_site
 from tests.web.test_server import serving
@@ -17,6 +27,10 @@ FLAGS = (
     "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync"
 )
+PIXEL = """share => {
+  const canvas = document.getElementById("canvas");
+  return [...canvas.getContext("2d").getImageData(0.3 * canvas.width, share * canvas.height, 1, 1).data];
+}"""
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 
 
@@ -147,6 +161,44 @@ def test_two_people_have_keys_of_their_own(browser, address):
         wait_for_clock(page, 1)
         assert page.evaluate("apollonius.page.match.state.pursuer.v") > 0.1
         assert evader(page)["v"] == 0
+
+
+@pytest.fixture(scope="module")
+def own_map(tmp_path_factory):
+    """The address of a page with a game on a map, and an untrained pursuer that plays in any arena."""
+    folder = tmp_path_factory.mktemp("own")
+    occupied = np.zeros((80, 120), bool)
+    occupied[30:34, :90] = True
+    field = jnp.asarray(distance_field(occupied, 0.1))
+    floor = OccupancyMap(field, -1.0, 2.0, 0.1, str(folder / "floor.yaml"), "0" * 64)
+    game = Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))
+    network = make_network("egocentric", 16, 2, jax.random.key(0))
+    save_agent(describe(network, Role.PURSUER, {}, {}), folder / "small.safetensors")
+    agents = {"small": folder / "small.safetensors"}
+    write_site(folder / "site", Choice("small", "still", "hall", agents=agents, games={"hall": game}))
+    with serving(folder / "site") as server:
+        yield f"http://localhost:{server.server_port}/"
+
+
+@pytest.mark.parametrize("game", ["hall", "maze"])
+def test_an_agent_that_knows_no_arena_plays_in_any(browser, own_map, game, tmp_path):
+    with opened(browser, own_map) as page:
+        page.select_option("#game", game)
+        page.wait_for_selector("#go:enabled")
+        page.click("#go")
+        wait_for_clock(page, 1)
+        assert page.evaluate("apollonius.timing.move.durations.length") >= 10
+        replay = page.evaluate(
+            "() => { const { match } = apollonius.page; while (!match.isOver) match.step(); return match.replay(); }"
+        )
+        block, aisle = (page.evaluate(PIXEL, share) for share in (0.6, 0.2))
+    assert replay["pursuer"] == "small"
+    if game == "hall":
+        assert block != aisle
+        assert set(replay["game"]["arena"]["map"]) == {"file", "sha256"}
+    else:
+        (tmp_path / "game.json").write_text(json.dumps(replay))
+        assert load_replay(tmp_path / "game.json").first_difference() is None
 
 
 def test_an_agent_that_cannot_be_loaded_is_said(browser, address):

@@ -21,6 +21,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
@@ -145,27 +146,53 @@ def any_gears(random, size):
     return random.uniform(-1.5, 1.5, size=(*size, 2, 2)).astype(np.float32)
 
 
-@pytest.mark.parametrize("draw", [any_actions, any_gears])
-def test_games_among_polygons_come_out_the_same(draw):
-    """Random play in a room with a door, a notched pillar and a disc: states, outcomes, clearances."""
+def among_polygons():
+    """A room with a door, a notched pillar and a disc."""
     room = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 6.0), (2.5, 6.0), (2.5, 7.5), (7.5, 7.5), (7.5, 2.5),
             (2.5, 2.5), (2.5, 4.0), (2.0, 4.0))  # fmt: skip
     pillar = ((4.0, 4.0), (5.0, 4.5), (6.0, 4.0), (5.0, 6.0))
-    arena = Arena(discs=(Disc(1.0, 9.0, 0.4),), polygons=(Polygon(room), Polygon(pillar)))
-    game = Game(arena=arena, starts=Starts(speed="moving"), evader=Unicycle(radius=0.1))
+    return Arena(discs=(Disc(1.0, 9.0, 0.4),), polygons=(Polygon(room), Polygon(pillar)))
+
+
+def on_a_floor():
+    """A map of twelve by nine metres with walls, blocks, a closed room, and a disc; its corner is not the origin."""
+    occupied = np.zeros((90, 120), bool)
+    occupied[20:23, :70] = occupied[45:48, 50:] = occupied[60:85, 20:23] = True
+    occupied[60:80, 80:82] = occupied[60:80, 98:100] = occupied[60:62, 80:100] = occupied[78:80, 80:100] = True
+    field = jnp.asarray(distance_field(occupied, 0.1))
+    return Arena(-3.0, 9.0, 2.0, 11.0, (Disc(2.0, 9.0, 0.4),), map=OccupancyMap(field, -3.0, 2.0, 0.1, "floor", ""))
+
+
+def as_on_the_page(game):
+    """A game's record, a map with its field."""
+    record, occupancy = to_dict(game), game.arena.map
+    if occupancy:
+        rows, columns = occupancy.field.shape
+        place = {name: getattr(occupancy, name) for name in ("x", "y", "cell")}
+        field = np.asarray(occupancy.field).ravel().tolist()
+        record["arena"]["map"] = place | {"rows": rows, "columns": columns, "field": field}
+    return record
+
+
+@pytest.mark.parametrize(
+    ("arena", "draw"), [(among_polygons, any_actions), (among_polygons, any_gears), (on_a_floor, any_gears)]
+)
+def test_games_among_obstacles_come_out_the_same(arena, draw):
+    """Random play: states, outcomes, clearances."""
+    game = Game(arena=arena(), starts=Starts(speed="moving"), evader=Unicycle(radius=0.1))
     count, steps = 80, 60
     starts = as_rows(reset_batch(game, jax.random.key(1), count))
     actions = draw(np.random.default_rng(1), (count, steps // 5)).repeat(5, axis=1)
     play = jax.jit(jax.vmap(lambda row, taken: play_actions(game, as_state(row, jnp.asarray(0)), taken)))
     states, outcomes = play(jnp.asarray(starts), jnp.asarray(actions))
     rows = np.stack([np.asarray(leaf) for leaf in jax.tree.leaves((states.pursuer, states.evader))], axis=-1)
-    recorded = []
+    recorded, record = [], as_on_the_page(game)
     for index, outcome in enumerate(np.asarray(outcomes)):
         length = int(np.argmax(outcome != Outcome.ONGOING)) + 1 if outcome.any() else steps
-        told = {"game": to_dict(game), "states": rows[index].tolist(), "actions": actions[index, :length].tolist()}
+        told = {"states": rows[index].tolist(), "actions": actions[index, :length].tolist(), "game": record}
         recorded.append((told, rows[index, : length + 1], Outcome(int(outcome[length - 1])).name.lower()))
     assert {outcome for *_, outcome in recorded} > {"pursuer_hit_obstacle", "evader_hit_obstacle"}
-    agent = {"path": str(ZOO / "P_pool.safetensors"), "game": to_dict(game), "role": "pursuer"}
+    agent = {"path": str(ZOO / "P_pool.safetensors"), "game": record, "role": "pursuer"}
     ends = np.stack([states[-1] for _, states, _ in recorded])
     answer = ask(games=[told for told, *_ in recorded], agent=agent, positions=ends.tolist())
     for (_, states, outcome), played in zip(recorded, answer["games"], strict=True):

@@ -3,21 +3,29 @@
 import json
 import re
 import shutil
+from contextlib import nullcontext
 
 import jax
+import numpy as np
 import pytest
+from PIL import Image
 
 from apollonius.agents.built_in import PLAYERS
-from apollonius.agents.network import make_actor
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
+from apollonius.game.presets import make_game
+from apollonius.game.scenario import in_arenas
 from apollonius.game.types import Role
+from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
-from apollonius.web.site import BUILT_IN, PAGE, YOU, choose, write_site
+from apollonius.web.site import BUILT_IN, PAGE, READS, YOU, choose, write_site
+from tests.web.test_charts_in_javascript import as_for_users
 
 
 def test_the_site_is_whole(tmp_path):
@@ -68,6 +76,41 @@ def test_a_game_from_a_file_is_served_too(tmp_path):
     catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
     assert catalogue["chosen"]["game"] == "hall"
     assert catalogue["games"]["hall"]["arena"]["x_max"] == 12.0
+
+
+def test_a_game_in_several_arenas_is_refused(monkeypatch):
+    game = in_arenas(make_game("paper"), [Arena(), Arena(x_max=8.0)])
+    monkeypatch.setattr("apollonius.web.site.find_game", lambda name: game)
+    with pytest.raises(InvalidInput, match="one in a single arena"):
+        choose(Role.EVADER, None, "several", 0)
+
+
+def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
+    Image.fromarray(np.full((20, 30), 254, np.uint8)).save(tmp_path / "floor.pgm")
+    floor = (
+        "image: floor.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    (tmp_path / "floor.yaml").write_text(floor)
+    (tmp_path / "hall.toml").write_text('[arena]\nmap = "floor.yaml"\n')
+    choice = choose(Role.EVADER, None, str(tmp_path / "hall.toml"), 0)
+    write_site(tmp_path / "site", choice)
+    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    occupancy, served = choice.games["hall"].arena.map, catalogue["maps"].pop("hall")
+    field = np.frombuffer((tmp_path / "site" / served.pop("field")).read_bytes(), "<f4")
+    np.testing.assert_array_equal(field.reshape(served["rows"], served["columns"]), occupancy.field)
+    assert served == {"x": -1, "y": 2, "cell": 0.5, "rows": 21, "columns": 31}
+    assert catalogue["games"]["hall"]["arena"]["map"] == to_dict(occupancy)
+    assert catalogue["maps"] == {}
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
+    path = tmp_path / "small.safetensors"
+    save_agent(describe(make_network(name, 8, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
+    refused = pytest.raises(InvalidInput, match=f"observation = {name} .* paper, encoded, egocentric; choose another")
+    with as_for_users(), nullcontext() if name in READS else refused:
+        choice = choose(Role.EVADER, str(path), "paper", 0)
+        assert list(choice.agents.values()) == [path]
 
 
 def test_an_agent_from_a_run_is_served_too(tmp_path):

@@ -1,7 +1,9 @@
 // Who acts: a player is a function from (game, state, role) to actions in the order it prefers them: all the discrete
 // ones 0..8, and before them, of a player with continuous actions, its pair of gears.
 
-import { clearanceAlong, gears, move, observe } from "./rules.js";
+import { clearanceAlong } from "./clearance.js";
+import { observe } from "./observation.js";
+import { gears, move } from "./rules.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const MARGIN = 1e-3;

@@ -1,6 +1,7 @@
 // A match under way on a canvas: the arena, trails, robots. Lengths are in metres, y points up.
 
 import { circle, drawArena, drawTrail, path } from "./arena.js";
+import { drawMap } from "./cells.js";
 import { EVADER, PURSUER, wrapAngle } from "./rules.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
@@ -43,6 +44,7 @@ export function draw(canvas, game, states, now, colours, steered = []) {
 
   context.fillStyle = colours.paper;
   context.fillRect(arena.x_min, arena.y_min, width, height);
+  if (arena.map) drawMap(context, arena.map, colours.obstacle);
   drawArena(context, arena, METRES, colours, 0.05);
   for (const role of [PURSUER, EVADER]) {
     const trail = states.map((state) => [state[role].x, state[role].y]);

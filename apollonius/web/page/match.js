@@ -1,5 +1,6 @@
 // A series of games between two players, one game at a time: its course, its end, the score, and its replay.
 
+import { asRecord } from "./files.js";
 import { EVADER, PURSUER, drawStart, gears, isContinuous, makeRandom, step, winner } from "./rules.js";
 
 const REPLAY_FORMAT = 1;
@@ -9,7 +10,7 @@ const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y
 
 export class Match {
   /**
-   * @param game rules, as `apollonius.arenas.record.to_dict` writes them
+   * @param game rules, as `apollonius.arenas.record.to_dict` writes them, a map with its field
    * @param players {pursuer, evader}: {name, act(game, state, role) -> action}
    * @param seed of the starts
    */
@@ -71,7 +72,7 @@ export class Match {
     const someContinuous = this.actions.flat().some(isContinuous);
     return {
       format: REPLAY_FORMAT,
-      game: this.game,
+      game: asRecord(this.game),
       pursuer: this.players.pursuer.name,
       evader: this.players.evader.name,
       seed: this.seed,

@@ -1,7 +1,8 @@
 // The page: choices, buttons and keys in, frames out. A match runs at the rules' own clock, drawing at the screen's.
 
-import { BUILT_IN, atBest, readAgent, shielded } from "./agents.js";
+import { BUILT_IN, atBest, shielded } from "./agents.js";
 import { between, draw } from "./draw.js";
+import { findAgent, findGame } from "./files.js";
 import { Match, describeEnd } from "./match.js";
 import { EVADER, PURSUER } from "./rules.js";
 import { HOLD, Steering } from "./steering.js";
@@ -16,7 +17,6 @@ const REHEARSALS = 60; // moves before the first that counts, so that the browse
 const element = (id) => document.getElementById(id);
 const steering = new Steering();
 const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
-const networks = new Map();
 const page = { catalogue: null, match: null, phase: "loading", time: 0, last: null, colours: null };
 globalThis.apollonius = { page, timing }; // for the console, and for tests
 
@@ -25,7 +25,7 @@ globalThis.apollonius = { page, timing }; // for the console, and for tests
 async function findPlayer(name, role) {
   if (name === YOU) return { name, act: () => steering.action(role, bothArePeople()) };
   const bare = name.replace(SHIELDED, "");
-  const player = BUILT_IN[bare] ?? atBest(await loadAgent(bare));
+  const player = BUILT_IN[bare] ?? atBest(await findAgent(page.catalogue, bare));
   const rank = name.startsWith(SHIELDED) ? shielded(player) : player;
   return { name, rehearse: rank, act: (...seen) => timing.move.measure(() => rank(...seen)[0]) };
 }
@@ -34,15 +34,6 @@ function rehearse({ game, state, players }) {
   for (const role of ROLES) {
     for (let move = 0; move < REHEARSALS; move++) players[role].rehearse?.(game, state, role);
   }
-}
-
-async function loadAgent(name) {
-  if (!networks.has(name)) {
-    const answer = await fetch(page.catalogue.files[name]);
-    if (!answer.ok) throw new Error(`${name} cannot be loaded (${answer.status})`);
-    networks.set(name, readAgent(await answer.arrayBuffer()));
-  }
-  return networks.get(name);
 }
 
 const isPerson = (role) => page.match?.players[role].name === YOU;
@@ -90,9 +81,10 @@ async function beginMatch() {
   page.choice = choice;
   enter("loading", "Loading…");
   try {
-    const [pursuer, evader] = await Promise.all(ROLES.map((role) => findPlayer(choice[role], role)));
+    const players = ROLES.map((role) => findPlayer(choice[role], role));
+    const [game, pursuer, evader] = await Promise.all([findGame(page.catalogue, choice.game), ...players]);
     if (page.choice !== choice) return;
-    page.match = new Match(page.catalogue.games[choice.game], { pursuer, evader }, Number(choice.seed));
+    page.match = new Match(game, { pursuer, evader }, Number(choice.seed));
     rehearse(page.match);
     makeReady();
   } catch (error) {

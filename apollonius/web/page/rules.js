@@ -1,8 +1,10 @@
 // The rules of the game, function by function those of `apollonius/game/`, in plain JavaScript.
 //
 // A robot is {x [m], y [m], v [m/s], heading [rad, in (-pi, pi]]}; a state is {pursuer, evader, steps}; a game is what
-// `apollonius.arenas.record.to_dict` writes. Numbers of a state are rounded to single precision after each step, as
+// `apollonius.arenas.record.to_dict` writes, a map with its field (`files.js`). Numbers of a state are rounded to single precision after each step, as
 // those of the Python rules are, so that whole games agree and not steps alone.
+
+import { clearance, clip, closestApproach, hitsObstacle, isOutOfRange, reachesTerritory } from "./clearance.js";
 
 export const PURSUER = "pursuer";
 export const EVADER = "evader";
@@ -22,8 +24,6 @@ export const OUTCOMES = [
 export function other(role) {
   return role === PURSUER ? EVADER : PURSUER;
 }
-
-const clip = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /** The same direction in (-pi, pi] [rad]. */
 export function wrapAngle(angle) {
@@ -68,98 +68,6 @@ export function move(body, robot, action, dt) {
   };
 }
 
-// ---- arena.py
-
-/** Distance [m] from the origin to the segment from (px, py) to (px + dx, py + dy). */
-function closestApproach(px, py, dx, dy) {
-  const lengthSquared = dx * dx + dy * dy;
-  const fraction = clip(-(px * dx + py * dy) / Math.max(lengthSquared, 1e-12), 0, 1);
-  return Math.hypot(px + fraction * dx, py + fraction * dy);
-}
-
-function toWalls(arena, x, y) {
-  return Math.min(x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y);
-}
-
-/** Edges of a polygon, each as the corner it begins at and the way to the next: [x, y, alongX, alongY]. */
-function edges({ vertices }) {
-  return vertices.map(([x, y], index) => {
-    const [nextX, nextY] = vertices[(index + 1) % vertices.length];
-    return [x, y, nextX - x, nextY - y];
-  });
-}
-
-/** How far a point is to the left of an edge's line, times the edge's length. */
-const side = ([x, y, alongX, alongY], px, py) => alongX * (py - y) - alongY * (px - x);
-
-/** Distance [m] from a point to the nearest edge of a polygon; negative inside. */
-function toPolygon(polygon, px, py) {
-  let [least, inside] = [Infinity, false];
-  for (const edge of edges(polygon)) {
-    const [x, y, alongX, alongY] = edge;
-    least = Math.min(least, closestApproach(x - px, y - py, alongX, alongY));
-    const [above, endsAbove] = [y > py, y + alongY > py];
-    if (above !== endsAbove && side(edge, px, py) > 0 === endsAbove) inside = !inside;
-  }
-  return inside ? -least : least;
-}
-
-const PASSED_THROUGH = -1e-6;
-
-/** None in games that were recorded before there were polygons. */
-const polygonsOf = (arena) => arena.polygons ?? [];
-
-/** Least clearance [m] from a polygon on the segment between two states (polygon.py). */
-function polygonAlong(polygon, before, after) {
-  const [dx, dy] = [after.x - before.x, after.y - before.y];
-  const step = [before.x, before.y, dx, dy];
-  let least = Math.min(toPolygon(polygon, before.x, before.y), toPolygon(polygon, after.x, after.y));
-  for (const edge of edges(polygon)) {
-    const [x, y, alongX, alongY] = edge;
-    const crossed =
-      side(edge, before.x, before.y) * side(edge, after.x, after.y) < 0 &&
-      side(step, x, y) * side(step, x + alongX, y + alongY) < 0;
-    least = Math.min(least, crossed ? PASSED_THROUGH : closestApproach(before.x - x, before.y - y, dx, dy));
-  }
-  return least;
-}
-
-/** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
-export function clearance(arena, x, y) {
-  const toDiscs = arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius);
-  const toPolygons = polygonsOf(arena).map((polygon) => toPolygon(polygon, x, y));
-  return Math.min(toWalls(arena, x, y), ...toDiscs, ...toPolygons);
-}
-
-/** Least clearance [m] from each obstacle on the segment between two states of a robot. */
-function obstaclesAlong(arena, before, after) {
-  const toDiscs = arena.discs.map(
-    (disc) =>
-      closestApproach(before.x - disc.x, before.y - disc.y, after.x - before.x, after.y - before.y) - disc.radius,
-  );
-  return [...toDiscs, ...polygonsOf(arena).map((polygon) => polygonAlong(polygon, before, after))];
-}
-
-/** Least clearance [m] on the segment between two states of a robot. */
-export function clearanceAlong(arena, before, after) {
-  const walls = Math.min(toWalls(arena, before.x, before.y), toWalls(arena, after.x, after.y));
-  return Math.min(walls, ...obstaclesAlong(arena, before, after));
-}
-
-function hitsObstacle(arena, before, after, radius) {
-  return obstaclesAlong(arena, before, after).some((clearance) => clearance < radius);
-}
-
-/** Whether a robot's centre comes into the territory on the segment between two states. */
-function reachesTerritory({ territory }, before, after) {
-  const [x, y] = [before.x - territory.x, before.y - territory.y];
-  return closestApproach(x, y, after.x - before.x, after.y - before.y) < territory.radius;
-}
-
-function isOutOfRange(arena, after, radius) {
-  return toWalls(arena, after.x, after.y) < radius;
-}
-
 // ---- outcome.py, game.py
 
 function isCaptured(before, after, captureDistance) {
@@ -200,50 +108,6 @@ export function winner(game, outcome) {
   if (["captured", "evader_hit_obstacle", "evader_out_of_range"].includes(outcome)) return PURSUER;
   if (["pursuer_hit_obstacle", "pursuer_out_of_range", "territory_reached"].includes(outcome)) return EVADER;
   return outcome === "no_result" && game.reward.profile === "zero-sum" ? EVADER : null;
-}
-
-// ---- observation.py
-
-const scale = (value, low, high) => (2 * value - (low + high)) / Math.max(high - low, 1e-6);
-
-function positionAndSpeed(arena, body, robot) {
-  return [
-    scale(robot.x, arena.x_min, arena.x_max),
-    scale(robot.y, arena.y_min, arena.y_max),
-    scale(robot.v, body.v_min, body.v_max),
-  ];
-}
-
-function clearances(arena, body, robot) {
-  const braking = Math.max(robot.v, 0) ** 2 / Math.max(2 * body.u1_max, 1e-6);
-  const here = clearance(arena, robot.x, robot.y);
-  const x = robot.x + braking * Math.cos(robot.heading);
-  const y = robot.y + braking * Math.sin(robot.heading);
-  return [clip(here - body.radius, -1, 1), clip(clearance(arena, x, y) - body.radius, -1, 1)];
-}
-
-/** What one side sees, in the named profile: `paper`, 8 numbers (Eq. 7), or `encoded`, 17. */
-export function observe(profile, game, state, role) {
-  const arena = game.arena;
-  const robots = [role, other(role)].map((side) => [game[side], state[side]]);
-  const [own, opponent] = robots.map(([, robot]) => robot);
-  if (profile === "paper") {
-    return robots.flatMap(([body, robot]) => [...positionAndSpeed(arena, body, robot), robot.heading / Math.PI]);
-  }
-  const size = Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min);
-  const dx = (opponent.x - own.x) / size;
-  const dy = (opponent.y - own.y) / size;
-  const cos = Math.cos(own.heading);
-  const sin = Math.sin(own.heading);
-  return [
-    ...robots.flatMap(([body, robot]) => [
-      ...positionAndSpeed(arena, body, robot),
-      Math.cos(robot.heading),
-      Math.sin(robot.heading),
-    ]),
-    ...[cos * dx + sin * dy, cos * dy - sin * dx, Math.hypot(dx, dy)],
-    ...robots.flatMap(([body, robot]) => clearances(arena, body, robot)),
-  ];
 }
 
 // ---- starts.py

@@ -1,0 +1,31 @@
+// What the page loads when it is first asked for: agents' networks, and games with the fields of their maps.
+
+import { readAgent } from "./agents.js";
+
+const read = new Map();
+
+/** What a file says, by the function that reads its bytes; read once. `name` is what a person calls it. */
+async function load(name, path, reads) {
+  if (!read.has(path)) {
+    const answer = await fetch(path);
+    if (!answer.ok) throw new Error(`${name} cannot be loaded (${answer.status})`);
+    read.set(path, reads(await answer.arrayBuffer()));
+  }
+  return read.get(path);
+}
+
+/** The network of a trained agent. */
+export const findAgent = ({ files }, name) => load(name, files[name], readAgent);
+
+/** A game, always the same object, so that its chart is drawn once. */
+export async function findGame({ games, maps }, name) {
+  const game = games[name];
+  if (!maps[name]) return game;
+  return load(`the map of ${name}`, maps[name].field, (buffer) => {
+    const map = { ...maps[name], field: new Float32Array(buffer) };
+    return { ...game, arena: { ...game.arena, map }, record: game };
+  });
+}
+
+/** A game as replays have it, without the numbers of its map. */
+export const asRecord = (game) => game.record ?? game;
