@@ -87,7 +87,8 @@ def case(request):
             eqx.tree_at(lambda robot: robot.heading, robot, wrap_angle(robot.heading))
             for robot in (RobotState(*state[:4]), RobotState(*state[4:]))
         )
-        seen = network.observation(View(game.arena, Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)))
+        robots = Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)
+        seen = network.observation(View(game.arena, *robots, game.capture_distance))
         action = greedy(network)(seen, jnp.uint32(0))
         return seen, action, jnp.stack(bodies[0].controls(action))
 
