@@ -16,6 +16,7 @@ from jaxtyping import Float32
 from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body, identifier
 from apollonius.adapters.export.parity import Answer, CannotRun, Decide
 from apollonius.adapters.export.template import fill
+from apollonius.errors import InvalidInput
 
 SUFFIX = ".c"
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O3")
@@ -26,7 +27,14 @@ _PER_LINE = 6
 
 
 def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
-    """The source, to be written to `out`, and its header beside it."""
+    """The source, to be written to `out`, and its header beside it.
+
+    Raises:
+        InvalidInput: for a policy that plays by a chart.
+    """
+    reads = blueprint.header.observation
+    if blueprint.charted:
+        raise InvalidInput(f"C cannot take '{reads}', which reads a chart of 5 MB: export NumPy or ONNX instead.")
     name, header = identifier(out), out.with_suffix(".h")
     layers = [(_padded(weight.T), _padded(bias)) for weight, bias in blueprint.layers]
     arrays = {
@@ -51,7 +59,7 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
         declarations="\n".join(f"{declared};" for declared in arrays),
         weights="\n\n".join(f"{declared} = {{\n{_rows(array)}\n}};" for declared, array in arrays.items()),
         observation=fill(
-            f"{blueprint.header.observation}.c.in",
+            f"{reads}.c.in",
             blueprint,
             discs=len(discs),
             disc_table=", ".join([*discs, "{0}"]),
