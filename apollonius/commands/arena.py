@@ -1,4 +1,4 @@
-"""`apollonius arena`: the arenas there are, the check of one's own, and random ones."""
+"""`apollonius arena`: the arenas there are, the check of one's own, charts, and random ones."""
 
 import argparse
 import json
@@ -17,7 +17,7 @@ KINDS = ("discs", "blocks", "rooms", "maze", "racks")
 
 def add_arena(subparsers: Any) -> None:
     """The parser of `arena`."""
-    parser = subparsers.add_parser("arena", help="list arenas, check one of your own, or make a random one")
+    parser = subparsers.add_parser("arena", help="list arenas, check or chart one of your own, or make a random one")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
@@ -27,6 +27,10 @@ def add_arena(subparsers: Any) -> None:
     check.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of what was found")
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
+    chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
+    chart.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
+    chart.add_argument("--out", type=new_file(".npz"), required=True, metavar="NPZ", help="file to write")
+    chart.set_defaults(run=run_chart)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
     draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
@@ -88,6 +92,24 @@ def run_check(options: argparse.Namespace) -> int:
         )
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
+
+
+def run_chart(options: argparse.Namespace) -> int:
+    """Write the chart of a game's arena, for the larger of its robots."""
+    from apollonius.adapters.export.chart_file import chart_bytes, chart_parts
+    from apollonius.arenas.file import find_game
+    from apollonius.document import write_atomically
+
+    game = find_game(options.game)
+    options.display.begin("drawing the chart", compiles=True)
+    parts = chart_parts(game)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(options.out, chart_bytes(parts))
+    options.display.end()
+    x, y, side = (float(parts[name]) for name in ("x", "y", "side"))
+    print(f"a square of {side:g} m from ({x:g}, {y:g}) on")
+    finish(options.out)
+    return 0
 
 
 def run_random(options: argparse.Namespace) -> int:
