@@ -8,9 +8,10 @@ import math
 
 import numpy as np
 
-from apollonius.adapters.export.blueprint import Blueprint, Body
+from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body
+from apollonius.adapters.export.features import INPUTS
 from apollonius.adapters.export.graph import ONE, Graph, Row
-from apollonius.adapters.export.ways import add_ways
+from apollonius.adapters.export.ways import STATE_OR_ZERO, add_ways
 from apollonius.game.chart import FARTHEST, GLANCES, SIDE
 from apollonius.observe.egocentric import COURSES, RAYS
 
@@ -22,6 +23,7 @@ def egocentric(graph: Graph, blueprint: Blueprint) -> tuple[str, list[Row]]:
     """A tensor, and the `egocentric` observation's 92 numbers as linear in its columns."""
     own, opponent, capture = blueprint.own, blueprint.opponent, float(blueprint.game.capture_distance)
     _chart(graph, blueprint)
+    _possible(graph)
     known = _robots(graph, blueprint)
     rooms = _rooms(graph, blueprint, known)
     _ranges(graph, known)
@@ -36,7 +38,7 @@ def egocentric(graph: Graph, blueprint: Blueprint) -> tuple[str, list[Row]]:
     graph.add("Reciprocal", [more], "reciprocals", [f"1 / {name}" for name in lengths])
     graph.add("Log", [more], "logarithms", [f"log {name}" for name in lengths])
     seen = [
-        "state",
+        STATE_OR_ZERO,
         "products",
         rooms,
         "clipped left",
@@ -102,6 +104,13 @@ def _chart(graph: Graph, blueprint: Blueprint) -> None:
     graph.add("Mul", ["side", np.array(0.5, np.float32)], "half")
 
 
+def _possible(graph: Graph) -> None:
+    """The state, but 0 where a number is none or too large: what is looked up in a chart must be a place."""
+    size = graph.add("Abs", ["state"], "sizes")
+    is_possible = graph.add("LessOrEqual", [size, np.array(LARGEST, np.float32)], "is possible")
+    graph.add("Where", [is_possible, "state", np.array(0, np.float32)], STATE_OR_ZERO, INPUTS)
+
+
 def _robots(graph: Graph, blueprint: Blueprint) -> str:
     """The state, directions and distances, products of them, and where both robots are and would come to rest."""
     angles: dict[str, Row] = {}
@@ -109,14 +118,14 @@ def _robots(graph: Graph, blueprint: Blueprint) -> str:
     for side, body in (("own", blueprint.own), ("opponent", blueprint.opponent)):
         angles |= {f"{side} cos": {f"{side} heading": 1.0, ONE: math.pi / 2}, f"{side} sin": {f"{side} heading": 1.0}}
         speeds[f"{side} braking"] = {f"{side} v": 1 / math.sqrt(max(2 * body.u1_max, 1e-6))}
-    graph.add("Sin", [graph.linear("state", "angles", angles)], "directions", [*angles])
-    forward = graph.add("Relu", [graph.linear("state", "speeds", speeds)], "forward")
+    graph.add("Sin", [graph.linear(STATE_OR_ZERO, "angles", angles)], "directions", [*angles])
+    forward = graph.add("Relu", [graph.linear(STATE_OR_ZERO, "speeds", speeds)], "forward")
     graph.add("Mul", [forward, forward], "braking", [*speeds])
-    away = graph.linear("state", "away", {axis: {f"opponent {axis}": 1.0, f"own {axis}": -1.0} for axis in "xy"})
+    away = graph.linear(STATE_OR_ZERO, "away", {axis: {f"opponent {axis}": 1.0, f"own {axis}": -1.0} for axis in "xy"})
     graph.add("ReduceL2", [away], "apart", ["apart"], axes=[1], keepdims=1)
     far = graph.add("Max", ["apart", np.array(1e-6, np.float32)], "far")
     graph.add("Div", [away, far], "toward", ["toward x", "toward y"])
-    factors = graph.join(["state", "directions", "braking", "apart", "toward"], "factors")
+    factors = graph.join([STATE_OR_ZERO, "directions", "braking", "apart", "toward"], "factors")
     others = {name: name for name in ("toward x", "toward y")}
     others |= {f"their {turn}": f"opponent {turn}" for turn in ("cos", "sin")}
     names = {f"{mine} {name}": (f"own {mine}", other) for mine in ("cos", "sin") for name, other in others.items()}
@@ -176,7 +185,7 @@ def _ranges(graph: Graph, known: str) -> None:
     pairs = graph.add("Reshape", [rays, np.array([1, 1, -1, 2])], "rays in pairs")
     graph.add("Div", [pairs, "half"], "rays on the image")
     starts = {f"start {number} {axis}": {f"own {axis}": 1.0} for number in range(RAYS + 1) for axis in "xy"}
-    start = _places_on_the_image(graph, graph.linear("state", "starts", starts))
+    start = _places_on_the_image(graph, graph.linear(STATE_OR_ZERO, "starts", starts))
     rooms = {f"room {number}": {"centre own here": 1.0} for number in range(RAYS + 1)}
     first = graph.clip(graph.linear("close rooms", "first rooms", rooms), 0, FARTHEST, "glance 0 flat")
     upright = np.array([1, 1, -1, 1])

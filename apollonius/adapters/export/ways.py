@@ -7,6 +7,8 @@ from apollonius.adapters.export.graph import ONE, Graph
 from apollonius.game.chart import SIDE, STOP_BITS, STOPS
 from apollonius.observe.egocentric import AHEAD, COURSES, NEAR, RAYS
 
+STATE_OR_ZERO = "state or zero"
+"""The tensor of the state, numbers that are none left out."""
 _COURSES = range(0, RAYS, RAYS // COURSES)
 """Those of the rays."""
 _FIRST = (0.0, 1.0, float(STOPS), STOPS + 1.0)
@@ -61,7 +63,9 @@ def _points(graph: Graph) -> None:
     turned = graph.linear("rays", "courses", {f"{name} {place}": {name: 1.0} for place, name in enumerate(twice)})
     pairs = graph.add("Reshape", [turned, np.array([-1, 2 * COURSES, 2])], "courses in pairs")
     own, both = (
-        graph.linear("state", name, {f"{side} {axis}": {f"{side} {axis}": 1.0} for side in sides for axis in "xy"})
+        graph.linear(
+            STATE_OR_ZERO, name, {f"{side} {axis}": {f"{side} {axis}": 1.0} for side in sides for axis in "xy"}
+        )
         for name, sides in (("own place", ("own",)), ("both places", ("opponent", "own")))
     )
     own = graph.add("Reshape", [own, np.array([-1, 1, 2])], "own place in a pair")
