@@ -4,7 +4,7 @@ From the raw state of both robots to controls, one at a time, called from Python
 player compiled with JAX, and the policy as ONNX, as a NumPy file, and as C through ctypes with `-O3` and with
 `-O3 -march=native`. Beside them the network alone in onnxruntime, which has neither observation nor controls, with
 several settings, of which the fastest counts. They take turns, in states of real games.
-Needs gcc and the extra `export`.
+Needs gcc and the extra `export`. C is left out for an agent that plays by a chart.
 """
 
 import argparse
@@ -23,10 +23,11 @@ from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import Answer, Decide, compare, largest_difference, microseconds
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.trained import find_trained, greedy
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
 from apollonius.evaluate.decisions import Decisions, decisions
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.observe.view import look
 from apollonius.replay import as_state
@@ -62,16 +63,16 @@ def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
 def exported(blueprint: Blueprint) -> dict[str, Decide]:
     """The policy in every format, written and loaded again."""
     with tempfile.TemporaryDirectory() as folder:
-        outs = {format_: Path(folder) / f"policy{format_.SUFFIX}" for format_ in (onnx, numpy_file, c)}
+        formats = (onnx, numpy_file) if blueprint.charted else (onnx, numpy_file, c)
+        outs = {format_: Path(folder) / f"policy{format_.SUFFIX}" for format_ in formats}
         for format_, out in outs.items():
             for path, content in format_.make_files(blueprint, out).items():
                 path.write_bytes(content)
-        return {
-            "onnx": onnx.load(outs[onnx]),
-            "numpy": numpy_file.load(outs[numpy_file]),
-            "c -O3": c.load(outs[c]),
-            "c -O3 -march=native": c.load(outs[c], (*c.FLAGS, "-march=native")),
-        }
+        deciders = {"onnx": onnx.load(outs[onnx]), "numpy": numpy_file.load(outs[numpy_file])}
+        if c in outs:
+            deciders["c -O3"] = c.load(outs[c])
+            deciders["c -O3 -march=native"] = c.load(outs[c], (*c.FLAGS, "-march=native"))
+        return deciders
 
 
 def differences(decide: Decide, blueprint: Blueprint, played: Decisions) -> dict[str, float]:
@@ -91,8 +92,10 @@ def main() -> None:
     options = parser.parse_args()
     agent, path = find_trained(options.agent)
     player = greedy(agent.network)
-    game, role = make_game(options.game), Role[agent.header.role.upper()]
+    game, role = find_game(options.game), Role[agent.header.role.upper()]
     blueprint = make_blueprint(path.stem, agent, game)
+    if blueprint.charted:
+        game = charted(game)
     played = decisions(game, player, role, STATES)
     deciders = {"jax": in_jax(game, role, player), **exported(blueprint)}
     network: dict[str, Callable[[np.ndarray], object]] = {

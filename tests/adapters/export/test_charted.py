@@ -214,6 +214,16 @@ def test_the_python_file_needs_numpy_and_the_chart_beside_it_alone(tmp_path):
     assert foreign == ["numpy", "small"]
 
 
+def test_without_a_chart_it_says_what_is_missing(tmp_path):
+    (tmp_path / "small.py").write_bytes(
+        next(iter(plain.make_files(played(Role.PURSUER, False).blueprint, tmp_path / "small.py").values()))
+    )
+    names = {"__file__": str(tmp_path / "small.py")}
+    exec((tmp_path / "small.py").read_text(), names)
+    with pytest.raises(ValueError, match=r"no small\.npz beside .* no chart was given"):
+        names["decide"]([1.0] * 8)
+
+
 def test_a_file_that_is_no_chart_is_refused(tmp_path):
     names = module(played(Role.PURSUER, False).blueprint, tmp_path)
     np.savez(tmp_path / "no.npz", field=np.zeros((2, 2)), beside=0, ways=0, x=0, y=0, side=1)
