@@ -4,7 +4,7 @@ From the raw state of both robots to controls, one at a time, called from Python
 player compiled with JAX, and the policy as ONNX, as a NumPy file, and as C through ctypes with `-O3` and with
 `-O3 -march=native`. Beside them the network alone in onnxruntime, which has neither observation nor controls, with
 several settings, of which the fastest counts. They take turns, in states of real games.
-Needs gcc and the extra `export`. C is left out for an agent that plays by a chart.
+Needs gcc and the extra `export`.
 """
 
 import argparse
@@ -63,16 +63,16 @@ def in_jax(game: Game, role: Role, player: AbstractPolicy) -> Decide:
 def exported(blueprint: Blueprint) -> dict[str, Decide]:
     """The policy in every format, written and loaded again."""
     with tempfile.TemporaryDirectory() as folder:
-        formats = (onnx, numpy_file) if blueprint.charted else (onnx, numpy_file, c)
-        outs = {format_: Path(folder) / f"policy{format_.SUFFIX}" for format_ in formats}
+        outs = {format_: Path(folder) / f"policy{format_.SUFFIX}" for format_ in (onnx, numpy_file, c)}
         for format_, out in outs.items():
             for path, content in format_.make_files(blueprint, out).items():
                 path.write_bytes(content)
-        deciders = {"onnx": onnx.load(outs[onnx]), "numpy": numpy_file.load(outs[numpy_file])}
-        if c in outs:
-            deciders["c -O3"] = c.load(outs[c])
-            deciders["c -O3 -march=native"] = c.load(outs[c], (*c.FLAGS, "-march=native"))
-        return deciders
+        return {
+            "onnx": onnx.load(outs[onnx]),
+            "numpy": numpy_file.load(outs[numpy_file]),
+            "c -O3": c.load(outs[c]),
+            "c -O3 -march=native": c.load(outs[c], (*c.FLAGS, "-march=native")),
+        }
 
 
 def differences(decide: Decide, blueprint: Blueprint, played: Decisions) -> dict[str, float]:

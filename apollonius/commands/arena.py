@@ -29,7 +29,9 @@ def add_arena(subparsers: Any) -> None:
     check.set_defaults(run=run_check)
     chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
     chart.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
-    chart.add_argument("--out", type=new_file(".npz"), required=True, metavar="NPZ", help="file to write")
+    chart.add_argument(
+        "--out", type=new_file(".npz", ".chart"), required=True, help="file to write: .npz, or .chart for C"
+    )
     chart.set_defaults(run=run_chart)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
@@ -104,7 +106,7 @@ def run_chart(options: argparse.Namespace) -> int:
     options.display.begin("drawing the chart", compiles=True)
     parts = chart_parts(game)
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(options.out, chart_bytes(parts))
+    write_atomically(options.out, chart_bytes(parts, options.out.suffix))
     options.display.end()
     x, y, side = (float(parts[name]) for name in ("x", "y", "side"))
     print(f"a square of {side:g} m from ({x:g}, {y:g}) on")

@@ -1,4 +1,4 @@
-"""An arena's chart as a file of NumPy's, by which an exported policy plays on another map."""
+"""An arena's chart as a file, by which an exported policy plays on another map: one of NumPy's, or bytes for C."""
 
 import io
 
@@ -7,7 +7,8 @@ import numpy as np
 from apollonius.arenas.charting import charted
 from apollonius.game.game import Game
 
-SUFFIX = ".npz"
+SUFFIX, RAW = ".npz", ".chart"
+"""How the names of both kinds of files end."""
 PARTS = ("field", "beside", "ways", "x", "y", "side")
 """Names of the arrays, which mean what those of `Chart` do: `field` float32 [193, 193], `beside` uint16 [192, 192],
 `ways` uint16 [1600, 1600], and `x`, `y` and `side`, single float32."""
@@ -26,8 +27,10 @@ def chart_parts(game: Game) -> Parts:
     return {name: np.asarray(getattr(chart, name))[0, ...] for name in PARTS}
 
 
-def chart_bytes(parts: Parts) -> bytes:
-    """The content of the file, the same for the same chart."""
+def chart_bytes(parts: Parts, suffix: str = SUFFIX) -> bytes:
+    """The content of a file whose name ends so, the same for the same chart; raw it is one array after the other."""
+    if suffix == RAW:
+        return b"".join(array.astype(array.dtype.newbyteorder("<")).tobytes() for array in parts.values())
     out = io.BytesIO()
     np.savez_compressed(out, allow_pickle=False, **parts)
     return out.getvalue()

@@ -1,10 +1,12 @@
 """Policies that play by a chart do as the package does, on the map they were made for and on another."""
 
+import ctypes
 import dataclasses
 import json
 import subprocess
 import sys
 from functools import cache
+from shutil import which
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +15,7 @@ import onnxruntime
 import pytest
 from onnx import helper
 
-from apollonius.adapters.export import chart_file, onnx
+from apollonius.adapters.export import c, chart_file, onnx
 from apollonius.adapters.export import numpy as plain
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.egocentric import egocentric
@@ -29,6 +31,7 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
 from tests.adapters.export.conftest import UNEQUAL, small_actor, small_network, some_states
+from tests.adapters.export.test_c import MATHEMATICS
 from tests.adapters.export.test_formats import broken
 
 pytestmark = pytest.mark.usefixtures("charts")
@@ -89,9 +92,16 @@ def module(blueprint, folder):
     return names
 
 
-def chart_of(blueprint, folder):
-    (folder / "there.npz").write_bytes(chart_file.chart_bytes(blueprint.chart))
-    return folder / "there.npz"
+def chart_of(blueprint, folder, suffix=chart_file.SUFFIX):
+    (folder / f"there{suffix}").write_bytes(chart_file.chart_bytes(blueprint.chart, suffix))
+    return folder / f"there{suffix}"
+
+
+def source(blueprint, folder, name="small"):
+    """The C source, and the header and the chart beside it."""
+    for path, content in c.make_files(blueprint, folder / f"{name}.c").items():
+        path.write_bytes(content)
+    return folder / f"{name}.c"
 
 
 def in_python(case, folder):
@@ -110,7 +120,31 @@ def in_onnx(case, folder):
     return numbers @ factors.T + constants
 
 
-@pytest.mark.parametrize("elsewhere", [in_python, in_onnx])
+SEE = """
+void see(const float *s, const apollonius_chart *chart, float *seen)
+{
+    const robot own = {s[0], s[1], s[2], s[3]}, opponent = {s[4], s[5], s[6], s[7]};
+    observe(own, opponent, chart, seen);
+}
+"""
+
+
+def in_c(case, folder):
+    file = source(case.blueprint, folder)
+    file.write_text(file.read_text() + SEE)
+    library = folder / "small.so"
+    subprocess.run(["gcc", *c.FLAGS, "-shared", "-fPIC", str(file), "-lm", "-o", str(library)], check=True)
+    see, numbers = ctypes.CDLL(str(library)).see, np.zeros((len(case.states), 92), np.float32)
+    chart = ctypes.create_string_buffer(chart_of(case.elsewhere, folder, chart_file.RAW).read_bytes())
+    for state, row in zip(case.states, numbers, strict=True):
+        see(ctypes.c_void_p(state.ctypes.data), chart, ctypes.c_void_p(row.ctypes.data))
+    return numbers
+
+
+needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
+
+
+@pytest.mark.parametrize("elsewhere", [in_python, in_onnx, pytest.param(in_c, marks=needs_gcc)])
 @pytest.mark.parametrize("role", ROLES_)
 @pytest.mark.parametrize("game", [HERE, THERE], ids=["here", "there"])
 def test_the_observation_is_the_packages(elsewhere, role, game, tmp_path):
@@ -136,7 +170,15 @@ def decide_in_onnx(case, folder):
     return lambda state: [number for out in model.run(None, {"state": state[None], **chart}) for number in out.ravel()]
 
 
-each = pytest.mark.parametrize("elsewhere", [decide_in_python, decide_in_onnx])
+def decide_in_c(case, folder):
+    file = source(case.blueprint, folder)
+    chart_of(case.elsewhere, folder, chart_file.RAW).replace(file.with_suffix(chart_file.RAW))
+    return c.load(file)
+
+
+each = pytest.mark.parametrize(
+    "elsewhere", [decide_in_python, decide_in_onnx, pytest.param(decide_in_c, marks=needs_gcc)]
+)
 
 
 @each
@@ -233,6 +275,52 @@ def test_a_file_that_is_no_chart_is_refused(tmp_path):
 
 def test_a_file_written_again_is_the_same(tmp_path):
     blueprint = played(Role.PURSUER, False).blueprint
-    for format_ in (plain, onnx):
+    for format_ in (plain, onnx, c):
         out = tmp_path / f"small{format_.SUFFIX}"
         assert format_.make_files(blueprint, out) == format_.make_files(blueprint, out)
+
+
+PROGRAM = """
+#include "one.h"
+#include "two.h"
+
+#include <stdio.h>
+
+int main(int count, char **files)
+{
+    static apollonius_chart chart;
+    FILE *file = fopen(files[count - 1], "rb");
+    if (!file || fread(&chart, sizeof chart, 1, file) != 1)
+        return 1;
+    fclose(file);
+    for (int i = -30; i < 50; i++) {
+        const float state[8] = {0.3f * (float)i, 2, 0.5f, 3, 7, 0.2f * (float)i, 0, (float)i};
+        float one[2], two[2];
+        if (one_decide(state, &chart, one) != two_decide(state, &chart, two))
+            return 1;
+    }
+    return 0;
+}
+"""
+
+
+@needs_gcc
+def test_two_policies_in_one_program_read_one_chart_without_a_fault(tmp_path):
+    blueprint = played(Role.PURSUER, False).blueprint
+    for name in ("one", "two"):
+        source(blueprint, tmp_path, name)
+    (tmp_path / "main.c").write_text(PROGRAM)
+    subprocess.run(["gcc", *c.FLAGS, "-g", "main.c", "one.c", "two.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    under = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full"] if which("valgrind") else []
+    subprocess.run([*under, "./main", "one.chart"], cwd=tmp_path, check=True)
+
+
+@needs_gcc
+def test_the_c_source_calls_nothing_but_mathematics(tmp_path):
+    source(played(Role.EVADER, False).blueprint, tmp_path)
+    subprocess.run(["gcc", *c.FLAGS, "-Wunused-macros", "-c", "small.c"], cwd=tmp_path, check=True)
+    listed = subprocess.run(["nm", "small.o"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    symbols = [line.split() for line in listed.splitlines()]
+    assert {symbol[-1] for symbol in symbols if symbol[-2] == "U"} <= MATHEMATICS | {"expf", "log1pf", "floorf"}
+    assert {symbol[-1] for symbol in symbols if symbol[-2] == "T"} == {"small_decide"}
+    assert not [symbol for symbol in symbols if symbol[-2] in "BbDd"], "nothing can be written to"

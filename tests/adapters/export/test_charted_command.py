@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from shutil import which
 
 import jax
 import numpy as np
@@ -40,10 +41,20 @@ def apollonius(*arguments):
 
 
 @pytest.mark.parametrize(
-    ("to", "files"), [("onnx", ["new/evader.onnx"]), ("numpy", ["new/evader.npz", "new/evader.py"])]
+    ("to", "files"),
+    [
+        ("onnx", ["new/evader.onnx"]),
+        ("numpy", ["new/evader.npz", "new/evader.py"]),
+        pytest.param(
+            "c",
+            ["new/evader.c", "new/evader.chart", "new/evader.h"],
+            marks=pytest.mark.skipif(not which("gcc"), reason="gcc"),
+        ),
+    ],
 )
 def test_a_policy_is_written_and_checked_in_an_arena_with_a_polygon(capsys, to, files):
-    assert apollonius("export", "egocentric.safetensors", "--to", to, "--out", files[-1], "--game", "hall.toml") == 0
+    out = next(file for file in files if file.endswith((".onnx", ".py", ".c")))
+    assert apollonius("export", "egocentric.safetensors", "--to", to, "--out", out, "--game", "hall.toml") == 0
     printed = capsys.readouterr()
     where, checked, timed = printed.out.splitlines()
     assert where == "The evader egocentric of a pursuit-evasion game"
@@ -61,12 +72,17 @@ def test_the_chart_of_another_map_is_written(capsys):
     tables = {"field": ("float32", (193,) * 2), "beside": ("uint16", (192,) * 2), "ways": ("uint16", (1600,) * 2)}
     assert said == tables | scalars
     assert all((written[name] == drawn[name]).all() for name in PARTS)
+    assert apollonius("arena", "chart", "hall.toml", "--out", "new/hall.chart") == 0
+    raw = Path("new/hall.chart").read_bytes()
+    assert len(raw) == 5_342_736
+    np.testing.assert_array_equal(np.frombuffer(raw, "<f4", 193**2), drawn["field"].ravel())
+    assert np.frombuffer(raw[-12:], "<f4").tolist() == [0, 0, 12]
 
 
 @pytest.mark.parametrize(
     ("agent", "out", "naming"),
     [
-        ("egocentric", "a.c", ["C cannot take 'egocentric'", "NumPy or ONNX"]),
+        ("rays", "a.c", ["observation = rays", "paper, encoded, egocentric"]),
         ("rays", "a.onnx", ["observation = rays", "paper, encoded, egocentric"]),
         ("patch", "a.py", ["observation = patch", "paper, encoded, egocentric"]),
     ],
