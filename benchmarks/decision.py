@@ -23,10 +23,11 @@ from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.parity import Answer, Decide, compare, largest_difference, microseconds
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.trained import find_trained, greedy
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
 from apollonius.evaluate.decisions import Decisions, decisions
 from apollonius.game.dynamics import is_continuous
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.observe.view import look
 from apollonius.replay import as_state
@@ -91,8 +92,10 @@ def main() -> None:
     options = parser.parse_args()
     agent, path = find_trained(options.agent)
     player = greedy(agent.network)
-    game, role = make_game(options.game), Role[agent.header.role.upper()]
+    game, role = find_game(options.game), Role[agent.header.role.upper()]
     blueprint = make_blueprint(path.stem, agent, game)
+    if blueprint.charted:
+        game = charted(game)
     played = decisions(game, player, role, STATES)
     deciders = {"jax": in_jax(game, role, player), **exported(blueprint)}
     network: dict[str, Callable[[np.ndarray], object]] = {

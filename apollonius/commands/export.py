@@ -39,6 +39,10 @@ def run_export(options: argparse.Namespace) -> int:
     format_ = find_format(options.to)
     require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
     game = find_game(options.game) if options.game else game_of(agent, name)
+    several = (
+        f"a game in one arena, which is built in; '{name}' was made for {game.scenario.size if game.scenario else 1}"
+    )
+    require(game.scenario is None, "--game", options.game, several)
     options.display.begin(f"writing the policy and comparing it in {STATES:,} states", compiles=True)
     written = write_policy(agent, path.stem, game, format_, out)
     options.display.end()

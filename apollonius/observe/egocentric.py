@@ -57,6 +57,11 @@ class Egocentric(AbstractObservation):
     charted = True
 
     @property
+    def exported(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether exported policies can make it: with rays and ways, and nothing else."""
+        return self.rays and self.ways and not self.patch
+
+    @property
     def size(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """How many numbers they are."""
         return 23 + RAYS * self.rays + (5 + 2 * COURSES) * self.ways + _PATCH**2 * self.patch

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from apollonius.adapters.export.chart_file import Parts, chart_parts
 from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.network import GaussianActor
 from apollonius.agents.store import Agent, AgentHeader
@@ -77,6 +78,16 @@ class Blueprint:
         """Whether its actions are pairs of gears."""
         return self.header.network == "gaussian"
 
+    @property
+    def charted(self) -> bool:
+        """Whether its observation reads a chart, so that it plays in any arena that there is one of."""
+        return OBSERVATIONS[self.header.observation].charted
+
+    @cached_property
+    def chart(self) -> Parts:
+        """That of the game's arena."""
+        return chart_parts(self.game)
+
     @cached_property
     def own(self) -> Body:
         """The robot that the policy steers."""
@@ -132,11 +143,16 @@ class Blueprint:
         """Lines that say what is built in."""
         header, (x_min, x_max, y_min, y_max) = self.header, self.walls
         discs = ", ".join(f"({x:g}, {y:g}; {radius:g})" for x, y, radius in self.discs) or "none"
+        obstacles = (
+            f"Capture   when the robots are nearer to each other than {self.game.capture_distance:g} m"
+            if self.charted
+            else f"Discs     (x, y; radius) in m: {discs}"
+        )
         return [
             f"Agent     plays the {header.role}; observation {header.observation} ({header.observation_size} numbers), "
             f"{header.depth} hidden layers of {header.width} units",
             f"Arena     x from {x_min:g} to {x_max:g} m, y from {y_min:g} to {y_max:g} m",
-            f"Discs     (x, y; radius) in m: {discs}",
+            obstacles,
             f"Own       {self.own}",
             f"Opponent  {self.opponent}",
             f"Step      controls are held for {self.game.dt:g} s",
@@ -153,8 +169,8 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     """The policy of a trained agent in a game.
 
     Raises:
-        InvalidInput: for an observation that is not exported, clearances from other obstacles than discs, a robot whose
-            braking does not end at rest, and a network with numbers that are none.
+        InvalidInput: for an observation that is not exported, a game in several arenas, clearances from other obstacles
+            than discs, a robot whose braking does not end at rest, and a network with numbers that are none.
     """
     layers = tuple((np.asarray(layer.weight), np.asarray(layer.bias)) for layer in agent.network.layers)
     finite = all(np.isfinite(part).all() for layer in layers for part in layer)
@@ -165,8 +181,9 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     reads = agent.network.observation
     known = ", ".join(name for name, one in OBSERVATIONS.items() if one.exported)
     require(reads.exported, "observation", reads.name, f"one that exported policies can make: {known}")
+    game.require_one_arena("an exported policy")
     bound = "discs, the only ones that an exported policy measures the clearances in its observation from"
-    if reads.measures:
+    if reads.measures and not reads.charted:
         game.arena.require_only((Disc,), bound)
     blueprint = Blueprint(re.sub(r"[^\w.-]", "_", name), agent.header, game, layers)
     own = blueprint.own

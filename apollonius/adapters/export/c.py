@@ -1,6 +1,7 @@
 """A policy as C99: a header of a few lines, and a source with constant arrays and no dependency but the C library.
 
-Two files, so that a program includes what it calls and compiles the megabytes of weights once.
+Two files, so that a program includes what it calls and compiles the megabytes of weights once. A third is the chart
+that a policy reads: its caller holds it in memory, since it is 5 MB, and another on another map.
 """
 
 import ctypes
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32
 
+from apollonius.adapters.export import chart_file
 from apollonius.adapters.export.blueprint import LARGEST, Blueprint, Body, identifier
 from apollonius.adapters.export.parity import Answer, CannotRun, Decide
 from apollonius.adapters.export.template import fill
@@ -26,7 +28,7 @@ _PER_LINE = 6
 
 
 def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
-    """The source, to be written to `out`, and its header beside it."""
+    """The source, to be written to `out`, and its header beside it; and the chart if it reads one."""
     name, header = identifier(out), out.with_suffix(".h")
     layers = [(_padded(weight.T), _padded(bias)) for weight, bias in blueprint.layers]
     arrays = {
@@ -36,6 +38,9 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
     }
     walls = zip(("X_MIN", "X_MAX", "Y_MIN", "Y_MAX"), blueprint.walls, strict=True)
     discs = [f"{{{x}, {y}, {radius}}}" for x, y, radius in (map(_real, disc) for disc in blueprint.discs)]
+    given = dict.fromkeys(("chart", "chart_given"), "")
+    if blueprint.charted:
+        given = {"chart": ", chart", "chart_given": ", const apollonius_chart *chart"}
     source = fill(
         "policy.c.in",
         blueprint,
@@ -55,13 +60,20 @@ def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
             blueprint,
             discs=len(discs),
             disc_table=", ".join([*discs, "{0}"]),
+            own_limits=_limits(blueprint.own),
+            opponent_limits=_limits(blueprint.opponent),
+            capture_distance=_real(float(blueprint.game.capture_distance)),
         ).rstrip(),
         layers=_calls([weight.shape for weight, _ in layers]),
         outputs="here" if len(layers) % 2 == 0 else "next",
+        **given,
     )
     about = "\n".join(f"   {line}" for line in blueprint.about)
-    said = fill("policy.h.in", blueprint, name=name, guard=name.upper(), about=about)
-    return {out: source.encode(), header: said.encode()}
+    said = fill("policy.h.in", blueprint, name=name, guard=name.upper(), about=about, **given)
+    files = {out: source.encode(), header: said.encode()}
+    if blueprint.charted:
+        files[out.with_suffix(chart_file.RAW)] = chart_file.chart_bytes(blueprint.chart, chart_file.RAW)
+    return files
 
 
 def load(source: Path, flags: Sequence[str] = FLAGS) -> Decide:
@@ -79,7 +91,9 @@ def load(source: Path, flags: Sequence[str] = FLAGS) -> Decide:
         function = getattr(ctypes.CDLL(str(library)), f"{identifier(source)}_decide")
     returns_action = f"int {function.__name__}(" in source.with_suffix(".h").read_text()
     state, controls = np.zeros(8, np.float32), np.zeros(2, np.float32)
-    places = [ctypes.c_void_p(array.ctypes.data) for array in (state, controls)]
+    chart = source.with_suffix(chart_file.RAW)
+    charts = [ctypes.create_string_buffer(chart.read_bytes())] if chart.exists() else []
+    places = [ctypes.c_void_p(state.ctypes.data), *charts, ctypes.c_void_p(controls.ctypes.data)]
 
     def decide(now: Float32[np.ndarray, "8"]) -> Answer:
         state[:] = now
@@ -107,6 +121,11 @@ def _exact(value: float) -> str:
 
 def _body(body: Body) -> str:
     return ", ".join(_real(value) for value in (body.v_min, body.v_max, body.u1_max, body.radius))
+
+
+def _limits(body: Body) -> str:
+    """In units of the paper's robots."""
+    return ", ".join(map(_real, (body.v_max / 1.2, body.u1_max / 0.3, body.u2_max / 0.8, body.radius / 0.3)))
 
 
 def _declarations(number: int, weight: np.ndarray, bias: np.ndarray) -> tuple[str, str]:

@@ -21,6 +21,8 @@ class Graph:
     nodes: list[NodeProto] = field(default_factory=list)
     constants: list[TensorProto] = field(default_factory=list)
     columns: dict[str, list[str]] = field(default_factory=dict)
+    given: list[TensorProto] = field(default_factory=list)
+    """Inputs that have a value unless they are given another."""
 
     def add(
         self, operator: str, inputs: list[str | np.ndarray], output: str, columns: list[str] | None = None, **more: Any
@@ -30,6 +32,18 @@ class Graph:
         self.nodes.append(helper.make_node(operator, names, [output], name=output, **more))
         self.columns[output] = columns or []
         return output
+
+    def give(self, name: str, value: np.ndarray) -> None:
+        """An input that need not be given: it has this value then."""
+        self.given.append(numpy_helper.from_array(value, name))
+
+    def clip(self, source: str, low: float, high: float, output: str, columns: list[str] | None = None) -> str:
+        """The same columns within bounds."""
+        return self.add("Clip", [source, np.array(low, np.float32), np.array(high, np.float32)], output, columns)
+
+    def split(self, source: str, sizes: list[int], outputs: list[str]) -> None:
+        """Tensors that are parts of another along its second axis."""
+        self.nodes.append(helper.make_node("Split", [source, self._constant(np.array(sizes))], outputs, axis=1))
 
     def linear(self, source: str, output: str, rows: dict[str, Row]) -> str:
         """New columns, each linear in those of `source`."""

@@ -12,6 +12,7 @@ from jaxtyping import Float32
 from onnx import ModelProto, TensorProto, ValueInfoProto, checker, helper
 
 from apollonius.adapters.export.blueprint import FALLBACK, FALLBACK_GEARS, LARGEST, Blueprint
+from apollonius.adapters.export.egocentric import egocentric
 from apollonius.adapters.export.features import INPUTS, encoded, paper
 from apollonius.adapters.export.graph import Graph, Layers, matrix
 from apollonius.adapters.export.parity import Answer, CannotRun, Decide
@@ -20,6 +21,9 @@ SUFFIX = ".onnx"
 OPSET = 17
 """Of June 2022: onnxruntime 1.12 and later."""
 IR_VERSION = 8
+_ERRORS = 3
+"""What onnxruntime tells from: it else warns of each part of a chart that it can be given another."""
+_OBSERVATIONS = {"paper": paper, "encoded": encoded, "egocentric": egocentric}
 
 
 def make_files(blueprint: Blueprint, out: Path) -> dict[Path, bytes]:
@@ -65,6 +69,7 @@ def _session(model: bytes, entries: Mapping[str, str] | None = None) -> Any:
         raise CannotRun("onnxruntime is not installed: pip install 'apollonius[export]'") from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
+    options.log_severity_level = _ERRORS
     for key, value in (entries or {}).items():
         options.add_session_config_entry(key, value)
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
@@ -73,10 +78,11 @@ def _session(model: bytes, entries: Mapping[str, str] | None = None) -> Any:
 def make_model(blueprint: Blueprint) -> ModelProto:
     """The model: `state` float32 [batch, 8] in, `controls` float32 [batch, 2] out.
 
-    A discrete policy has another output before it: `action` int64 [batch].
+    A discrete policy has another output before it: `action` int64 [batch]. The arrays of a chart (`chart_file.PARTS`)
+    are inputs of a policy that reads one; they need not be given in the arena that the model was made for.
     """
     graph = Graph(columns={"state": INPUTS})
-    encode = encoded if blueprint.header.observation == "encoded" else paper
+    encode = _OBSERVATIONS[blueprint.header.observation]
     features, observation = encode(graph, blueprint)
     (weight, bias), *others = blueprint.layers
     factors, constants = matrix(graph.columns[features], observation)
@@ -131,7 +137,8 @@ def _controls() -> ValueInfoProto:
 
 def _model(graph: Graph, name: str, size: int, outputs: list[ValueInfoProto]) -> ModelProto:
     inputs = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size])]
-    drawn = helper.make_graph(graph.nodes, "policy", inputs, outputs, graph.constants)
+    inputs += [helper.make_tensor_value_info(part.name, part.data_type, part.dims) for part in graph.given]
+    drawn = helper.make_graph(graph.nodes, "policy", inputs, outputs, graph.constants + graph.given)
     opset = [helper.make_opsetid("", OPSET)]
     model = helper.make_model(drawn, producer_name="apollonius", opset_imports=opset, ir_version=IR_VERSION)
     checker.check_model(model, full_check=True)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from apollonius.adapters.export.blueprint import Blueprint
+from apollonius.adapters.export.nearby import seen_nearby
 
 Answer = tuple[int, float, float] | tuple[float, float]
 """Controls u1 [m/s^2] and u2 [rad/s]; before them, of a discrete policy, the action."""
@@ -37,11 +38,13 @@ class Parity:
         states: how many there were.
         ties: actions whose values are equal to rounding, so that either is the best.
         errors: any other action, or controls that are not the action's.
+        jumps: actions that the player takes within `BREADTH` of the state, where what it sees of a chart jumps.
     """
 
     states: int
     ties: int
     errors: int
+    jumps: int = 0
 
 
 def compare(
@@ -52,7 +55,7 @@ def compare(
     actions: Int[np.ndarray, " count"],
 ) -> Parity:
     """An exported discrete policy in states in which the package's player saw this and did that."""
-    ties = errors = 0
+    ties = errors = jumps = 0
     for state, observation, action in zip(states, observations, actions, strict=True):
         number, *controls = decide(state)
         chosen = int(number)
@@ -61,8 +64,14 @@ def compare(
         elif chosen != action:
             values = blueprint.values(observation)
             is_tie = bool(abs(values[chosen] - values[action]) <= ROUNDING * np.max(np.abs(values)))
-            ties, errors = ties + is_tie, errors + (not is_tie)
-    return Parity(len(states), ties, errors)
+            is_jump = not is_tie and blueprint.charted and chosen in _best_nearby(blueprint, state)
+            ties, jumps, errors = ties + is_tie, jumps + is_jump, errors + (not is_tie and not is_jump)
+    return Parity(len(states), ties, errors, jumps)
+
+
+def _best_nearby(blueprint: Blueprint, state: Float32[np.ndarray, "8"]) -> set[int]:
+    """The actions that the package's player takes around a state."""
+    return {int(np.argmax(blueprint.values(seen))) for seen in seen_nearby(blueprint, state)}
 
 
 def largest_difference(
@@ -73,10 +82,24 @@ def largest_difference(
 ) -> float:
     """Of an exported continuous policy's controls from those of the package's player, which chose these gears in these
     states: a share of each control's largest value; NaN where a control is.
+
+    Where that is much, and it plays by a chart, it is counted from the range of the controls that the player chooses
+    within `BREADTH` of the state.
     """
     said = np.array([decide(state) for state in states], float)
-    away = np.abs(said - gears * blueprint.largest_controls)
-    return float(np.max(away / np.maximum(blueprint.largest_controls, 1e-6)))  # where the robot cannot turn, both are 0
+    largest = np.maximum(blueprint.largest_controls, 1e-6)  # where the robot cannot turn, both are 0
+    away = np.abs(said - gears * blueprint.largest_controls) / largest
+    if blueprint.charted:
+        for place in np.flatnonzero((away > TOLERANCE).any(axis=1)):
+            around = _controls_nearby(blueprint, states[place])
+            away[place] = np.abs(said[place] - np.clip(said[place], around.min(axis=0), around.max(axis=0))) / largest
+    return float(np.max(away))
+
+
+def _controls_nearby(blueprint: Blueprint, state: Float32[np.ndarray, "8"]) -> Float[np.ndarray, "states 2"]:
+    """What the package's player chooses around a state."""
+    gears = [np.tanh(blueprint.values(seen)) for seen in seen_nearby(blueprint, state)]
+    return np.array(gears) * blueprint.largest_controls
 
 
 def microseconds(

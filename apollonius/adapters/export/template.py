@@ -1,6 +1,7 @@
 """Text with places to fill in: the files in `templates/`, which are the exported policies but for their numbers.
 
-Lines that follow one that says `@discrete` or `@continuous` are for policies of that kind only, up to `@both`.
+Lines that follow one that says `@discrete` or `@continuous`, `@charted` or `@uncharted` are for policies of that kind
+only, up to `@both`.
 """
 
 from pathlib import Path
@@ -9,15 +10,21 @@ from string import Template
 from apollonius.adapters.export.blueprint import FALLBACK, FALLBACK_GEARS, LARGEST, Blueprint
 
 TEMPLATES = Path(__file__).parent / "templates"
+_KINDS = ("@both", "@discrete", "@continuous", "@charted", "@uncharted")
 
 
 def fill(template: str, blueprint: Blueprint, **values: object) -> str:
     """The file of this name in `templates/`, its places filled in."""
-    kind, kept = "both", []
+    kinds = (
+        "@both",
+        "@continuous" if blueprint.continuous else "@discrete",
+        "@charted" if blueprint.charted else "@uncharted",
+    )
+    kind, kept = "@both", []
     for line in (TEMPLATES / template).read_text().splitlines(keepends=True):
-        if line.startswith("@"):
-            kind = line.strip("@\n")
-        elif kind in ("both", "continuous" if blueprint.continuous else "discrete"):
+        if line.strip() in _KINDS:
+            kind = line.strip()
+        elif kind in kinds:
             kept.append(line)
     return Template("".join(kept)).substitute(_shared(blueprint), **values)
 

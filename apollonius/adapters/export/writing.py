@@ -14,6 +14,7 @@ from apollonius.adapters.export.parity import TOLERANCE, CannotRun, Decide, comp
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.store import Agent
 from apollonius.agents.trained import find_trained, greedy
+from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import SHIELDED
 from apollonius.document import write_atomically
@@ -119,7 +120,8 @@ def _check(blueprint: Blueprint, agent: Agent, load: Callable[[], Decide]) -> li
         decide = load()
     except CannotRun as reason:
         return [f"not checked: {reason}"]
-    played = decisions(blueprint.game, greedy(agent.network), Role[blueprint.header.role.upper()], STATES)
+    game = charted(blueprint.game) if blueprint.charted else blueprint.game
+    played = decisions(game, greedy(agent.network), Role[blueprint.header.role.upper()], STATES)
     equal = (_same_controls if blueprint.continuous else _same_actions)(decide, blueprint, played)
     lines = [f"checked in {STATES:,} states of games: {equal}"]
     deciders: dict[str, Callable[[np.ndarray], object]] = {"this file": decide}
@@ -145,7 +147,8 @@ def _same_actions(decide: Decide, blueprint: Blueprint, played: Decisions) -> st
             f"{parity.errors:,} of {STATES:,} actions differ from the package's: report this as an error."
         )
     ties = f", {parity.ties} of them equal in value to rounding" if parity.ties else ""
-    return f"{parity.ties} actions differ from the package's{ties}"
+    jumps = f", {parity.jumps} of them where what is seen of the chart jumps" if parity.jumps else ""
+    return f"{parity.ties + parity.jumps} actions differ from the package's{ties}{jumps}"
 
 
 def _same_controls(decide: Decide, blueprint: Blueprint, played: Decisions) -> str:

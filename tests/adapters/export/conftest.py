@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import config
 
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.agents.network import GaussianActor, QNetwork, make_actor, make_network
@@ -39,6 +40,15 @@ PLAYED = [
 DISCRETE, CONTINUOUS = ([(kind, *played) for played in PLAYED] for kind in ("discrete", "continuous"))
 ONE_OF_EACH_PROFILE = [DISCRETE[1], DISCRETE[5]]
 ONE_OF_EACH = [*ONE_OF_EACH_PROFILE, CONTINUOUS[1], CONTINUOUS[5]]
+
+
+@pytest.fixture(scope="module")
+def charts():
+    """Charts are drawn without the axis of arenas at first, and looked up at whole numbers times real ones."""
+    config.update("jaxtyping_disable", True)
+    with jax.numpy_dtype_promotion("standard"):
+        yield
+    config.update("jaxtyping_disable", False)
 
 
 @dataclass(frozen=True)
@@ -87,7 +97,8 @@ def case(request):
             eqx.tree_at(lambda robot: robot.heading, robot, wrap_angle(robot.heading))
             for robot in (RobotState(*state[:4]), RobotState(*state[4:]))
         )
-        seen = network.observation(View(game.arena, Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)))
+        robots = Robot(bodies[0], own), (), (Robot(bodies[1], opponent),)
+        seen = network.observation(View(game.arena, *robots, game.capture_distance))
         action = greedy(network)(seen, jnp.uint32(0))
         return seen, action, jnp.stack(bodies[0].controls(action))
 
