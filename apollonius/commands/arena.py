@@ -141,6 +141,7 @@ def run_suite(options: argparse.Namespace) -> int:
         save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
         play = command("show", "intercept", "flee-aware", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
         finish(options.out, then=play, json=options.json)
+    return 0
 
 
 def run_chart(options: argparse.Namespace) -> int:

@@ -106,8 +106,8 @@ def test_what_is_seen_does_not_depend_on_where_the_arena_lies_or_where_north_is(
         x, y, ex, ey = rng.uniform(0.3, 7.7, 4)
         heading, their_heading = rng.uniform(-1.5, 1.5, 2)
         before = state((x, y, 0.3, heading), (ex, ey, 0.9, their_heading))
-        quarter = math.pi / 2
-        after = state((18.0 - y, -5.0 + x, 0.3, heading + quarter), (18.0 - ey, -5.0 + ex, 0.9, their_heading + quarter))
+        headings = heading + math.pi / 2, their_heading + math.pi / 2
+        after = state((18.0 - y, -5.0 + x, 0.3, headings[0]), (18.0 - ey, -5.0 + ex, 0.9, headings[1]))
         apart.append(np.abs(seen(observation, before, game=here) - seen(observation, after, game=there)))
     apart = np.array(apart)
     assert np.median(apart.max(axis=1)) < 0.06

@@ -1,7 +1,6 @@
 """The page's charts are those of the package, and so is what a robot sees by them, and what it does."""
 
 import shutil
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -9,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import config
 
 from apollonius.agents.network import QNetwork, make_network
 from apollonius.agents.store import describe, save_agent
@@ -69,19 +67,7 @@ def case(request):
     starts = replace(game, starts=Starts(speed="moving", clearance=0.05))
     role = Role.EVADER if request.param in ("office", "map") else Role.PURSUER
     states = np.asarray(as_rows(reset_batch(starts, jax.random.key(1), 500)))
-    with as_for_users():
-        return Case(game, charted(game).arena.chart, states, role)
-
-
-@contextmanager
-def as_for_users():
-    """Without the tests' checks of shapes and of how types are mixed, which charts do not pass while they are drawn."""
-    config.update("jaxtyping_disable", True)
-    try:
-        with jax.numpy_dtype_promotion("standard"):
-            yield
-    finally:
-        config.update("jaxtyping_disable", False)
+    return Case(game, charted(game).arena.chart, states, role)
 
 
 def test_charts_are_alike(case):
@@ -130,8 +116,7 @@ def looked(case):
     def look(game, rows):
         return jax.vmap(lambda row: observe(game, as_state(row, jnp.asarray(0)), case.role, "egocentric"))(rows)
 
-    with as_for_users():
-        return look(game, jnp.asarray(case.states))
+    return look(game, jnp.asarray(case.states))
 
 
 def levelled(network: QNetwork, seen) -> QNetwork:

@@ -25,7 +25,6 @@ from apollonius.game.types import Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
 from apollonius.web.site import BUILT_IN, PAGE, READS, YOU, choose, write_site
-from tests.web.test_charts_in_javascript import as_for_users
 
 
 def test_the_site_is_whole(tmp_path):
@@ -108,7 +107,7 @@ def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
     path = tmp_path / "small.safetensors"
     save_agent(describe(make_network(name, 8, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     refused = pytest.raises(InvalidInput, match=f"observation = {name} .* paper, encoded, egocentric; choose another")
-    with as_for_users(), nullcontext() if name in READS else refused:
+    with nullcontext() if name in READS else refused:
         choice = choose(Role.EVADER, str(path), "paper", 0)
         assert list(choice.agents.values()) == [path]
 
