@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import config
 
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.agents.network import GaussianActor, QNetwork, make_actor, make_network
@@ -40,15 +39,6 @@ PLAYED = [
 DISCRETE, CONTINUOUS = ([(kind, *played) for played in PLAYED] for kind in ("discrete", "continuous"))
 ONE_OF_EACH_PROFILE = [DISCRETE[1], DISCRETE[5]]
 ONE_OF_EACH = [*ONE_OF_EACH_PROFILE, CONTINUOUS[1], CONTINUOUS[5]]
-
-
-@pytest.fixture(scope="module")
-def charts():
-    """Charts are drawn without the axis of arenas at first, and looked up at whole numbers times real ones."""
-    config.update("jaxtyping_disable", True)
-    with jax.numpy_dtype_promotion("standard"):
-        yield
-    config.update("jaxtyping_disable", False)
 
 
 @dataclass(frozen=True)

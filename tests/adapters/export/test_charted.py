@@ -34,8 +34,6 @@ from tests.adapters.export.conftest import UNEQUAL, small_actor, small_network, 
 from tests.adapters.export.test_c import MATHEMATICS
 from tests.adapters.export.test_formats import broken
 
-pytestmark = pytest.mark.usefixtures("charts")
-
 HERE = dataclasses.replace(
     UNEQUAL,
     arena=Arena(

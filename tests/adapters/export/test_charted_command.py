@@ -18,7 +18,6 @@ from apollonius.game.game import Game
 from apollonius.game.scenario import in_arenas
 from apollonius.game.types import Role
 
-pytestmark = pytest.mark.usefixtures("charts")
 HALL = "[arena]\nx_max = 12.0\npolygons = [{vertices = [[4.0, 4.0], [6.0, 4.0], [5.0, 6.0]]}]\n"
 
 
