@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.arenas.record import find_map, from_dict
-from apollonius.arenas.scenarios import NAMES, scenario_game
+from apollonius.arenas.scenarios import is_scenario, scenario_game
 from apollonius.arenas.suite import SUITES, suite_arena
 from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
@@ -32,7 +32,8 @@ def about_game(name: str) -> str:
 def find_game(name: str) -> Game:
     """The game of this name, preset or from the gallery, of this `.toml` file, or in this arena of a suite.
 
-    `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part.
+    `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
+    `suite-v1/maze-00,maze-01` that in either of the two.
 
     Raises:
         InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
@@ -40,7 +41,7 @@ def find_game(name: str) -> Game:
     if Path(name).suffix == ".toml":
         return load_game(Path(name))
     suite, _, within = name.partition("/")
-    if name in NAMES:
+    if is_scenario(name):
         return scenario_game(name)
     if suite in SUITES and within:
         return replace(make_game("paper"), arena=suite_arena(suite, within))

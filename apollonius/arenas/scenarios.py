@@ -1,6 +1,7 @@
-"""Games in all the arenas of a suite's part, by the names that files have for them: `suite-v1/train`, for example."""
+"""Games in many arenas of a suite, by the names that files have for them: `suite-v1/train`, for example."""
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 
 from apollonius.arenas.suite import PARTS, SUITES, suite_arena, suite_names
 from apollonius.errors import require
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.scenario import Makes, Scenario, together
@@ -17,12 +19,16 @@ PAPERS_OWN = 16
 """Pairs of the paper's robots among those that are learned with,"""
 OTHERS = 48
 """and pairs of others."""
-NAMES = tuple(f"{suite}/{part}" for suite in SUITES for part in PARTS)
-"""Of all scenarios."""
+
+
+def is_scenario(name: str) -> bool:
+    """Whether a name is one of a part of a suite, or lists several of its arenas."""
+    suite, _, within = name.partition("/")
+    return suite in SUITES and (within in PARTS or "," in within)
 
 
 def scenario_game(name: str) -> Game:
-    """The paper's rules in the arenas of a suite's part; errors as those of `find_scenario`.
+    """The paper's rules in the arenas of a suite's part, or in some of its arenas; errors as those of `find_scenario`.
 
     In `train` there are robots of many `makes`, and games begin nearer to walls and obstacles, so that the larger ones
     find a place.
@@ -33,15 +39,33 @@ def scenario_game(name: str) -> Game:
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """The arenas of a part of a suite and, in `train`, the robots.
+    """The arenas of a part of a suite and, in `train`, the robots; or the arenas of a list, `suite-v1/maze-00,maze-01`.
 
     Raises:
         InvalidInput: for an unknown name, and as `suite_arena`.
     """
-    require(name in NAMES, "scenario", name, f"one of {', '.join(NAMES)}")
-    suite, part = name.split("/")
-    arenas = [suite_arena(suite, arena) for arena in suite_names(suite, part)]
-    return Scenario(together(arenas), len(arenas), makes() if part == "train" else None, name)
+    arenas = _arenas(name)
+    return Scenario(together(arenas), len(arenas), makes() if name.endswith("/train") else None, name)
+
+
+def each_alone(game: Game) -> list[Game]:
+    """The game in each of the arenas of its scenario, as if there were no other; itself where there is none.
+
+    Raises:
+        InvalidInput: for a scenario without a name, and as `find_scenario`.
+    """
+    if game.scenario is None:
+        return [game]
+    return [replace(game, arena=arena, scenario=None) for arena in _arenas(game.scenario.name)]
+
+
+def _arenas(name: Any) -> list[Arena]:
+    some = [f"{suite}/{part}" for suite in SUITES for part in PARTS]
+    known = isinstance(name, str) and is_scenario(name)
+    require(known, "scenario", name, f"one of {', '.join(some)}, or some arenas, as '{SUITES[0]}/maze-00,maze-01'")
+    suite, within = name.split("/")
+    names = suite_names(suite, within) if within in PARTS else within.split(",")
+    return [suite_arena(suite, arena) for arena in names]
 
 
 def makes() -> Makes:

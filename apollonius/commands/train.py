@@ -169,6 +169,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", leads: bool) -> int:
     """Train to the end or to Ctrl-C; at the end, whoever leads plays the new agents and says how good they are."""
+    from apollonius.arenas.scenarios import each_alone
     from apollonius.learn.run import Run
     from apollonius.learn.school import TABLES
     from apollonius.terminal import training_notes
@@ -201,7 +202,8 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", lead
     display.plan(solving | run.work | {_JUDGING: _judging_work(config, stages)})
     go_on(f"go on with: apollonius resume {folder}")
     if distils:
-        solved_game(display, config.game, config.distillation.grid, folder / TABLES)
+        for game in each_alone(config.game):
+            solved_game(display, game, config.distillation.grid, folder / TABLES)
     before = signal.signal(signal.SIGINT, on_interrupt)
     try:
         display.begin(stages[0], compiles=True)

@@ -6,13 +6,15 @@ network is fitted to the answers (Ross, Gordon, Bagnell, "A reduction of imitati
 no-regret online learning", 2011; Rusu et al., "Policy distillation", 2016).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE
@@ -43,14 +45,17 @@ _PLANS = ((10, 1, NUM_ACTIONS), (10, 2, 3))
 many plans they go on from: a second and two, in a game with steps of 0.1 s."""
 
 
-def start_distillation(plan: Plan, game: Game, key: PRNGKeyArray, network: Network | None = None) -> TrainState:
+def start_distillation(
+    plan: Plan, schools: Sequence[School], key: PRNGKeyArray, network: Network | None = None
+) -> TrainState:
     """The state before the first step. The key is consumed.
 
     Args:
+        schools: in each of the arenas; of one shape.
         network: the one to go on from; None starts from random weights.
     """
     network_key, start_key, train_key = jax.random.split(key, 3)
-    games, role = plan.learner.games, _config(plan).side
+    game, games, role = schools[0].game, plan.learner.games, _config(plan).side
     learner = first_learner(plan, role, network_key, network)
     asked = jax.eval_shape(lambda states, key: situations(game, states, key), _starts(game, games, key), key)
     block = len(asked.steps)
@@ -63,21 +68,26 @@ def start_distillation(plan: Plan, game: Game, key: PRNGKeyArray, network: Netwo
         return fresh_player(jnp.zeros(games, jnp.int32), jnp.zeros(games, jnp.uint32), NONE)
 
     lessons = Lessons(jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS)), nothing(), nothing())
-    begun = Games(_starts(game, games, start_key), ROLES.map(player))
+    keys = [start_key, *(jax.random.fold_in(start_key, number) for number in range(1, len(schools)))]
+    drawn = [_starts(school.game, games, key) for school, key in zip(schools, keys, strict=True)]
+    states = jax.tree.map(lambda *leaves: jnp.stack(leaves), *drawn)
+    begun = Games(states, ROLES.map(player))
     return TrainState(begun, {role: LearnerState(learner, lessons)}, train_key, nothing(), nothing(), nothing())
 
 
 def distillation(
-    plan: Plan, game: Game, state: TrainState, school: School, done: int = 0
+    plan: Plan, state: TrainState, schools: Sequence[School], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
     """The stage chunk by chunk; each state is consumed by the next one.
 
     Args:
         state: before the next chunk.
+        schools: in each of the arenas, which take turns.
         done: chunks done before.
     """
-    for _ in range(done, plan.chunks):
-        state, metrics = _play_and_learn(plan, game, state, school)
+    for chunk in range(done, plan.chunks):
+        number = chunk % len(schools)
+        state, metrics = _play_and_learn(plan, state, schools[number], np.int32(number))
         yield state, metrics
 
 
@@ -87,19 +97,27 @@ def _starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
 
 
 @partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _play_and_learn(plan: Plan, game: Game, state: TrainState, school: School) -> tuple[TrainState, Metrics]:
-    """One chunk of the stage."""
+def _play_and_learn(
+    plan: Plan, state: TrainState, school: School, number: Int[Array, ""]
+) -> tuple[TrainState, Metrics]:
+    """One chunk of the stage, in the arena of this number: its games go on where they were."""
 
     def one_round(state: TrainState, _: None) -> tuple[TrainState, Metrics]:
-        return _round(plan, game, state, school)
+        return _round(plan, state, school)
 
-    state, metrics = jax.lax.scan(one_round, state, None, plan.iterations_per_chunk)
+    every = state.games.state
+    here = jax.tree.map(lambda leaf: leaf[number], every)
+    state, metrics = jax.lax.scan(
+        one_round, replace(state, games=replace(state.games, state=here)), None, plan.iterations_per_chunk
+    )
+    after = jax.tree.map(lambda leaf, new: leaf.at[number].set(new), every, state.games.state)
+    state = replace(state, games=replace(state.games, state=after))
     return state, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _round(plan: Plan, game: Game, state: TrainState, school: School) -> tuple[TrainState, Metrics]:
+def _round(plan: Plan, state: TrainState, school: School) -> tuple[TrainState, Metrics]:
     """The teacher is asked, every game goes on for some steps, the student is fitted."""
-    config = _config(plan)
+    config, game = _config(plan), school.game
     role, side = config.side, state.learners[config.side]
     key = jax.random.fold_in(state.key, state.iterations)
     ask_key, play_key, start_key, learn_key = jax.random.split(key, 4)
@@ -110,7 +128,7 @@ def _round(plan: Plan, game: Game, state: TrainState, school: School) -> tuple[T
     seen = Views(game, situations(game, state.games.state, ask_key), role)
     lessons = lessons.add(network.observation.together(seen), school.teacher.worths(seen))
 
-    after, outcome = _play(plan, game, network, state.games.state, school, play_key)
+    after, outcome = _play(plan, network, state.games.state, school, play_key)
     ended = outcome != Outcome.ONGOING
     fresh = fresh_starts(game, plan.learner.games, start_key)
     states = jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, after)
@@ -135,10 +153,10 @@ def _round(plan: Plan, game: Game, state: TrainState, school: School) -> tuple[T
 
 
 def _play(
-    plan: Plan, game: Game, network: QNetwork, states: GameState, school: School, key: PRNGKeyArray
+    plan: Plan, network: QNetwork, states: GameState, school: School, key: PRNGKeyArray
 ) -> tuple[GameState, Int[Array, " games"]]:
     """All games some steps on; one that is over stays where it ended."""
-    config, games = _config(plan), plan.learner.games
+    config, game, games = _config(plan), school.game, plan.learner.games
     role, steps = config.side, plan.learner.steps_per_iteration
     explore_key, action_key, plan_key, bits_key = jax.random.split(key, 4)
     student = greedy(network)

@@ -33,7 +33,7 @@ from apollonius.learn.fixed_target import fixed_target, start_fixed_target
 from apollonius.learn.folder import agent_file
 from apollonius.learn.plans import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, load_first, plans_of
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
-from apollonius.learn.school import TABLES, School, open_school
+from apollonius.learn.school import TABLES, School, open_schools
 from apollonius.learn.self_play import self_play, start_self_play
 from apollonius.learn.train_state import Plan, TrainState
 from apollonius.observe.registry import find_observation
@@ -80,9 +80,9 @@ class Run:
         self.plans = plans_of(config)
 
     @cached_property
-    def school(self) -> School:
-        """Who teaches in a distillation, and whom the student meets; the game is solved for it if it is not yet."""
-        return open_school(self.config, self.folder / TABLES)
+    def schools(self) -> list[School]:
+        """Who teaches in a distillation, and whom the student meets; games are solved for it that are not yet."""
+        return open_schools(self.config, self.game, self.folder / TABLES)
 
     @property
     def work(self) -> dict[str, int]:
@@ -125,7 +125,7 @@ class Run:
         if stage == SELF_PLAY:
             return Saved(begun(plan, lambda device: start_self_play(plan, game, key, networks, device)), None)
         if stage == DISTILLATION:
-            return Saved(start_distillation(plan, game, key, networks[self.config.distillation.side]), None)
+            return Saved(start_distillation(plan, self.schools, key, networks[self.config.distillation.side]), None)
 
         def start(device: Int[Array, ""] | None) -> TrainState:
             return start_fixed_target(plan, game, key, self.evaders, networks.pursuer, device=device)
@@ -139,7 +139,7 @@ class Run:
         if stand.stage == FIXED_TARGET:
             chunks = fixed_target(plan, game, train, self.evaders, stand.chunks)
         elif stand.stage == DISTILLATION:
-            chunks = distillation(plan, game, train, self.school, stand.chunks)
+            chunks = distillation(plan, train, self.schools, stand.chunks)
         else:
             chunks = self_play(plan, game, train, stand.chunks)
         began, last_save = time.monotonic() - stand.seconds, time.monotonic()
@@ -178,8 +178,11 @@ class Run:
         most wins would be one that waits until a random evader has failed.
         """
         networks = {role: side.learner.average for role, side in own.learners.items()}
-        fixed = solo(self.school.opponents[0]) if stand.stage == DISTILLATION else self.evaders
-        outcomes = greedy_outcomes(self.game, networks, fixed, plan.stage.evaluation_games)
+        taught = stand.stage == DISTILLATION
+        fixed = solo(self.schools[0].opponents[0]) if taught else self.evaders
+        outcomes = greedy_outcomes(
+            self.schools[0].game if taught else self.game, networks, fixed, plan.stage.evaluation_games
+        )
         found = Evaluation(plan.devices * int(own.env_steps), int(own.episodes), outcomes)
         stand = replace(stand, evaluation=found)
         if stand.stage != FIXED_TARGET:

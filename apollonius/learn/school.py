@@ -4,15 +4,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
+from apollonius.arenas.scenarios import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.teacher import Room, Teacher
+from apollonius.solve.grid import make_grid
 from apollonius.solve.iteration import Sweep
 from apollonius.solve.kept import kept_tables
 from apollonius.solve.motion import motion_of
@@ -27,33 +31,72 @@ _AHEAD = 2
 
 
 class School(eqx.Module):
-    """Who teaches, and whom the student meets.
+    """Who teaches in one arena, and whom the student meets there.
 
     Attributes:
+        game: the rules.
         teacher: whose worths are learned.
         opponents: each plays an equal part of the games that the attackers leave.
         table: the other side's player by the solved game, by which the attackers look ahead.
     """
 
+    game: Game
     teacher: Teacher
     opponents: tuple[AbstractPolicy, ...]
     table: SaddlePolicy
 
 
-def open_school(
-    config: RunConfig, folder: Path | None, report: Callable[[Role, Sweep], None] = lambda role, sweep: None
-) -> School:
-    """The school of a run, for which the game is solved if its tables do not lie in the folder.
+def open_schools(
+    config: RunConfig,
+    game: Game,
+    folder: Path | None,
+    report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
+) -> list[School]:
+    """The schools of a run, one in each arena, for which the games are solved whose tables do not lie in the folder.
+
+    All have one shape, so that what is compiled for one serves all.
 
     Args:
+        game: that of the run, with charts where players read them.
         report: told after each sweep.
 
     Raises:
-        InvalidInput: when a player cannot be found, or the teacher does not value the nine actions.
+        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or there are robots of
+            several makes.
     """
-    game, stage = config.game, config.distillation
-    role = stage.side
-    tables = kept_tables(game, stage.grid, folder, report)
+    scenario, role = game.scenario, config.distillation.side
+    if scenario is None:
+        grid, hold = reference_grid(game, role)
+        return [_open_school(config, game, game, grid.counts, hold, folder, report)]
+    makes = "robots of several makes"
+    require(scenario.makes is None, "game", makes, "one of one make: whom a table teaches has the table's robots")
+    alone = each_alone(game)
+    grids = [reference_grid(one, role) for one in alone]
+    counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
+    return [
+        _open_school(config, one, scenario.game(game, jnp.asarray(number)), counts, grids[0][1], folder, report)
+        for number, one in enumerate(alone)
+    ]
+
+
+def _open_school(
+    config: RunConfig,
+    alone: Game,
+    game: Game,
+    counts: tuple[int, ...],
+    hold: int,
+    folder: Path | None,
+    report: Callable[[Role, Sweep], None],
+) -> School:
+    """One of them.
+
+    Args:
+        alone: the game as its file has it, which is solved.
+        game: as it is played.
+        counts, hold: of the grid on which the room that is left is known.
+    """
+    stage, role = config.distillation, config.distillation.side
+    tables = kept_tables(alone, stage.grid, folder, report, game)
 
     def player(name: str, role: Role) -> Named:
         return Named(name, tables[role]) if name == TABLE else find_player(name, role, game)
@@ -62,13 +105,13 @@ def open_school(
     values = isinstance(found.policy, AbstractActionValuePolicy)
     require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
     assert isinstance(found.policy, AbstractActionValuePolicy)
-    teacher = Teacher(found.policy, price_of_losing(found, game), _room(game, role, stage.room))
+    teacher = Teacher(found.policy, price_of_losing(found, game), _room(game, role, stage.room, counts, hold))
     opponents = tuple(player(name, role.other).policy for name in stage.opponents)
-    return School(teacher, opponents, tables[role.other])
+    return School(game, teacher, opponents, tables[role.other])
 
 
-def _room(game: Game, role: Role, wanted: float) -> Room | None:
+def _room(game: Game, role: Role, wanted: float, counts: tuple[int, ...], hold: int) -> Room | None:
     if wanted == 0:
         return None
-    grid, hold = reference_grid(game, role)
+    grid = make_grid(game.arena, game.body(role), counts)
     return Room(motion_of(game, role, _AHEAD), grid, solve_safety(game, role, grid, hold).table, wanted)

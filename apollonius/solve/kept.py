@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -25,6 +25,7 @@ def kept_tables(
     counts: Sequence[int] | None,
     folder: Path | None,
     report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
+    played: Game | None = None,
 ) -> BySide[SaddlePolicy]:
     """The players of both sides by the solved game, payoff `win`; what the folder holds is not solved again.
 
@@ -32,6 +33,8 @@ def kept_tables(
         counts: nodes along x, y, v and heading; None for those of `joint_grid`.
         folder: where the files are kept, each named after what it solves; None keeps none.
         report: told after each sweep.
+        played: the same game as the players shall play it, whose arena may have a chart, and empty places for
+            obstacles; None for the game itself.
 
     Raises:
         InvalidInput: for a grid that memory has no room for, and a damaged file.
@@ -41,12 +44,13 @@ def kept_tables(
         problem = joint_problem(game, role, counts)
         path = folder / _file_name(problem) if folder else None
         if path is not None and path.is_file():
-            return table_player(path, game)
+            found = table_player(path, game)
+            return found if played is None else replace(found, zero_sum_game=zero_sum_game_of(problem, played))
         solution = solve_problem(problem, game, lambda sweep: report(role, sweep))
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
             save_solution(solution, path)
-        return SaddlePolicy(zero_sum_game_of(problem, game), jnp.asarray(solution.table))
+        return SaddlePolicy(zero_sum_game_of(problem, played or game), jnp.asarray(solution.table))
 
     return ROLES.map(player)
 

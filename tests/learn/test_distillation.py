@@ -19,7 +19,7 @@ from apollonius.learn.config import DISTILLATIONS, RunConfig
 from apollonius.learn.learner_config import DQNConfig, SACConfig
 from apollonius.learn.lessons import Lessons
 from apollonius.learn.run import Run
-from apollonius.learn.school import open_school
+from apollonius.learn.school import open_schools
 from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher
@@ -44,7 +44,7 @@ RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAG
 
 @pytest.fixture(scope="module")
 def school():
-    return open_school(RUN, None)
+    return open_schools(RUN, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_the_shipped_recipes_can_be_begun(role):
     config = DISTILLATIONS[f"{name}-by-table"]
     assert (config.stages, config.distillation.role) == ("distillation", name)
     few = replace(config, game=GAME, distillation=replace(config.distillation, grid=FEW, room=0.0))
-    found = open_school(few, None)
+    (found,) = open_schools(few, GAME, None)
     assert len(found.opponents) == len(few.distillation.opponents)
     assert found.table.zero_sum_game.role == role.other
     assert found.teacher.room is None
@@ -176,7 +176,7 @@ def test_the_shipped_recipes_can_be_begun(role):
 )
 def test_what_cannot_be_distilled_is_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        open_school(replace(RUN, **change), None)
+        open_schools(replace(RUN, **change), GAME, None)
 
 
 @pytest.mark.parametrize(
