@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
+from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
@@ -30,8 +30,6 @@ _CHUNK_SECONDS = 0.2
 """How long the games go on before the program is asked again, about."""
 _WINDOW = 8
 """Starts handed to the compiled function at a time, for each place."""
-_BLOCK = 1024
-"""Starts drawn at a time."""
 _NOBODY = -1
 """The number of the game in a place without one."""
 
@@ -120,32 +118,6 @@ def play_out(
         steps = min(steps * 2, _MOST_STEPS) if quick else max(steps // 2, 1)
         report(done, total)
     return jax.device_put(results)
-
-
-def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
-    """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
-
-    In several arenas games take turns, as `Scenario.place_of` says.
-
-    Returns:
-        Initial states, leaves `[games]`.
-    """
-    blocks = [jax.device_get(_draw_block(game, key, np.uint32(first))) for first in range(0, games, _BLOCK)]
-    return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
-
-
-@jax.jit
-def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
-    # The i-th key that `split` makes is that of `fold_in` with i.
-    index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
-
-    def draw(one: UInt32[Array, ""]) -> GameState:
-        start_key = jax.random.fold_in(key, one)
-        if game.scenario is None:
-            return game.reset(start_key)
-        return game.reset_at(game.scenario.place_of(one.astype(jnp.int32)), start_key)
-
-    return jax.vmap(draw)(index)
 
 
 def play_at_once(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray) -> Results:

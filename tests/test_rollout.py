@@ -22,14 +22,14 @@ from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game, reset_batch
+from apollonius.game.game import Game, reset_batch, sample_starts
 from apollonius.game.types import ROLES, GameState, Outcome, RobotState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
-from apollonius.playout import play_at_once, play_out, sample_starts
+from apollonius.playout import play_at_once, play_out
 from apollonius.rollout import begin, collect
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)

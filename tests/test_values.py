@@ -98,6 +98,7 @@ ENOUGH = {
     "arena list": {},
     "arena check": {"game": ["paper"]},
     "arena suite": {},
+    "arena chart": {"game": ["paper"], "--out": ["new.npz"]},
     "arena random": {"--out": ["new.toml"]},
     "export": {"agent": ["P_pool"], "--to": ["numpy"], "--out": ["a.py"]},
     "reproduce": {},
@@ -206,7 +207,7 @@ def test_no_odd_value_is_the_name_of_anything(capsys, command, name):
 def test_what_a_command_cannot_do_with_a_value_it_says_before_it_works(capsys, words):
     told = refusal(capsys, lambda: main(words))
     assert told is not None
-    assert any(words in told for words in ("must be", "needs", "there is no"))
+    assert any(words in told for words in ("must be", "needs", "there is no", "no place to start"))
     assert [str(path) for path in Path().rglob("*")] == ["folder"]
 
 

@@ -18,11 +18,11 @@ from apollonius.evaluate.by_arena import ByArena, count_by_arena
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game
+from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.limits import GAMES, SEED
-from apollonius.playout import Report, Results, play_out, sample_starts
+from apollonius.playout import Report, Results, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 

@@ -16,10 +16,10 @@ from apollonius.agents.pool import solo
 from apollonius.errors import require
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, distance
+from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.limits import GAMES, SEED, TARGETS
-from apollonius.playout import play_out, sample_starts
+from apollonius.playout import play_out
 from apollonius.solve.reach import Chase, Reach, solve_reach
 from apollonius.solve.table_policy import TablePolicy
 

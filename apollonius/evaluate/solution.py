@@ -9,9 +9,8 @@ import numpy as np
 
 from apollonius.agents.shield import BRAKING
 from apollonius.game.by_side import one_each
-from apollonius.game.game import Game
+from apollonius.game.game import Game, sample_starts
 from apollonius.game.types import Role
-from apollonius.playout import sample_starts
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy

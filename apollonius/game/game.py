@@ -5,7 +5,8 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray
+import numpy as np
+from jaxtyping import Array, Int, PRNGKeyArray, UInt32
 
 from apollonius.errors import require
 from apollonius.game.arena import Arena
@@ -18,6 +19,9 @@ from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.game.validation import check_game
+
+_BLOCK = 1024
+"""Starts of a match that are drawn at a time."""
 
 
 class Game(eqx.Module):
@@ -126,6 +130,32 @@ def distance(state: GameState) -> Scalar:
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
     """Initial states of several games, leaves of shape `[games]`. The key is consumed."""
     return jax.vmap(game.reset)(jax.random.split(key, games))
+
+
+def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
+    """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
+
+    In several arenas games take turns, as `Scenario.place_of` says.
+
+    Returns:
+        Initial states, leaves `[games]`.
+    """
+    blocks = [jax.device_get(_draw_block(game, key, np.uint32(first))) for first in range(0, games, _BLOCK)]
+    return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))
+
+
+@jax.jit
+def _draw_block(game: Game, key: PRNGKeyArray, first: UInt32[Array, ""]) -> GameState:
+    # The i-th key that `split` makes is that of `fold_in` with i.
+    index = first + jnp.arange(_BLOCK, dtype=jnp.uint32)
+
+    def draw(one: UInt32[Array, ""]) -> GameState:
+        start_key = jax.random.fold_in(key, one)
+        if game.scenario is None:
+            return game.reset(start_key)
+        return game.reset_at(game.scenario.place_of(one.astype(jnp.int32)), start_key)
+
+    return jax.vmap(draw)(index)
 
 
 @fusion_barrier

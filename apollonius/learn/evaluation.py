@@ -8,10 +8,10 @@ import numpy as np
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.trained import greedy
-from apollonius.game.game import Game
+from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
-from apollonius.playout import play_out, sample_starts
+from apollonius.playout import play_out
 
 _SEED = 20_200
 """Of the games, the same for all runs; the judge uses others."""

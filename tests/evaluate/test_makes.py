@@ -9,6 +9,7 @@ from apollonius import playout
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.makes import Make, make_of, play_makes, with_make
 from apollonius.evaluate.match import Match, play_match
+from apollonius.game import game as starts
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
@@ -73,9 +74,9 @@ def test_one_compilation_serves_all_makes_shields_too():
     names = BySide("shielded:pure-pursuit", "circle")
     game = replace(PAPER, max_steps=20)
     play_makes(game, names, (1.5,), (1.0,), (0.0,), 5)
-    compiled = playout._advance._cache_size(), playout._draw_block._cache_size()
+    compiled = playout._advance._cache_size(), starts._draw_block._cache_size()
     play_makes(game, names, (0.5, 1.0, 1.5), (0.5, 1.0, 2.0), (0.0, 0.1, 0.2), 5)
-    assert (playout._advance._cache_size(), playout._draw_block._cache_size()) == compiled
+    assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
 
 
 def test_gaps_between_bodies_stay_and_so_does_all_that_is_not_varied():
@@ -92,7 +93,7 @@ def test_gaps_between_bodies_stay_and_so_does_all_that_is_not_varied():
     ("make", "named"),
     [
         (Make(1.0, 1.0, 4.9), "radius 4.9 m: the arena leaves the pursuer no place to start"),
-        (Make(1.0, 1.0, 2.0), r"radius 2 m: starts\.separation = "),
+        (Make(1.0, 1.0, 2.0), r"radius 2 m: the arena leaves the robots no place to start"),
         (Make(1.0, 30.0, 0.0), r"turn ratio 30, .*pursuer\.u2_max = 24"),
         (Make(float("nan"), 1.0, 0.0), r"speed ratio nan, .*pursuer\.v_max = nan"),
         (Make(-1.0, 1.0, 0.0), r"pursuer\.v_min"),

@@ -37,7 +37,9 @@ class Graph:
         """An input that need not be given: it has this value then."""
         self.given.append(numpy_helper.from_array(value, name))
 
-    def clip(self, source: str, low: float, high: float, output: str, columns: list[str] | None = None) -> str:
+    def clip(
+        self, source: str, low: float | int, high: float | int, output: str, columns: list[str] | None = None
+    ) -> str:
         """The same columns within bounds."""
         return self.add("Clip", [source, np.array(low, np.float32), np.array(high, np.float32)], output, columns)
 
