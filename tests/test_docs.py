@@ -19,6 +19,7 @@ from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
+from apollonius.arenas.scenarios import is_scenario
 from apollonius.arenas.suite import SUITES, suite_names
 from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
@@ -101,7 +102,7 @@ def check_command(words, monkeypatch):
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
     known = {*game_names(), *[f"{suite}/{name}" for suite in SUITES for name in suite_names(suite)]}
-    assert game is None or game in known or game.endswith(".toml")
+    assert game is None or game in known or is_scenario(game) or game.endswith(".toml")
 
 
 @pytest.mark.parametrize("block", ALL, ids=str)

@@ -74,7 +74,7 @@ def run_list(options: argparse.Namespace) -> int:
         options.display.begin("drawing the arenas")
         options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery({name: find_game(name) for name in game_names()}, options.out)
-        finish(options.out, then=command("show", "intercept", "flee-aware", "--game", "office", "--out", "office.gif"))
+        finish(options.out, then=command("show", "P_any", "E_any", "--game", "office", "--out", "office.gif"))
     return 0
 
 
@@ -105,9 +105,7 @@ def run_check(options: argparse.Namespace) -> int:
             print(f"{options.game}: nothing is wrong with this arena")
     if options.out:
         again = command("arena", "check", options.game, "--out", options.out)
-        watch = command(
-            "show", "intercept", "flee-aware", "--game", options.game, "--out", options.out.with_suffix(".gif")
-        )
+        watch = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
 
@@ -139,7 +137,7 @@ def run_suite(options: argparse.Namespace) -> int:
         some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
         options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
-        play = command("show", "intercept", "flee-aware", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
+        play = command("show", "P_any", "E_any", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
         finish(options.out, then=play, json=options.json)
     return 0
 
