@@ -55,27 +55,32 @@ def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
 def test_a_ray_ends_where_the_first_thing_is(wide):
     """From (0, 4) the disc is 1.3 m ahead, the walls are 1, 2 and 2 m away, and sideways past the disc 5 m."""
     ways = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
-    found = [float(wide.range(*map(jnp.float32, way))) for way in ways]
+    found = jax.jit(jax.vmap(wide.range))(*jnp.asarray(ways, jnp.float32).T)
     np.testing.assert_allclose(found[:3], [1.3, 1.0, 2.0], atol=0.02)
-    assert 2.0 < found[3] <= 5.02, "past the disc the steps get short"
+    assert 2.0 < float(found[3]) <= 5.02, "past the disc the steps get short"
 
 
 def test_no_ray_goes_through_anything(room):
     x, y = points(ROOM, 500)
     angles = np.random.default_rng(1).uniform(-np.pi, np.pi, 500)
-    ranges = np.asarray(jax.vmap(room.range)(x, y, *map(jnp.float32, (np.cos(angles), np.sin(angles)))))
+    ranges = np.asarray(jax.jit(jax.vmap(room.range))(x, y, *map(jnp.float32, (np.cos(angles), np.sin(angles)))))
     assert (ranges <= FARTHEST).all()
-    free = np.asarray(jax.vmap(ROOM.clearance)(x, y)) > 0.05
+    clearances = jax.jit(jax.vmap(ROOM.clearance))
+    free = np.asarray(clearances(x, y)) > 0.05
     for share in np.linspace(0, 1, 50):
         there = ranges * share
-        clearance = jax.vmap(ROOM.clearance)(x + there * np.cos(angles), y + there * np.sin(angles))
+        clearance = clearances(x + there * np.cos(angles), y + there * np.sin(angles))
         assert (np.asarray(clearance)[free] > -0.05).all()
     assert GLANCES >= 12
 
 
+@jax.jit
+def way_between(chart, start, end):
+    return chart.way(chart.places(*start), chart.places(*end))
+
+
 def way(chart, start, end):
-    there = [chart.places(*map(jnp.float32, place)) for place in (start, end)]
-    return float(chart.way(*there))
+    return float(way_between(chart, *(jnp.asarray(place, jnp.float32) for place in (start, end))))
 
 
 def test_ways_lead_through_the_door(room):
