@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int, UInt32
 from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.arenas.charting import charted
 from apollonius.game.game import Game
 from apollonius.game.types import Action, GameState, Outcome, RobotState, Role, Timestep
 from apollonius.observe.registry import find_observation, observe
@@ -47,10 +48,10 @@ class LiveGame:
         self._space = action_space(actions)
         self.idle = np.zeros(self._space.shape or ())
         """What stands for the action of a side that is played from inside."""
-        size = find_observation(observation).size
+        reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
-        self.game = game
-        self._seen = {role: slice(8 + role * size, 8 + (role + 1) * size) for role in Role}
+        self.game = game = charted(game) if reads.charted else game
+        self._seen = {role: slice(8 + role * reads.size, 8 + (role + 1) * reads.size) for role in Role}
         # The game is a constant of both functions.
         self._begin = Compiled(_begin, game, observation)
         self._step = Compiled(_step, game, observation, inside or {}, self.idle.shape)

@@ -12,6 +12,7 @@ from jaxtyping import Bool
 from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space
+from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
@@ -70,10 +71,11 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = self._actions = action_space(actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        player = find_player(opponent, role.other, game).policy
+        reads, player = find_observation(observation), find_player(opponent, role.other, game).policy
+        game = charted(game) if reads.charted or player.charted else game
         self._mode = mode
         # The game is a constant of what is compiled.
-        sitting = Sitting(game, role, find_observation(observation), player, num_envs, mode)
+        sitting = Sitting(game, role, reads, player, num_envs, mode)
         self._draw, self._step, self._renew = (
             Compiled(sample_starts, sitting),
             Compiled(step_games, sitting),

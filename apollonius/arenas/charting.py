@@ -8,8 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
@@ -114,6 +112,9 @@ def _ways(
     field: _Field, at: Float[np.ndarray, "stops 2"], is_open: Bool[np.ndarray, " stops"], side: float, radius: float
 ) -> Float[np.ndarray, "stops stops"]:
     """Lengths [m] of the shortest ways; inf where there is none."""
+    from scipy.sparse import coo_array  # 0.3 s, for none but those who draw charts
+    from scipy.sparse.csgraph import dijkstra
+
     rows, columns = np.divmod(np.arange(STOPS**2), STOPS)
     starts: list[Int[np.ndarray, " some"]] = []
     ends: list[Int[np.ndarray, " some"]] = []

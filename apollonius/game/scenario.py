@@ -76,11 +76,10 @@ class Scenario(eqx.Module):
         arena, turn = index % self.count, index // self.count
         return arena if self.makes is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.makes))
 
-    def arena(self, place: Int[Array, ""] | None) -> Arena:
-        """The arena of this place, which the state of a game says; its chart stays with those of the others, as it is
+    def arena(self, place: Int[Array, ""]) -> Arena:
+        """The arena of this place, which the state of a game says. Its chart stays with those of the others, as it is
         too large to be copied for each game.
         """
-        assert place is not None, "a state of a game in one of several arenas says in which"
         number = place % self.count
         arena = jax.tree.map(lambda leaf: leaf[number], replace(self.arenas, chart=None))
         chart = self.arenas.chart
@@ -88,31 +87,31 @@ class Scenario(eqx.Module):
 
     def game(self, game: "Game", place: Int[Array, ""] | None) -> "Game":
         """The game in one arena that is played at this place."""
+        assert place is not None, "a state of a game in one of several arenas says in which"
         alone = replace(game, arena=self.arena(place), scenario=None)
-        if self.makes is None or place is None:
+        if self.makes is None:
             return alone
         make = jax.tree.map(lambda leaf: leaf[place // self.count], self.makes)
         return replace(alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance)
 
 
-def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None, name: str = "") -> "Game":
+def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None) -> "Game":
     """A game that is played in one of several arenas, drawn at each start; with one it is the game in that.
 
     All numbers of an arena are data, so that what is compiled serves them all. `game.arena` is the first of them.
 
     Args:
         makes: robots of several makes, of which a pair is drawn too; None for those of the game.
-        name: of the file that says all this, if there is one.
 
     Raises:
         InvalidInput: for no arena, for one that the game cannot be played in, and for arenas that do not go together:
-            with maps, or with a territory in some of them only.
+            with a territory in some of them only.
     """
     require(arenas, "arenas", "none", "one at least")
     first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
     if not others and makes is None:
         return first
-    return replace(first, scenario=Scenario(together(arenas), len(arenas), makes, name))
+    return replace(first, scenario=Scenario(together(arenas), len(arenas), makes))
 
 
 def together(arenas: Sequence[Arena]) -> Arena:

@@ -8,6 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from apollonius.adapters.gymnasium import OneSide
+from apollonius.arenas.charting import charted
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -47,6 +48,15 @@ def test_a_game_goes_as_the_rules_say(role):
     assert info["outcome"] in {
         f"{role.name.lower()}_hit_obstacle", f"{role.name.lower()}_out_of_range", "captured",
     }  # fmt: skip
+
+
+def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
+    env = OneSide(Role.PURSUER, opponent="still", observation="egocentric")
+    seen, _ = env.reset(seed=5)
+    bits = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)
+    game = charted(make_game("paper"))
+    state = game.reset(jax.random.key(np.uint32(bits)))
+    np.testing.assert_allclose(seen, observe(game, state, Role.PURSUER, "egocentric"), atol=1e-5)
 
 
 def test_one_seed_gives_one_game_and_another_seed_another():

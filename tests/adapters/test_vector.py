@@ -12,10 +12,13 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import apollonius.adapters.gymnasium  # noqa: F401 (registers the environments)
 from apollonius.adapters.vector import ManyGames
+from apollonius.arenas.charting import charted
+from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.registry import observe
+from apollonius.observe.view import look
 
 PAPER = make_game("paper")
 GAMES = 64
@@ -148,3 +151,26 @@ def test_bad_input_is_refused(env):
         ManyGames(Role.PURSUER, 0)
     with pytest.raises(InvalidInput, match="seed = "):
         env.reset(seed=[1, 2])
+
+
+def test_an_opponent_that_reads_a_chart_plays_as_it_would_in_the_charted_game():
+    """The environment's own observation reads none."""
+    env = ManyGames(Role.PURSUER, 4, opponent="E_any")
+    seen, _ = env.reset(seed=0)
+    player = find_player("E_any", Role.EVADER, game := charted(PAPER)).policy
+
+    @jax.jit
+    @jax.vmap
+    def follow(seen):
+        pursuer, evader = (
+            RobotState(5 * (x + 1), 5 * (y + 1), 0.6 * (v + 1), jnp.arctan2(sin, cos))
+            for x, y, v, cos, sin in (seen[:5], seen[5:10])
+        )
+        state = GameState.of_two(pursuer, evader, jnp.int32(0))
+        action = player(player.observation(look(game, state, Role.EVADER)), jnp.uint32(0))
+        return observe(game, game.step(state, jnp.int32(4), action).state, Role.PURSUER, "encoded")
+
+    for _ in range(20):
+        after = env.step(np.full(4, 4))[0]
+        np.testing.assert_allclose(after, follow(jnp.asarray(seen)), atol=1e-3)
+        seen = after
