@@ -4,13 +4,19 @@ import argparse
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import plots
 from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
 from apollonius.limits import DISCS, SEED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from apollonius.game.game import Game
+    from apollonius.replay import Replay
 
 PARTS = ("train", "held-out")
 """Parts of a suite."""
@@ -30,6 +36,10 @@ def add_arena(subparsers: Any) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
+    listed.add_argument(
+        "--players", type=named, nargs=2, metavar=("PURSUER", "EVADER"), help="let them play a game in each, with --out"
+    )
+    listed.add_argument("--seed", type=count(SEED), default=0, help="seed of these games (default: %(default)s)")
     listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
     check.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
@@ -68,14 +78,30 @@ def run_list(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import about_game, find_game, game_names
     from apollonius.show.gallery import save_gallery
 
-    for name in game_names():
+    require(options.out or not options.players, "--players", "given", "left out, or --out with it: they are drawn")
+    games = {name: find_game(name) for name in game_names()}
+    shown = dict(_played(options, games)) if options.players else games
+    for name in games:
         print(f"{name:<12} {about_game(name)}")
     if options.out:
         options.display.begin("drawing the arenas")
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        save_gallery({name: find_game(name) for name in game_names()}, options.out)
+        save_gallery(shown, options.out)
         finish(options.out, then=command("show", "P_any", "E_any", "--game", "office", "--out", "office.gif"))
     return 0
+
+
+def _played(options: argparse.Namespace, games: "Mapping[str, Game]") -> "Iterator[tuple[str, Replay]]":
+    """A game of the two players in each."""
+    from apollonius.catalogue import find_player
+    from apollonius.evaluate.match import Match, record_game
+    from apollonius.game.types import ROLES
+
+    options.display.begin("playing a game in each arena", compiles=True)
+    for number, (name, game) in enumerate(games.items()):
+        found = ROLES.map(lambda role, game=game: find_player(options.players[role], role, game))
+        yield name, record_game(Match(game, found, 1, options.seed), 0)
+        options.display.report(number + 1, len(games))
 
 
 def run_check(options: argparse.Namespace) -> int:

@@ -1,0 +1,275 @@
+"""How good are the players of any arena where nobody trained them, beside those who know the arena?
+
+    python -m studies.held_out --out runs/held_out
+
+solves the game in some held-out arenas of `suite-v1`, trains a pursuer and an evader in each, finds the best classical
+player there, and lets attackers try to beat each of them, and the solved game's own player, and `P_any` and `E_any`.
+Written are `held_out.json` and `held_out.md`. Stopped or killed at any point, the same command goes on where it was.
+"""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import chain, zip_longest
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.agents.kind import Named, fingerprint
+from apollonius.arenas.charting import charted
+from apollonius.arenas.scenarios import each_alone, scenario_game
+from apollonius.arenas.suite import suite_entries
+from apollonius.catalogue import find_player
+from apollonius.errors import exit_status
+from apollonius.evaluate.match_cache import cached_result
+from apollonius.exploit.attack import Attack
+from apollonius.exploit.attackers import QUICK, Attacker, Means
+from apollonius.exploit.losses import Losses
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.jobs import Job, ShouldStop
+from apollonius.learn.config import PRESETS, RunConfig
+from apollonius.learn.folder import agent_file
+from apollonius.reproduce.finding import Finding
+from apollonius.show.markdown import markdown_table
+from apollonius.solve.kept import kept_tables
+from apollonius.solve.players import SaddlePolicy
+from studies import driver
+
+SUITE = "suite-v1"
+ANY = BySide("P_any", "E_any")
+SPECIALIST = "specialist"
+SOLVED = "solved"
+CLASSICAL = BySide(
+    ("pure-pursuit", "proportional-navigation", "intercept", "potential-field"),
+    ("flee", "flee-aware", "circle", "potential-field"),
+)
+"""Of whom each arena's best is taken, behind a shield."""
+KINDS = ("table", "zoo", "foresight-0.5", "foresight-1")
+"""Attackers, by their names in `apollonius.exploit.attackers`; `foresight-2` takes as long as all else together."""
+
+
+Attacks = Mapping[str, Mapping[str, Mapping[str, Losses]]]
+"""By side, player and attacker."""
+
+
+@dataclass(frozen=True)
+class Siege(Attack):
+    """An attack on a player that is at hand, in a game that is."""
+
+    named: Named | None = None
+    played: Game | None = None
+
+    @cached_property
+    def rules(self) -> Game:
+        """The game that is played."""
+        assert self.played is not None
+        return self.played
+
+    @cached_property
+    def player(self) -> Named:
+        """The attacked player."""
+        assert self.named is not None
+        return self.named
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut(driver.AbstractStudy):
+    """Solved tables, a training and attacks in each of some held-out arenas."""
+
+    name = "held_out"
+    games: int = driver.option(100, help="games with each attacker (default: %(default)s)")
+    arenas: int = driver.option(20, help="how many: kinds take turns (default: %(default)s)")
+    longest: float = driver.option(12.0, help="their longer side at most, for the grid is coarse [m]")
+    grid: str = driver.option("13x13x5x8", help="nodes along x, y, v and heading (default: %(default)s)")
+    preset: str = driver.option("standard", help="how the specialists train (default: %(default)s)")
+    seed: int = driver.option(0, help="of the starts")
+
+    @cached_property
+    def chosen(self) -> list[str]:
+        """The names of the arenas."""
+        found = [one for one in suite_entries(SUITE, "held-out") if max(one.width, one.height) <= self.longest]
+        kinds = [[one.name for one in found if one.kind == kind] for kind in dict.fromkeys(one.kind for one in found)]
+        turns = chain.from_iterable(zip_longest(*kinds))
+        return [name for name in turns if name][: self.arenas]
+
+    @cached_property
+    def together(self) -> Game:
+        """The game in all of them."""
+        return scenario_game(f"{SUITE}/{','.join(self.chosen)}")
+
+    def trainings(self) -> driver.Trainings:
+        """The specialists of each arena."""
+        configs = [RunConfig(**{**vars(PRESETS[self.preset]), "game": game}) for game in each_alone(self.together)]
+        return {
+            self.out / name: (config, tuple(driver.LAST)) for name, config in zip(self.chosen, configs, strict=True)
+        }
+
+    def jobs(self) -> Iterator[Sequence[Job]]:
+        """The attacks in each arena."""
+        yield [Job(f"the attacks in {name}", judge, (self, number)) for number, name in enumerate(self.chosen)]
+
+    def kept(self, arena: str) -> Path:
+        """Where the attacks in an arena are kept."""
+        return self.out / arena / "attacks"
+
+    def finding(self) -> Finding:
+        """What each loses, and is sure of."""
+        found = {arena: read_attacks(self.kept(arena)) for arena in self.chosen}
+        text = "\n\n".join(f"{arena_table(found, role)}\n\n{verdict(found, role)}" for role in Role)
+        data = {
+            arena: {
+                side: {player: {by: one.to_dict() for by, one in each.items()} for player, each in players.items()}
+                for side, players in attacks.items()
+            }
+            for arena, attacks in found.items()
+        }
+        return Finding("Players of any arena where nobody trained them", text, data={"arenas": data})
+
+
+def judge(study: HeldOut, number: int, should_stop: ShouldStop) -> bool:
+    """Attack everyone in one arena; what was done is kept. Returns False if it was stopped."""
+    arena = study.chosen[number]
+    alone, scenario = each_alone(study.together)[number], study.together.scenario
+    assert scenario is not None
+    # All have one shape, so that what is compiled for one arena serves all.
+    game = charted(scenario.game(study.together, jnp.asarray(number)))
+    counts = [int(part) for part in study.grid.split("x")]
+    tables = kept_tables(alone, counts, study.out / "tables", played=game)
+    for role in Role:
+        attacks = [Siege(role, one.name, named=one, played=game) for one in _players(study, arena, game, tables, role)]
+        for attack in attacks:
+            for attacker in _attackers(study, arena, attack, tables):
+                if should_stop():
+                    return False
+                _kept_losses(study, arena, attack, attacker)
+    return True
+
+
+def _players(study: HeldOut, arena: str, game: Game, tables: BySide[SaddlePolicy], role: Role) -> Iterator[Named]:
+    yield find_player(ANY[role], role, game)
+    yield _specialist(study, arena, game, role)
+    yield _best_classical(study, arena, game, role)
+    yield Named(SOLVED, tables[role])
+
+
+def _specialist(study: HeldOut, arena: str, game: Game, role: Role) -> Named:
+    return Named(SPECIALIST, find_player(str(agent_file(study.out / arena, driver.LAST[role])), role, game).policy)
+
+
+def _best_classical(study: HeldOut, arena: str, game: Game, role: Role) -> Named:
+    """The one that comes off best against the other side's player of any arena, behind a shield."""
+    found: dict[str, float] = {}
+    players = {name: find_player(f"shielded:{name}", role, game) for name in CLASSICAL[role]}
+    against = Attacker(f"zoo/{ANY[role.other]}", find_player(ANY[role.other], role.other, game).policy)
+    for name, player in players.items():
+        losses = _kept_losses(study, arena, Siege(role, name, named=player, played=game), against)
+        found[name] = losses.wins - losses.loses
+    return players[max(found, key=lambda name: found[name])]
+
+
+def _attackers(study: HeldOut, arena: str, attack: Siege, tables: BySide[SaddlePolicy]) -> Iterator[Attacker]:
+    means = Means(tables, study.out / arena / "responses")
+    for kind in KINDS:
+        yield from QUICK[kind](attack, means)
+    other = attack.role.other
+    yield Attacker(SPECIALIST, _specialist(study, arena, attack.rules, other).policy)
+
+
+def _kept_losses(study: HeldOut, arena: str, attack: Siege, attacker: Attacker) -> Losses:
+    asked = {
+        "role": attack.role.name.lower(),
+        "player": attack.player.name,
+        "fingerprint": fingerprint(attack.player.policy),
+        "attacker": attacker.name,
+        "games": study.games,
+        "grid": study.grid,
+        "seed": study.seed,
+    }
+    name = f"{asked['role']}--{attack.player.name}--{attacker.name}.json".replace("/", "-").replace(":", "-")
+    path = study.kept(arena) / name
+    return cached_result(path, asked, Losses, lambda: attacker.measure(attack, study.games, study.seed))
+
+
+def read_attacks(folder: Path) -> Attacks:
+    """All that is kept of one arena."""
+    found: dict[str, dict[str, dict[str, Losses]]] = {role.name.lower(): {} for role in Role}
+    for path in sorted(folder.glob("*.json")):
+        kept = json.loads(path.read_text())
+        losses = Losses(**{**kept["result"], "interval": tuple(kept["result"]["interval"])})
+        found[kept["role"]].setdefault(kept["player"], {})[kept["attacker"]] = losses
+    return found
+
+
+@dataclass(frozen=True)
+class Worst:
+    """What a player is left with by whoever does best against it. Rates are in [0, 1]."""
+
+    loses: float
+    """To the attacker that beats it most often."""
+    sure: float
+    """Share of its wins less that of its losses, against the attacker where that is least."""
+
+
+def worst(attacks: Attacks, role: Role, player: str) -> Worst:
+    """The worst that any attacker of an arena does to a player."""
+    found = attacks[role.name.lower()][player].values()
+    return Worst(max(one.loses for one in found), min(one.wins - one.loses for one in found))
+
+
+def arena_players(attacks: Attacks, role: Role) -> dict[str, str]:
+    """Who is compared in an arena: by what each is there, its name."""
+    tried = attacks[role.name.lower()]
+    # The best of the classical players is the one that was attacked by all.
+    classical = max((name for name in tried if name.startswith("shielded:")), key=lambda name: len(tried[name]))
+    return {"any arena": ANY[role], SPECIALIST: SPECIALIST, "classical": classical, SOLVED: SOLVED}
+
+
+def arena_table(found: Mapping[str, Attacks], role: Role) -> str:
+    """A row for each arena: what each player loses to the worst of the attackers, and what it is sure of."""
+    lines = []
+    for arena, attacks in found.items():
+        players = arena_players(attacks, role)
+        worsts = [worst(attacks, role, name) for name in players.values()]
+        cells = [f"{100 * one.loses:.0f} ({100 * one.sure:+.0f})" for one in worsts]
+        lines.append([arena, *cells, players["classical"].removeprefix("shielded:")])
+    means = [[worst(one, role, arena_players(one, role)[kind]) for one in found.values()] for kind in _COMPARED]
+    mean = [f"{_mean([one.loses for one in kind]):.1f} ({_mean([one.sure for one in kind]):+.1f})" for kind in means]
+    head = [role.name.lower(), *_COMPARED, "which classical"]
+    return markdown_table(head, [*lines, ["mean", *mean, ""]])
+
+
+def verdict(found: Mapping[str, Attacks], role: Role) -> str:
+    """In how many arenas the player of any arena does at least as well as others, and its regret."""
+
+    def sure(attacks: Attacks, kind: str) -> float:
+        return worst(attacks, role, arena_players(attacks, role)[kind]).sure
+
+    own = {arena: sure(attacks, "any arena") for arena, attacks in found.items()}
+    said = [
+        f"as {kind} in {sum(own[arena] >= sure(attacks, kind) for arena, attacks in found.items())}"
+        for kind in (SPECIALIST, "classical")
+    ]
+    regret = [sure(attacks, SOLVED) - own[arena] for arena, attacks in found.items()]
+    reach = 1.96 * float(np.std(regret, ddof=1)) / len(regret) ** 0.5 if len(regret) > 1 else float("nan")
+    return (
+        f"{ANY[role]} is sure of at least as much {', '.join(said)} of {len(found)} arenas; of "
+        f"{np.mean(regret):.2f} less than the solved game's player ({np.mean(regret) - reach:.2f} to "
+        f"{np.mean(regret) + reach:.2f})."
+    )
+
+
+def _mean(rates: Sequence[float]) -> float:
+    return 100 * float(np.mean(rates))
+
+
+_COMPARED = ("any arena", SPECIALIST, "classical", SOLVED)
+
+main = partial(driver.main, HeldOut)
+
+if __name__ == "__main__":
+    sys.exit(exit_status(main))
