@@ -10,7 +10,9 @@ from apollonius.commands.ending import finish
 from apollonius.commands.values import count, named, new_folder
 from apollonius.limits import PORT, SEED
 
-PLAYER = "random, still, a zoo agent or a .safetensors file, which the page can play; shielded: may stand before it"
+PLAYER = (
+    "a rule such as intercept, a zoo agent or a .safetensors file, which the page can play; shielded: may precede it"
+)
 """Help for an argument that names a player of the page."""
 
 
@@ -21,7 +23,10 @@ def add_play(subparsers: Any) -> None:
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
     )
     parser.add_argument(
-        "--against", type=named, metavar="AGENT", help=f"your opponent: {PLAYER} (default: the best there is)"
+        "--against",
+        type=named,
+        metavar="AGENT",
+        help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
     )
     parser.add_argument(
         "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"

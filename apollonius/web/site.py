@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_names
@@ -26,26 +27,33 @@ PAGE = Path(__file__).parent / "page"
 """The page itself: HTML, CSS and plain JavaScript."""
 YOU = "you"
 """What a person is called in place of an agent."""
-BUILT_IN = ("random", "still")
-"""Players that the page has besides trained ones."""
+AT_HOME = ("paper", "zero-sum")
+"""Games in the arena that most agents were trained in."""
 BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
-"""Whom a person meets first."""
-READS = ("paper", "encoded", "egocentric")
+"""Whom a person meets there."""
+ANYWHERE = {Role.PURSUER: "P_any", Role.EVADER: "E_any"}
+"""Whom a person meets everywhere else."""
+ANY_ARENA = "egocentric"
+"""The observation of agents that play in any arena."""
+READS = ("paper", "encoded", ANY_ARENA)
 """Observations that the page makes: of the others there is no JavaScript."""
+_BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the page begins with: two players, a game and the seed of its starts.
+    """What the page begins with: two players, how hard the one is, a game and the seed of its starts; or a level.
 
     `agents` and `games` are those that do not ship with the package, by the names they have in the page.
     """
 
-    pursuer: str = BEST[Role.PURSUER]
+    pursuer: str = f"{SHIELDED}{BEST[Role.PURSUER]}"
     evader: str = YOU
     game: str = "paper"
+    difficulty: str = "fair"
     seed: int = 0
+    level: int | None = None
     agents: dict[str, Path] = field(default_factory=dict)
     games: dict[str, Game] = field(default_factory=dict)
 
@@ -69,11 +77,12 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     games = {} if game in game_names() else {Path(game).stem: rules}
     side = person.other
-    name = against or BEST[side]
+    is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
+    name = against or SHIELDED + (BEST if game in AT_HOME else ANYWHERE)[side]
     bare = name.removeprefix(SHIELDED)
     found = find_player(name, side, rules)
-    playable = found.header is not None or bare in BUILT_IN
-    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(BUILT_IN)}")
+    playable = found.header is not None or bare in PLAYERS
+    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(PLAYERS)}")
     agents = {}
     if found.header is not None:
         require(found.header.observation in READS, "observation", found.header.observation, _MADE)
@@ -81,7 +90,9 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         # Two runs give their agents the same names, and those of the zoo.
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
-    return Choice(*BySide.of(side, name, YOU).pair, Path(game).stem if games else game, seed, agents, games)
+    players, difficulty = BySide.of(side, name, YOU).pair, "fair" if against is None else "sharp"
+    known, level = Path(game).stem if games else game, 1 if is_first else None
+    return Choice(*players, known, difficulty, seed, level, agents, games)
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:
@@ -95,7 +106,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
     (folder / "agents").mkdir(exist_ok=True)
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
-    published = {}
+    published, anywhere = {}, []
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
         header = load_header(path)
@@ -103,13 +114,15 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
             published[name] = f"agents/{number}.safetensors"
             shutil.copyfile(path, folder / published[name])
             names[header.role].append(name)
+            anywhere += [name] if header.observation == ANY_ARENA else []
     games = {name: find_game(name) for name in game_names()} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
         "maps": {name: _write_map(game.arena.map, folder) for name, game in games.items() if game.arena.map},
         "agents": names,
+        "anywhere": anywhere,
         "files": published,
-        "chosen": {"pursuer": chosen.pursuer, "evader": chosen.evader, "game": chosen.game, "seed": chosen.seed},
+        "chosen": {name: getattr(chosen, name) for name in _BEGINS_WITH},
     }
     (folder / "catalogue.json").write_text(json.dumps(catalogue))
 

@@ -3,11 +3,13 @@
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
-const { page, games = [], agent, observations = [], positions = [], match, charts = [] } = JSON.parse(readFileSync(0, "utf8"));
+const { page, games = [], agent, observations = [], positions = [], match, charts = [], rules: asked, chases, sights } = JSON.parse(readFileSync(0, "utf8"));
 const rules = await import(pathToFileURL(`${page}/rules.js`));
 const agents = await import(pathToFileURL(`${page}/agents.js`));
 const { observe } = await import(pathToFileURL(`${page}/observation.js`));
 const { chartOf } = await import(pathToFileURL(`${page}/charting.js`));
+const { CLASSICAL, fits } = await import(pathToFileURL(`${page}/classical.js`));
+const { asHardAs } = await import(pathToFileURL(`${page}/difficulty.js`));
 const { Match } = await import(pathToFileURL(`${page}/match.js`));
 
 const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
@@ -46,6 +48,40 @@ function drawChart({ game, stops }) {
   return { field: [...field], beside: [...beside], ways: stops.map((stop) => [...ways.from(stop)]) };
 }
 
+/** Outcomes of games of a shielded trained pursuer, as hard as asked for, against a shielded evader. */
+function chase({ game, agents: folder, pursuer, evader, difficulty, seed, count }) {
+  const network = read(`${folder}/${pursuer}.safetensors`);
+  const hard = agents.shielded(asHardAs(agents.atBest(network), difficulty, agents.worthTo(network)));
+  const rule = CLASSICAL.evader[evader];
+  const flees = agents.shielded(rule ? agents.byValues(rule) : agents.atBest(read(`${folder}/${evader}.safetensors`)));
+  const player = (rank, isTold) => ({ isTold, act: (...seen) => rank(...seen)[0] });
+  const played = new Match(game, { pursuer: player(hard, difficulty === "told"), evader: player(flees, false) }, seed);
+  return Array.from({ length: count }, () => {
+    while (!played.isOver) played.step();
+    const { outcome } = played;
+    played.next();
+    return outcome;
+  });
+}
+
+/** What a player sees that sees half a second late, in a game of steps as long, and the order of one that is told. */
+function look() {
+  const state = (index) => ({ pursuer: { x: 10 + index }, evader: { x: index } });
+  const seen = [];
+  const watching = (game, { pursuer, evader }) => seen.push([pursuer.x, evader.x]);
+  const late = asHardAs(watching, "fair");
+  const states = [0, 1, 2].map(state);
+  states.forEach((now, index) => late({ dt: 0.5 }, now, "pursuer", states.slice(0, index + 1)));
+  const order = [];
+  const player = (isTold, action) => ({ isTold, act: (...rest) => (order.push(rest[4] ?? action), action) });
+  const body = { v_min: 0, v_max: 1, u1_max: 1, u2_max: 1, radius: 0 };
+  const arena = { x_min: 0, x_max: 9, y_min: 0, y_max: 9, discs: [], polygons: [] };
+  const starts = { speed: "rest", clearance: 0.3, separation: 1 };
+  const game = { arena, pursuer: body, evader: body, starts, dt: 0.1, max_steps: 9, capture_distance: 0.1, reward: {} };
+  new Match(game, { pursuer: player(true, 4), evader: player(false, 5) }, 0).step();
+  return { own: seen.map(([own]) => own), late: seen.map(([, other]) => other), told: [order[0], order[1] === 5 ? 4 : -1] };
+}
+
 const answer = { games: games.map(play), charts: charts.map(drawChart) };
 if (agent) {
   const network = read(agent.path);
@@ -60,4 +96,11 @@ if (match) {
   while (!played.isOver) played.step();
   answer.replay = played.replay();
 }
+if (asked) {
+  const players = Object.entries(CLASSICAL[asked.role]).filter(([name]) => fits(name, asked.game));
+  const valued = ([name, rule]) => [name, asked.positions.map((row) => rule(asked.game, asState(row), asked.role))];
+  answer.rules = Object.fromEntries(players.map(valued));
+}
+if (chases) answer.chases = chase(chases);
+if (sights) answer.sights = look();
 console.log(JSON.stringify(answer));

@@ -24,7 +24,7 @@ from apollonius.game.scenario import in_arenas
 from apollonius.game.types import Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
-from apollonius.web.site import BUILT_IN, PAGE, READS, YOU, choose, write_site
+from apollonius.web.site import PAGE, READS, YOU, choose, write_site
 
 
 def test_the_site_is_whole(tmp_path):
@@ -39,18 +39,20 @@ def test_the_site_is_whole(tmp_path):
         assert (tmp_path / file).is_file()
 
 
-def test_the_help_offers_only_players_that_the_page_has(capsys):
-    with pytest.raises(SystemExit):
-        main(["play", "--help"])
-    offered = set(re.findall(r"[a-z-]+", capsys.readouterr().out))
-    assert offered >= set(BUILT_IN)
-    assert not offered & set(PLAYERS) - set(BUILT_IN)
-    for name in BUILT_IN:
-        assert choose(Role.EVADER, name, "paper", 0).pursuer == name
+@pytest.mark.parametrize("name", PLAYERS)
+def test_the_page_has_all_players_that_need_no_file(name):
+    side = PLAYERS[name][1][0]
+    assert getattr(choose(side.other, name, "territory", 0), side.name.lower()) == name
+
+
+def test_agents_that_know_any_arena_are_named(tmp_path):
+    write_site(tmp_path)
+    catalogue = json.loads((tmp_path / "catalogue.json").read_text())
+    assert set(catalogue["anywhere"]) == {"P_any", "E_any"}
 
 
 def test_the_page_asks_nobody_else():
-    for path in PAGE.iterdir():
+    for path in [path for path in PAGE.rglob("*") if path.is_file()]:
         addresses = re.findall(r"https?://[^\s\"')]+", path.read_text())
         assert set(addresses) <= {"http://www.w3.org/2000/svg"}, path.name
 
@@ -64,8 +66,16 @@ def test_colours_are_those_of_all_pictures():
 
 def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
-    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("P_optimal", YOU, 3, {})
+    assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_optimal", YOU, 3, {})
+    assert choose(Role.EVADER, None, "office", 3).pursuer == "shielded:P_any"
+    assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:E_any"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
+
+
+def test_who_asks_for_nothing_begins_with_the_first_level():
+    assert choose(Role.EVADER, None, "paper", 0).level == 1
+    asked = choose(Role.EVADER, "P_pool", "paper", 0)
+    assert (asked.level, asked.difficulty) == (None, "sharp")
 
 
 def test_a_game_from_a_file_is_served_too(tmp_path):
@@ -138,7 +148,7 @@ def test_an_agent_with_continuous_actions_is_served_too(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ((Role.EVADER, "pure-pursuit", "paper", 0), "a trained agent, or one of random, still"),
+        ((Role.EVADER, "lookahead:P_optimal", "paper", 0), "no agent is called 'lookahead:P_optimal'"),
         ((Role.EVADER, "E_scratch", "paper", 0), "plays the evader"),
         ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
         ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),
@@ -154,6 +164,13 @@ def test_the_command_writes_a_site_once(tmp_path, capsys):
     site = tmp_path / "site"
     assert main(["play", "--as", "pursuer", "--against", "still", "--seed", "5", "--site", str(site)]) == 0
     chosen = json.loads((site / "catalogue.json").read_text())["chosen"]
-    assert chosen == {"pursuer": YOU, "evader": "still", "game": "paper", "seed": 5}
+    assert chosen == {
+        "pursuer": YOU,
+        "evader": "still",
+        "game": "paper",
+        "difficulty": "sharp",
+        "seed": 5,
+        "level": None,
+    }
     assert main(["play", "--site", str(site)]) == 2
     assert "--site" in capsys.readouterr().err

@@ -67,6 +67,16 @@ export function atBest(agent) {
   return (game, state, role) => PREFERENCES[network](outputs(agent, observe(observation, game, state, role)));
 }
 
+/** What a state is worth to a trained agent, if it values actions: what its best one is worth. */
+export function worthTo(agent) {
+  const { observation, network = "values" } = agent.header;
+  if (network !== "values") return null;
+  return (game, state, role) => Math.max(...outputs(agent, observe(observation, game, state, role)));
+}
+
+/** A player that takes the best of the actions by some values: from (game, state, role) to the nine of them. */
+export const byValues = (values) => (game, state, role) => byValue(values(game, state, role));
+
 /** Players that need no file. */
 export const BUILT_IN = {
   random: () => [Math.floor(Math.random() * ACTIONS.length), ...ACTIONS],
@@ -92,9 +102,9 @@ function roomAfter(game, body, robot, action) {
 
 /** Another player, held back to the first of its actions after which its robot can stop in time. */
 export function shielded(player) {
-  return (game, state, role) => {
+  return (game, state, role, ...rest) => {
     const room = (action) => roomAfter(game, game[role], state[role], action);
-    const action = player(game, state, role).find((wanted) => room(wanted) > MARGIN);
+    const action = player(game, state, role, ...rest).find((wanted) => room(wanted) > MARGIN);
     return action === undefined ? byValue(ACTIONS.map(room)) : [action];
   };
 }

@@ -116,13 +116,30 @@ function mapAlong(map, before, after) {
 /** None in games that were recorded before there were polygons. */
 const polygonsOf = (arena) => (arena.polygons?.length ? edgesOf(arena.polygons) : null);
 
-/** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
-export function clearance(arena, x, y) {
-  let least = toWalls(arena, x, y);
+/** Distance [m] from a point to the nearest obstacle; negative inside one, endless where there is none. */
+export function toObstacles(arena, x, y) {
+  let least = Infinity;
   for (const disc of arena.discs) least = Math.min(least, Math.hypot(x - disc.x, y - disc.y) - disc.radius);
   const edges = polygonsOf(arena);
   if (edges) least = Math.min(least, toPolygons(edges, x, y));
   return arena.map ? Math.min(least, toMap(arena.map, x, y)) : least;
+}
+
+/** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
+export const clearance = (arena, x, y) => Math.min(toWalls(arena, x, y), toObstacles(arena, x, y));
+
+/** The same, to each of the four walls and to each obstacle. */
+export function clearances(arena, x, y) {
+  const alone = (polygon) => {
+    if (!edgesByPolygons.has(polygon)) edgesByPolygons.set(polygon, edges(polygon.vertices));
+    return toPolygons(edgesByPolygons.get(polygon), x, y);
+  };
+  return [
+    ...[x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y],
+    ...arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius),
+    ...(arena.polygons ?? []).map(alone),
+    ...(arena.map ? [toMap(arena.map, x, y)] : []),
+  ];
 }
 
 /** Least clearance [m] from any obstacle on the segment between two states of a robot. */

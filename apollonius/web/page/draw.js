@@ -2,9 +2,11 @@
 
 import { circle, drawArena, drawTrail, path } from "./arena.js";
 import { drawMap } from "./cells.js";
+import { isTooFast, restOf } from "./hints.js";
 import { EVADER, PURSUER, wrapAngle } from "./rules.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
+const SMALLEST = 0.018; // least radius, as a share of what is seen, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
 const METRES = { scale: 1, x: (metres) => metres, y: (metres) => metres }; // the canvas has been scaled to them
 
@@ -21,38 +23,64 @@ export function between(before, after, share) {
 }
 
 /**
+ * Where metres are on a canvas: `scale` pixels each, and the pixel of the origin.
+ *
+ * @param seen {x_min, x_max, y_min, y_max} what is to be seen [m], in the middle and as large as it fits
+ */
+export function placing(canvas, seen) {
+  const [width, height] = [seen.x_max - seen.x_min + 2 * MARGIN, seen.y_max - seen.y_min + 2 * MARGIN];
+  const scale = Math.min(canvas.width / width, canvas.height / height);
+  const x = canvas.width / 2 - (scale * (seen.x_min + seen.x_max)) / 2;
+  const y = canvas.height / 2 + (scale * (seen.y_min + seen.y_max)) / 2;
+  return { scale, x, y };
+}
+
+/** Clear a canvas, as large as its place in the page, and scale it to metres; returns its context. */
+export function begin(canvas, seen) {
+  const ratio = globalThis.devicePixelRatio;
+  const pixels = [canvas.clientWidth, canvas.clientHeight].map((length) => Math.max(1, Math.round(length * ratio)));
+  if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+  const context = canvas.getContext("2d");
+  const { scale, x, y } = placing(canvas, seen);
+  context.resetTransform();
+  context.clearRect(0, 0, ...pixels);
+  context.setTransform(scale, 0, 0, -scale, x, y);
+  context.lineJoin = context.lineCap = "round";
+  return context;
+}
+
+/** The ground of an arena and what stands on it. */
+export function drawGround(context, arena, colours) {
+  context.fillStyle = colours.paper;
+  context.fillRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
+  if (arena.map) drawMap(context, arena.map, colours.obstacle);
+  drawArena(context, arena, METRES, colours, 0.05);
+}
+
+/**
  * Draw a game.
  *
  * @param canvas sized here to its place in the page and the screen's pixels
- * @param game the rules
- * @param states of the game so far; their trails are drawn
- * @param now the state to draw the robots at
- * @param colours {paper, ink, obstacle, pursuer, evader}
- * @param steered roles whose way to rest is drawn, where they would stop if they braked
+ * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
+ *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, roles whose way to rest is
+ *   drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them, `seen`, the
+ *   part of the arena to show
  */
-export function draw(canvas, game, states, now, colours, steered = []) {
-  const { arena } = game;
-  const [width, height] = [arena.x_max - arena.x_min, arena.y_max - arena.y_min];
-  const scale = (canvas.clientWidth * globalThis.devicePixelRatio) / (width + 2 * MARGIN);
-  const pixels = [width, height].map((length) => Math.round((length + 2 * MARGIN) * scale));
-  if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
-  const context = canvas.getContext("2d");
-  context.resetTransform();
-  context.clearRect(0, 0, ...pixels);
-  context.setTransform(scale, 0, 0, -scale, (MARGIN - arena.x_min) * scale, (MARGIN + arena.y_max) * scale);
-  context.lineJoin = context.lineCap = "round";
-
-  context.fillStyle = colours.paper;
-  context.fillRect(arena.x_min, arena.y_min, width, height);
-  if (arena.map) drawMap(context, arena.map, colours.obstacle);
-  drawArena(context, arena, METRES, colours, 0.05);
+export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, seen = game.arena }) {
+  const context = begin(canvas, seen);
+  drawGround(context, game.arena, colours);
   for (const role of [PURSUER, EVADER]) {
     const trail = states.map((state) => [state[role].x, state[role].y]);
     drawTrail(context, trail, colours[role], 0.035, 0.08);
   }
-  for (const role of steered) drawWayToRest(context, game[role], now[role], colours[role]);
-  drawPursuer(context, now.pursuer, Math.max(game.pursuer.radius, ROBOT), game.capture_distance, colours);
-  drawEvader(context, now.evader, Math.max(game.evader.radius, ROBOT), colours);
+  const least = Math.max(ROBOT, SMALLEST * Math.max(seen.x_max - seen.x_min, seen.y_max - seen.y_min));
+  for (const role of steered) {
+    drawWayToRest(context, game, role, now[role], colours);
+    if (halo !== null) drawHalo(context, now[role], least, halo, colours[role]);
+    if (advice) drawAdvice(context, now[role], least, advice, colours);
+  }
+  drawPursuer(context, now.pursuer, Math.max(game.pursuer.radius, least), game.capture_distance, colours);
+  drawEvader(context, now.evader, Math.max(game.evader.radius, least), colours);
 }
 
 /** What lies so far ahead of a robot, or at an angle to it. */
@@ -60,13 +88,49 @@ function ahead(robot, length, angle = 0) {
   return [robot.x + length * Math.cos(robot.heading + angle), robot.y + length * Math.sin(robot.heading + angle)];
 }
 
-function drawWayToRest(context, body, robot, colour) {
-  const reach = robot.v ** 2 / (2 * body.u1_max);
-  context.strokeStyle = colour;
-  context.lineWidth = 0.03;
-  context.setLineDash([0.08, 0.1]);
-  path(context, [[robot.x, robot.y], ahead(robot, reach)]).stroke();
+/** Dots to where a robot would stop if it braked; where it would touch something first, a bold line and a cross. */
+function drawWayToRest(context, game, role, robot, colours) {
+  const rest = restOf(game[role], robot);
+  const isLate = robot.v > 0 && isTooFast(game, role, robot);
+  context.strokeStyle = isLate ? colours.ink : colours[role];
+  context.lineWidth = isLate ? 0.06 : 0.03;
+  context.setLineDash(isLate ? [] : [0.08, 0.1]);
+  path(context, [[robot.x, robot.y], [rest.x, rest.y]]).stroke();
   context.setLineDash([]);
+  if (!isLate) return;
+  for (const tilt of [0.15, -0.15]) path(context, [[rest.x - 0.15, rest.y - tilt], [rest.x + 0.15, rest.y + tilt]]).stroke();
+}
+
+/** A ring that widens and fades: this one is you. */
+function drawHalo(context, robot, radius, share, colour) {
+  context.save();
+  context.globalAlpha = 1 - share;
+  context.strokeStyle = colour;
+  context.lineWidth = 0.3 * radius;
+  circle(context, robot.x, robot.y, radius * (1.5 + 3 * share)).stroke();
+  context.restore();
+}
+
+/** Keys beside a robot, such as "↑". */
+function drawAdvice(context, robot, radius, keys, colours) {
+  const size = 3.4 * radius;
+  context.save();
+  context.translate(robot.x, robot.y);
+  context.scale(1, -1); // letters stand upright
+  context.font = `${size}px system-ui, sans-serif`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.lineWidth = 0.2 * radius;
+  [...keys].forEach((key, index) => {
+    const [x, y] = [(index - (keys.length - 1) / 2) * 1.3 * size, -1.3 * size];
+    context.fillStyle = colours.ink;
+    context.beginPath();
+    context.roundRect(x - 0.58 * size, y - 0.58 * size, 1.16 * size, 1.16 * size, 0.25 * size);
+    context.fill();
+    context.fillStyle = colours.paper;
+    context.fillText(key, x, y);
+  });
+  context.restore();
 }
 
 /** An arrowhead, and around it a ring as wide as its reach: an evader whose centre comes inside is caught. */

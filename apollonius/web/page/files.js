@@ -1,4 +1,5 @@
-// What the page loads when it is first asked for: agents' networks, and games with the fields of their maps.
+// Files that the page loads when it is first asked for, agents' networks and games with the fields of their maps, and
+// those that it lets a person save.
 
 import { readAgent } from "./agents.js";
 
@@ -29,3 +30,12 @@ export async function findGame({ games, maps }, name) {
 
 /** A game as replays have it, without the numbers of its map. */
 export const asRecord = (game) => game.record ?? game;
+
+/** Let a person save a text, or bytes, as a file. */
+export function saveAs(name, content, type) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([content], { type }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}

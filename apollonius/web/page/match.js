@@ -1,7 +1,7 @@
 // A series of games between two players, one game at a time: its course, its end, the score, and its replay.
 
 import { asRecord } from "./files.js";
-import { EVADER, PURSUER, drawStart, gears, isContinuous, makeRandom, step, winner } from "./rules.js";
+import { EVADER, PURSUER, drawStart, gears, isContinuous, makeRandom, other, step, winner } from "./rules.js";
 
 const REPLAY_FORMAT = 1;
 const REPLAY_TOLERANCE = 1e-5; // what the page's rules and the package's may differ by, as tests/web shows
@@ -11,7 +11,8 @@ const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y
 export class Match {
   /**
    * @param game rules, as `apollonius.arenas.record.to_dict` writes them, a map with its field
-   * @param players {pursuer, evader}: {name, act(game, state, role) -> action}
+   * @param players {pursuer, evader}: {name, isTold, act(game, state, role, states, told) -> action}; who is told sees
+   *   what the other is about to do
    * @param seed of the starts
    */
   constructor(game, players, seed) {
@@ -48,18 +49,24 @@ export class Match {
     return this.state.steps * this.game.dt;
   }
 
-  /** Who won the game that is over: "pursuer", "evader" or null. */
+  /** Who won the game that is over: "pursuer", "evader" or null. On this page outliving the time limit is a win. */
   get winner() {
-    return winner(this.game, this.outcome);
+    const survived = this.outcome === "no_result" && !this.game.arena.territory;
+    return survived ? EVADER : winner(this.game, this.outcome);
+  }
+
+  /** How long the game may still last [s]. */
+  get secondsLeft() {
+    return (this.game.max_steps - this.state.steps) * this.game.dt;
   }
 
   /** One step of `dt`: both players act, the rules judge. */
   step() {
-    const { game, players, state } = this;
-    const actions = {
-      pursuer: players.pursuer.act(game, state, PURSUER),
-      evader: players.evader.act(game, state, EVADER),
-    };
+    const { game, state, states, players } = this;
+    const actions = {};
+    // Who is told acts last; if both are, the pursuer is told.
+    const order = players.pursuer.isTold ? [EVADER, PURSUER] : [PURSUER, EVADER];
+    for (const role of order) actions[role] = players[role].act(game, state, role, states, actions[other(role)]);
     const after = step(game, state, actions);
     this.states.push(after.state);
     this.actions.push([actions.pursuer, actions.evader]);
@@ -84,23 +91,4 @@ export class Match {
       states: this.states.map(asRow),
     };
   }
-}
-
-const ENDS = {
-  captured: "The pursuer has caught the evader",
-  pursuer_hit_obstacle: "The pursuer has hit an obstacle",
-  evader_hit_obstacle: "The evader has hit an obstacle",
-  pursuer_out_of_range: "The pursuer has run into a wall",
-  evader_out_of_range: "The evader has run into a wall",
-  both_failed: "Both have crashed in the same moment",
-  no_result: "Time is up",
-  territory_reached: "The evader has reached the territory",
-};
-
-/** How a game that is over ended, in words. */
-export function describeEnd(match) {
-  const names = { [PURSUER]: match.players.pursuer.name, [EVADER]: match.players.evader.name };
-  const won = names[match.winner];
-  const verdict = won === undefined ? "nobody wins" : won === "you" ? "you win" : `${won} wins`;
-  return `${ENDS[match.outcome]} after ${match.seconds.toFixed(1)} s: ${verdict}.`;
 }

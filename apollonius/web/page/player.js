@@ -1,103 +1,88 @@
 // The page: choices, buttons and keys in, frames out. A match runs at the rules' own clock, drawing at the screen's.
 
-import { BUILT_IN, atBest, shielded } from "./agents.js";
-import { between, draw } from "./draw.js";
-import { findAgent, findGame } from "./files.js";
-import { Match, describeEnd } from "./match.js";
+import { keepBest } from "./best.js";
+import { Choices, asChoice, asQuery, levelButtons } from "./choices.js";
+import { Coach } from "./coach.js";
+import { describeEnd, describeGoal } from "./ending.js";
+import { findGame, saveAs } from "./files.js";
+import { Controllers } from "./gamepad.js";
+import { Alarm, isTooFast, nearness } from "./hints.js";
+import { lasting, levelAfter, withOpenFloor } from "./levels.js";
+import { Match } from "./match.js";
+import { YOU } from "./names.js";
+import { findPlayer } from "./players.js";
+import { SlowReplay } from "./replaying.js";
 import { EVADER, PURSUER } from "./rules.js";
+import { Stage } from "./stage.js";
 import { HOLD, Steering } from "./steering.js";
 import { Timing } from "./timing.js";
 
 const ROLES = [PURSUER, EVADER];
-const YOU = "you";
-const SHIELDED = "shielded:";
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const REHEARSALS = 60; // moves before the first that counts, so that the browser has compiled them
+const COUNTDOWN = 1.5; // before a person's game goes on [s]
+const BEAT = 0.5; // of it [s]
 
 const element = (id) => document.getElementById(id);
-const steering = new Steering();
+const controllers = new Controllers();
+const steering = new Steering(controllers);
+const alarm = new Alarm();
 const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
-const page = { catalogue: null, match: null, phase: "loading", time: 0, last: null, colours: null };
+const page = { catalogue: null, choices: null, choice: null, match: null, phase: "loading", time: 0, last: null };
+Object.assign(page, { stage: new Stage(element, steering), counted: 0, pace: 1, coach: null, ending: null });
 globalThis.apollonius = { page, timing }; // for the console, and for tests
 
-// ---- players
-
-async function findPlayer(name, role) {
-  if (name === YOU) return { name, act: () => steering.action(role, bothArePeople()) };
-  const bare = name.replace(SHIELDED, "");
-  const player = BUILT_IN[bare] ?? atBest(await findAgent(page.catalogue, bare));
-  const rank = name.startsWith(SHIELDED) ? shielded(player) : player;
-  return { name, rehearse: rank, act: (...seen) => timing.move.measure(() => rank(...seen)[0]) };
-}
-
-function rehearse({ game, state, players }) {
-  for (const role of ROLES) {
-    for (let move = 0; move < REHEARSALS; move++) players[role].rehearse?.(game, state, role);
-  }
-}
+// ---- who plays
 
 const isPerson = (role) => page.match?.players[role].name === YOU;
 const people = () => ROLES.filter(isPerson);
-const bothArePeople = () => people().length === 2;
+/** The side of the one person who plays, or null. */
+const me = () => (people().length === 1 ? people()[0] : null);
 
-// ---- choices
-
-function offer(select, groups) {
-  select.replaceChildren(
-    ...groups.map(([label, names]) => {
-      const group = document.createElement("optgroup");
-      group.label = label;
-      group.append(...names.map((name) => new Option(name, name)));
-      return group;
-    }),
-  );
+function steer(role) {
+  const action = steering.action(role, people().length === 2);
+  if (role === me()) page.coach?.see(action);
+  return action;
 }
 
-function offerChoices({ games, agents, chosen }) {
-  offer(element("game"), [["arenas", Object.keys(games)]]);
+function rehearse({ game, state, states, players }) {
   for (const role of ROLES) {
-    const names = agents[role];
-    offer(element(role), [
-      ["a person", [YOU]],
-      ["trained", names],
-      ["trained, behind a shield", names.map((name) => SHIELDED + name)],
-      ["built in", Object.keys(BUILT_IN)],
-    ]);
-  }
-  const wanted = { ...chosen, ...Object.fromEntries(new URLSearchParams(location.search)) };
-  for (const [name, value] of Object.entries(wanted)) {
-    const field = element("choices").elements.namedItem(name);
-    if (field) field.value = value;
-    if (field && !field.value) field.value = chosen[name];
+    for (let move = 0; move < REHEARSALS; move++) players[role].rank?.(game, state, role, states, HOLD);
   }
 }
 
 /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
-async function beginMatch() {
-  const form = element("choices");
-  if (!form.reportValidity()) return;
-  const choice = Object.fromEntries(new FormData(form));
-  history.replaceState(null, "", `?${new URLSearchParams(choice)}`);
+async function beginMatch(choice) {
+  history.replaceState(null, "", asQuery(choice));
   page.choice = choice;
   enter("loading", "Loading…");
   try {
-    const players = ROLES.map((role) => findPlayer(choice[role], role));
-    const [game, pursuer, evader] = await Promise.all([findGame(page.catalogue, choice.game), ...players]);
+    const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
+    const difficulty = hasPerson ? choice.difficulty : "sharp";
+    const measure = (work) => timing.move.measure(work);
+    const players = ROLES.map((role) => findPlayer(page.catalogue, choice[role], role, difficulty, steer, measure));
+    const [found, pursuer, evader] = await Promise.all([findGame(page.catalogue, choice.game), ...players]);
     if (page.choice !== choice) return;
-    page.match = new Match(game, { pursuer, evader }, Number(choice.seed));
+    const game = choice.level ? lasting(found, choice.level.seconds) : found;
+    page.match = new Match(game, { pursuer, evader }, choice.seed);
+    page.coach = choice.level?.number === 1 ? new Coach() : null;
     rehearse(page.match);
     makeReady();
   } catch (error) {
-    if (page.choice === choice) enter("loading", `${error.message}. Choose another player.`);
+    if (page.choice === choice) enter("loading", `${error.message}. Choose another player under Games.`);
   }
 }
 
-// ---- phases: loading, ready, playing, paused, over
+// ---- phases: loading, ready, counting, playing, paused, over
 
 function enter(phase, message = "") {
   page.phase = phase;
+  const { level } = page.choice ?? {};
+  const won = phase === "over" && page.match.winner === me();
+  const after = level && won && levelAfter(level) ? "Next level" : me() && !won ? "Try again" : "Next game";
+  Object.assign(document.body.dataset, { phase, people: people().length, me: me() ?? "" });
   element("message").textContent = message;
-  element("go").textContent = { playing: "Pause", paused: "Go on", over: "Next game" }[phase] ?? "Start";
+  element("go").textContent = { counting: "Pause", playing: "Pause", paused: "Go on", over: after }[phase] ?? "Start";
   element("go").disabled = phase === "loading";
   element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
@@ -105,20 +90,37 @@ function enter(phase, message = "") {
 }
 
 function makeReady() {
-  page.time = 0;
+  Object.assign(page, { time: 0, ending: null, counted: 0 });
   const touch = matchMedia("(pointer: coarse)").matches;
   const how = people().length ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "two agents play";
   enter("ready", `${touch ? "Start" : "Space"} to begin; ${how}`);
 }
 
+function finish() {
+  const { match, choice } = page;
+  let message = describeEnd(match, me());
+  if (me()) {
+    const result = { isWon: match.winner === me(), seconds: Number(match.seconds.toFixed(1)) };
+    const key = choice.level?.key ?? ["pursuer", "evader", "game", "difficulty"].map((name) => choice[name]).join(" ");
+    if (keepBest(key, result, me() === PURSUER)) message += " Your best so far.";
+  }
+  page.ending = new SlowReplay(match, performance.now() / 1000);
+  enter("over", message);
+}
+
 const actions = {
   go() {
-    if (page.phase === "playing") return enter("paused", "Paused");
-    if (page.phase === "over") {
+    const { phase, choice } = page;
+    if (phase === "loading") return;
+    if (phase === "playing" || phase === "counting") return enter("paused", "Paused");
+    if (phase === "over") {
+      const after = choice.level && page.match.winner === me() ? levelAfter(choice.level) : null;
+      if (after) return beginMatch(asChoice(after));
       page.match.next();
-      page.time = 0;
+      Object.assign(page, { time: 0, ending: null });
     }
-    if (page.phase !== "loading") enter("playing");
+    page.counted = people().length ? COUNTDOWN : 0;
+    enter("counting");
   },
   again() {
     page.match?.again();
@@ -128,21 +130,39 @@ const actions = {
     page.match?.next();
     if (page.match) makeReady();
   },
+  menu() {
+    if (page.phase === "playing" || page.phase === "counting") actions.go();
+    element("levels").replaceChildren(...levelButtons(page.choice?.level ?? null, (level) => choose(asChoice(level))));
+    document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
+    element("games").showModal();
+  },
+  play() {
+    if (element("choices").reportValidity()) choose(page.choices.read());
+  },
+  sound() {
+    alarm.mute(!alarm.isMuted);
+    element("sound").setAttribute("aria-pressed", String(!alarm.isMuted));
+  },
   download() {
     const { match } = page;
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([JSON.stringify(match.replay())], { type: "application/json" }));
-    link.download = `game-${match.number}-${match.outcome}.json`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");
   },
 };
 
+function choose(choice) {
+  element("games").close();
+  beginMatch(choice);
+}
+
 function showScore() {
-  const { match } = page;
+  const { match, choice } = page;
   if (!match) return;
-  for (const role of ROLES) element(`${role}-name`).textContent = match.players[role].name;
-  for (const [who, count] of Object.entries(match.score)) element(`${who}-score`).textContent = count;
+  const number = choice.level ? `${choice.level.number}. ` : "";
+  element("goal").textContent = number + describeGoal(match, me());
+  for (const role of ROLES) {
+    element(`${role}-name`).textContent = match.players[role].words;
+    element(`${role}-score`).textContent = match.score[role];
+  }
 }
 
 // ---- frames
@@ -152,11 +172,25 @@ function frame(now) {
   const passed = page.last === null ? 0 : (now - page.last) / 1000;
   page.last = now;
   if (!page.match) return;
+  if (controllers.starts() && !element("games").open) actions.go();
   if (page.phase === "playing") timing.interval.add(1000 * passed);
   timing.frame.measure(() => {
-    if (page.phase === "playing") advance(Math.min(passed, LONGEST_PAUSE));
-    show();
+    if (page.phase === "counting") countDown(passed);
+    else if (page.phase === "playing") advance(Math.min(passed, LONGEST_PAUSE) * (people().length ? 1 : page.pace));
+    page.stage.show(page, { people: people(), me: me() }, now / 1000);
+    if (page.phase === "playing") warn(now / 1000);
   });
+}
+
+function countDown(passed) {
+  page.counted -= passed;
+  if (page.counted <= 0) return enter("playing");
+  element("message").textContent = `${Math.ceil(page.counted / BEAT)}`;
+}
+
+function warn(now) {
+  const { game, state } = page.match;
+  if (me()) alarm.tell(nearness(game, state, me()), isTooFast(game, me(), state[me()]), now);
 }
 
 /** The match, as many steps on as fit into the time that has passed [s]. */
@@ -167,41 +201,7 @@ function advance(passed) {
     match.step();
     page.time -= match.game.dt;
   }
-  if (match.isOver) enter("over", describeEnd(match));
-}
-
-/** Robots are drawn one step late, between the last two states, so that they move smoothly. */
-function show() {
-  const { match } = page;
-  const [before, after] = match.states.slice(-2);
-  const share = match.isOver ? 1 : page.time / match.game.dt;
-  draw(
-    element("canvas"),
-    match.game,
-    match.states,
-    after && page.phase !== "ready" ? between(before, after, share) : match.state,
-    page.colours,
-    match.isOver ? [] : people(),
-  );
-  element("clock").textContent = match.seconds.toFixed(1);
-  const action = people().length === 1 ? steering.action(people()[0], false) : HOLD;
-  const cell = 3 * (2 - Math.floor(action / 3)) + (2 - (action % 3));
-  [...element("pad").children].forEach((span, index) => span.classList.toggle("on", index === cell));
-}
-
-function showTiming() {
-  const { frame, move } = timing;
-  const milliseconds = (value) => `${value.toFixed(1)} ms`;
-  const parts = [["a frame takes", frame], ["an agent's move", move]].filter(([, { p95 }]) => p95 >= 0);
-  element("timing").textContent = parts.length
-    ? `${parts.map(([what, { p95 }]) => `${what} ${milliseconds(p95)}`).join(", ")} (95th percentiles)`
-    : "";
-}
-
-function readColours() {
-  const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "ink", "obstacle", PURSUER, EVADER];
-  page.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  if (match.isOver) finish();
 }
 
 // ---- wiring
@@ -209,16 +209,14 @@ function readColours() {
 function onKey(event) {
   const isDown = event.type === "keydown";
   const on = (elements) => event.target.closest?.(elements) !== null;
-  const isTaken = on("select, input") || (event.code === "Space" && on("button, summary"));
-  if (event.ctrlKey || event.metaKey || event.altKey || (isTaken && isDown)) return;
-  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next }[event.code];
+  if (event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
+  if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
+  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound }[event.code];
   if (steering.key(event.code, isDown) || pressed) event.preventDefault();
   if (isDown && !event.repeat) pressed?.();
 }
 
 async function main() {
-  readColours();
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColours);
   for (const [id, action] of Object.entries(actions)) {
     element(id).addEventListener("click", (event) => {
       action();
@@ -227,16 +225,25 @@ async function main() {
   }
   for (const type of ["keydown", "keyup"]) document.addEventListener(type, onKey);
   globalThis.addEventListener("blur", () => steering.release());
-  document.addEventListener("visibilitychange", () => document.hidden && page.phase === "playing" && actions.go());
-  element("choices").addEventListener("change", beginMatch);
-  element("choices").addEventListener("submit", (event) => event.preventDefault());
-  steering.attach(element("pad"));
-  setInterval(showTiming, 1000);
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden && ["playing", "counting"].includes(page.phase)) actions.go();
+  });
+  element("games").addEventListener("close", () => document.activeElement?.blur());
+  element("choices").addEventListener("submit", (event) => {
+    event.preventDefault();
+    actions.play();
+  });
+  element("speed").addEventListener("change", ({ target }) => {
+    page.pace = Number(target.value);
+    target.blur();
+  });
+  for (const role of ROLES) steering.attach(element(`pad-${role}`), role);
   enter("loading", "Loading…");
-  page.catalogue = await (await fetch("catalogue.json")).json();
-  offerChoices(page.catalogue);
+  const catalogue = await (await fetch("catalogue.json")).json();
+  page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
+  page.choices = new Choices(element("choices"), catalogue, page.catalogue.games);
   requestAnimationFrame(frame);
-  await beginMatch();
+  await beginMatch(page.choices.fromAddress(location.search));
 }
 
 main().catch((error) => enter("loading", `This page cannot start: ${error.message}`));

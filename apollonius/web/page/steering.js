@@ -1,4 +1,4 @@
-// What a person wants the robot to do: keys held down, or a finger or mouse on the pad of nine gears.
+// What people want their robots to do: keys held down, fingers or a mouse on pads of nine gears, game controllers.
 
 import { EVADER, PURSUER } from "./rules.js";
 
@@ -8,19 +8,23 @@ const KEYS = {
   arrows: { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] },
   letters: { KeyW: [1, 0], KeyS: [-1, 0], KeyA: [0, 1], KeyD: [0, -1] },
 };
+const ALL_KEYS = Object.assign({}, ...Object.values(KEYS));
+const OF_SIDE = { [PURSUER]: KEYS.letters, [EVADER]: KEYS.arrows }; // with two people
 
 /** The action of two gears, each -1, 0 or 1: `3 * i_u1 + i_u2` (Eq. 5). */
 const asAction = (u1, u2) => 3 * (u1 + 1) + (u2 + 1);
 
 export class Steering {
-  constructor() {
+  /** @param controllers asked once a step for the gears of each that is plugged in */
+  constructor(controllers = { gears: () => [] }) {
+    this.controllers = controllers;
     this.held = new Set();
-    this.pad = null;
+    this.pads = { [PURSUER]: null, [EVADER]: null };
   }
 
   /** Whether a key steers; it is then held or let go. */
   key(code, isDown) {
-    if (!(code in KEYS.arrows) && !(code in KEYS.letters)) return false;
+    if (!(code in ALL_KEYS)) return false;
     if (isDown) this.held.add(code);
     else this.held.delete(code);
     return true;
@@ -29,25 +33,33 @@ export class Steering {
   /** Let go of everything, as when the page is left. */
   release() {
     this.held.clear();
-    this.pad = null;
+    this.pads = { [PURSUER]: null, [EVADER]: null };
   }
 
-  /** The action a person chooses for a robot; with two people, arrows steer the evader and letters the pursuer. */
+  /**
+   * The action a person chooses for a robot. With two people, arrows steer the evader and letters the pursuer, each has
+   * a pad, and of two controllers the first is the pursuer's.
+   */
   action(role, together) {
-    if (this.pad !== null && !together) return this.pad;
-    const sets = { [PURSUER]: [KEYS.letters], [EVADER]: [KEYS.arrows] };
-    const keys = Object.assign({}, ...(together ? sets[role] : Object.values(KEYS)));
+    if (this.pads[role] !== null) return this.pads[role];
+    const keys = together ? OF_SIDE[role] : ALL_KEYS;
     const pressed = [...this.held].filter((code) => code in keys).map((code) => keys[code]);
     const gear = (axis) => Math.sign(pressed.reduce((sum, push) => sum + push[axis], 0));
-    return asAction(gear(0), gear(1));
+    const asked = this.controllers.gears();
+    const own = together && asked.length > 1 ? [asked[role === PURSUER ? 0 : 1]] : together && role === PURSUER ? [] : asked;
+    const held = pressed.length ? null : own.find((gears) => gears !== null && gears !== undefined);
+    return held ? asAction(...held) : asAction(gear(0), gear(1));
   }
 
-  /** Make an element of nine cells a pad: rows speed up, hold, brake; columns turn left, straight, right. */
-  attach(element) {
+  /** Make an element of nine cells a robot's pad: rows speed up, hold, brake; columns turn left, straight, right. */
+  attach(element, role) {
     const choose = (event) => {
       const box = element.getBoundingClientRect();
       const third = (offset, length) => Math.min(2, Math.max(0, Math.floor((3 * offset) / length)));
-      this.pad = asAction(1 - third(event.clientY - box.top, box.height), 1 - third(event.clientX - box.left, box.width));
+      this.pads[role] = asAction(
+        1 - third(event.clientY - box.top, box.height),
+        1 - third(event.clientX - box.left, box.width),
+      );
       event.preventDefault();
     };
     element.addEventListener("pointerdown", (event) => {
@@ -55,6 +67,6 @@ export class Steering {
       choose(event);
     });
     element.addEventListener("pointermove", (event) => event.buttons && choose(event));
-    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, () => (this.pad = null));
+    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, () => (this.pads[role] = null));
   }
 }

@@ -1,0 +1,171 @@
+// Players that follow a rule instead of a network, function by function `chasing.py`, `fleeing.py`, `potential.py` and
+// `guarding.py` of `apollonius/agents/`. Each values the nine actions for one side of a game.
+
+import { clearance, clearanceAlong, clearances, clip, toObstacles } from "./clearance.js";
+import { EVADER, PURSUER, move, other, wrapAngle } from "./rules.js";
+
+const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+const NAVIGATION = { gain: 3, cone: 0.8 }; // times faster than the line of sight turns; where an opponent is ahead [rad]
+const AWARE = { horizon: 4, margin: 0.1, caution: 1 }; // looked ahead [s], room to keep [m], what a metre of it is worth
+const ORBIT = { height: 0.6, gain: 2, habit: 1 }; // from the obstacle [m], how sharply it makes for it [1/m], against habit
+const FIELD = { reach: 2, strength: 0.2 }; // clearance that is felt [m], strength of the repulsion [m]
+const EQUAL = 1e-3; // squares of speeds that differ by less than this share are equal
+const TINY = 1e-6; // a difference [m] by which slopes are taken
+
+const direction = (from, to) => Math.atan2(to.y - from.y, to.x - from.x);
+const separation = (one, two) => Math.hypot(two.x - one.x, two.y - one.y);
+
+/** The highest speed [m/s] at which a robot can drive the arc to a target; what is behind takes half the distance. */
+function arcSpeed(body, robot, target) {
+  const angle = Math.abs(wrapAngle(direction(robot, target) - robot.heading));
+  const sine = Math.sin(Math.min(angle, Math.PI / 2));
+  return Math.min(body.v_max, (body.u2_max * separation(robot, target)) / Math.max(2 * sine, 1e-6));
+}
+
+/** The part [m/s] of the top speed that a robot which cannot move sideways can have now on the way to a heading. */
+const facingSpeed = (body, robot, heading) => body.v_max * Math.max(Math.cos(wrapAngle(heading - robot.heading)), 0);
+
+/** How a function of a place changes along x and y. */
+function slope(of, x, y) {
+  return [of(x + TINY, y) - of(x - TINY, y), of(x, y + TINY) - of(x, y - TINY)].map((change) => change / (2 * TINY));
+}
+
+// ---- courses: a heading [rad] and a speed [m/s] to have, from what one side sees
+
+function purePursuit({ body, own, opponent }) {
+  return [direction(own, opponent), arcSpeed(body, own, opponent)];
+}
+
+function proportionalNavigation({ game, body, own, opponent }) {
+  const [x, y] = [opponent.x - own.x, opponent.y - own.y];
+  const vx = opponent.v * Math.cos(opponent.heading) - own.v * Math.cos(own.heading);
+  const vy = opponent.v * Math.sin(opponent.heading) - own.v * Math.sin(own.heading);
+  const sightRate = (x * vy - y * vx) / Math.max(x * x + y * y, 1e-6);
+  const sight = direction(own, opponent);
+  const isAhead = Math.abs(wrapAngle(sight - own.heading)) < NAVIGATION.cone;
+  const heading = isAhead ? own.heading + NAVIGATION.gain * sightRate * game.dt : sight;
+  return [heading, arcSpeed(body, own, opponent)];
+}
+
+function intercept({ body, own, opponent }) {
+  const sight = direction(own, opponent);
+  const across = opponent.v * Math.sin(opponent.heading - sight);
+  return [sight + Math.asin(clip(across / body.v_max, -1, 1)), arcSpeed(body, own, opponent)];
+}
+
+const flee = ({ body, own, opponent }) => [direction(opponent, own), body.v_max];
+
+function circle({ game, body, own, opponent }) {
+  const distance = toObstacles(game.arena, own.x, own.y);
+  const [outX, outY] = slope((x, y) => toObstacles(game.arena, x, y), own.x, own.y);
+  const away = direction(opponent, own);
+  const leadsAway = outX * Math.sin(away) - outY * Math.cos(away);
+  const drives = outX * Math.sin(own.heading) - outY * Math.cos(own.heading);
+  const side = leadsAway + ORBIT.habit * drives >= 0 ? 1 : -1;
+  const inwards = Math.atan(ORBIT.gain * (distance - body.radius - ORBIT.height));
+  const heading = Math.atan2(outY, outX) + side * (Math.PI / 2 + inwards);
+  return [heading, facingSpeed(body, own, heading)];
+}
+
+function potentialField({ game, role, body, own, opponent }) {
+  const sign = role === PURSUER ? 1 : -1;
+  const potential = (x, y) =>
+    clearances(game.arena, x, y).reduce((sum, length) => {
+      const room = Math.max(length - body.radius, 1e-3);
+      return sum + (FIELD.strength / 2) * Math.max(1 / room - 1 / FIELD.reach, 0) ** 2;
+    }, sign * Math.hypot(x - opponent.x, y - opponent.y));
+  const [slopeX, slopeY] = slope(potential, own.x, own.y);
+  const heading = Math.atan2(-slopeY, -slopeX);
+  const room = Math.max(clearance(game.arena, own.x, own.y) - body.radius, 0);
+  return [heading, Math.min(facingSpeed(body, own, heading), Math.sqrt(2 * body.u1_max * room))];
+}
+
+function territory({ game, role, body, own, opponent, opponentBody }) {
+  const goal = game.arena.territory;
+  const ends = [[own, body.v_max], [opponent, opponentBody.v_max]];
+  const [[pursuer, fast], [evader, slow]] = role === PURSUER ? ends : ends.toReversed();
+  const target = nearestReach(evader, pursuer, slow / fast, goal);
+  return [direction(own, target), arcSpeed(body, own, target)];
+}
+
+/** Of the places that the evader, `ratio` times as fast, can be at before the pursuer, the one nearest to a goal. */
+export function nearestReach(evader, pursuer, ratio, goal) {
+  const square = ratio ** 2;
+  const squared = (x, y) => x * x + y * y;
+  if (squared(goal.x - evader.x, goal.y - evader.y) < square * squared(goal.x - pursuer.x, goal.y - pursuer.y)) return goal;
+  const [sightX, sightY] = [pursuer.x - evader.x, pursuer.y - evader.y];
+  const sightSquared = Math.max(squared(sightX, sightY), 1e-9);
+  if (Math.abs(1 - square) < EQUAL) {
+    const [fromX, fromY] = [goal.x - (evader.x + pursuer.x) / 2, goal.y - (evader.y + pursuer.y) / 2];
+    const beyond = (fromX * sightX + fromY * sightY) / sightSquared;
+    return { x: goal.x - beyond * sightX, y: goal.y - beyond * sightY };
+  }
+  const rest = 1 - square;
+  const centre = { x: (evader.x - square * pursuer.x) / rest, y: (evader.y - square * pursuer.y) / rest };
+  const radius = Math.sqrt(square * sightSquared) / Math.abs(rest);
+  const [outX, outY] = [goal.x - centre.x, goal.y - centre.y];
+  const scale = radius / Math.max(Math.hypot(outX, outY), 1e-6);
+  return { x: centre.x + scale * outX, y: centre.y + scale * outY };
+}
+
+// ---- values
+
+/** Minus how far heading and speed are from the course after each action, in steps of full turn and thrust. */
+const steering = (course) => (seen) => {
+  const { game, body, own } = seen;
+  const [heading, speed] = course(seen);
+  const turn = Math.max(body.u2_max * game.dt, 1e-6);
+  const thrust = Math.max(body.u1_max * game.dt, 1e-6);
+  return ACTIONS.map((action) => {
+    const after = move(body, own, action, game.dt);
+    return -Math.abs(wrapAngle(heading - after.heading)) / turn - Math.abs(speed - after.v) / thrust;
+  });
+};
+
+/** Where each action, held, leads: furthest from a pursuer that goes straight on, and not out of room. */
+function fleeAware({ game, body, own, opponent, opponentBody }) {
+  const steps = Math.ceil(AWARE.horizon / game.dt);
+  const pursuer = move(opponentBody, opponent, 4, steps * game.dt);
+  return ACTIONS.map((action) => {
+    let [robot, room, runsOut] = [own, Infinity, steps];
+    for (let step = 0; step < steps; step++) {
+      const after = move(body, robot, action, game.dt);
+      const here = clearanceAlong(game.arena, robot, after) - body.radius;
+      if (here <= AWARE.margin) runsOut = Math.min(runsOut, step);
+      [robot, room] = [after, Math.min(room, here)];
+    }
+    return runsOut < steps ? runsOut - steps : separation(robot, pursuer) + AWARE.caution * Math.min(room, 1);
+  });
+}
+
+const CHASERS = {
+  "pure-pursuit": steering(purePursuit),
+  "proportional-navigation": steering(proportionalNavigation),
+  intercept: steering(intercept),
+  "potential-field": steering(potentialField),
+};
+const RUNNERS = {
+  flee: steering(flee),
+  "flee-aware": fleeAware,
+  circle: steering(circle),
+  "potential-field": steering(potentialField),
+};
+
+/** The players of one side by name: from (game, state, role) to the values of the nine actions. */
+export const CLASSICAL = Object.fromEntries(
+  [[PURSUER, CHASERS], [EVADER, RUNNERS]].map(([side, rules]) => {
+    const all = Object.entries({ ...rules, territory: steering(territory) });
+    return [side, Object.fromEntries(all.map(([name, rule]) => [name, (...seen) => rule(look(...seen))]))];
+  }),
+);
+
+/** Whether a rule can be followed in a game. */
+export function fits(name, { arena }) {
+  if (name === "circle") return arena.discs.length > 0 || Boolean(arena.polygons?.length) || Boolean(arena.map);
+  return name !== "territory" || Boolean(arena.territory);
+}
+
+function look(game, state, role) {
+  const rival = other(role);
+  return { game, role, body: game[role], own: state[role], opponent: state[rival], opponentBody: game[rival] };
+}

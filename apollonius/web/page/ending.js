@@ -1,0 +1,49 @@
+// What a person is told: who they are and what to do, and how a game ended.
+
+import { EVADER, PURSUER } from "./rules.js";
+
+const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
+
+const YOURS = {
+  captured: { [PURSUER]: "You caught it", [EVADER]: "You were caught" },
+  pursuer_hit_obstacle: { [PURSUER]: "You hit an obstacle", [EVADER]: "Red hit an obstacle" },
+  evader_hit_obstacle: { [PURSUER]: "Blue hit an obstacle", [EVADER]: "You hit an obstacle" },
+  pursuer_out_of_range: { [PURSUER]: "You ran into a wall", [EVADER]: "Red ran into a wall" },
+  evader_out_of_range: { [PURSUER]: "Blue ran into a wall", [EVADER]: "You ran into a wall" },
+  both_failed: { [PURSUER]: "You both crashed at once", [EVADER]: "You both crashed at once" },
+  no_result: { [PURSUER]: "Time is up, it got away", [EVADER]: "You survived" },
+  territory_reached: { [PURSUER]: "Blue reached the ring", [EVADER]: "You reached the ring" },
+};
+const THEIRS = {
+  captured: "Red caught blue",
+  pursuer_hit_obstacle: "Red hit an obstacle",
+  evader_hit_obstacle: "Blue hit an obstacle",
+  pursuer_out_of_range: "Red ran into a wall",
+  evader_out_of_range: "Blue ran into a wall",
+  both_failed: "Both crashed at once",
+  no_result: "Time is up, blue got away",
+  territory_reached: "Blue reached the ring",
+};
+
+const limit = ({ game }) => `${Number((game.max_steps * game.dt).toFixed(1))}\u00a0s`;
+
+/** What is to be done. `me` is the side of the one person who plays, or null. */
+export function describeGoal(match, me) {
+  const { game, players } = match;
+  if (me === EVADER && game.arena.territory) return `You are blue: reach the ring within ${limit(match)}`;
+  if (me === EVADER) return `You are blue: survive ${limit(match)}`;
+  if (me === PURSUER && game.arena.territory) return `You are red: keep blue from the ring for ${limit(match)}`;
+  if (me === PURSUER) return `You are red: catch blue within ${limit(match)}`;
+  const [red, blue] = [PURSUER, EVADER].map((role) => players[role].words);
+  return red === blue ? "Red hunts, blue flees" : `Red ${red}; blue ${blue}`;
+}
+
+/** How a game that is over ended, and who has won. */
+export function describeEnd(match, me) {
+  const { outcome, winner } = match;
+  const what = me ? YOURS[outcome][me] : THEIRS[outcome];
+  const when = `after ${match.seconds.toFixed(1)}\u00a0s`;
+  if (winner === null) return `${what} ${when}: nobody wins.`;
+  if (!me) return `${what} ${when}: ${COLOUR[winner]} wins.`;
+  return winner === me ? `${what} ${when}. You win!` : `${what} ${when}. You lose.`;
+}

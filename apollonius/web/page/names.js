@@ -1,0 +1,42 @@
+// What players are called in words. Menus show the words; replays and addresses keep the names, as the command has them.
+
+export const YOU = "you";
+export const SHIELDED = "shielded:";
+
+const WORDS = {
+  [YOU]: "a person",
+  any: "knows any arena",
+  optimal: "taught by the solved game",
+  hunter: "learned to catch the best evaders",
+  prioritised: "learned from its own past, longest",
+  robust: "ready for wheels and motors",
+  smooth: "drives smoothly",
+  pool: "learned from many evaders",
+  curriculum: "learned step by step",
+  scratch: "learned from nothing",
+  random: "moves at random",
+  stage1: "has caught only what stands",
+  still: "stands still",
+  "pure-pursuit": "drives at the other",
+  "proportional-navigation": "steers like a missile",
+  intercept: "cuts off the way",
+  "potential-field": "is drawn and driven like a magnet",
+  flee: "drives straight away",
+  "flee-aware": "runs where there is room",
+  circle: "rounds an obstacle",
+  territory: "goes for the territory",
+};
+const TRAINED = { random: "learned against random moves" };
+
+/** Without what is put before a name. */
+export const bare = (name) => name.replace(SHIELDED, "");
+
+/** A player in words, and its name where it has one: "knows any arena (P_any)". */
+export function inWords(name) {
+  const known = bare(name);
+  const key = known.replace(/^[PE]_/, "");
+  const isOfZoo = key !== known;
+  const words = (isOfZoo && TRAINED[key]) || WORDS[key];
+  if (words === undefined) return known;
+  return known === YOU ? words : `${words} (${known})`;
+}

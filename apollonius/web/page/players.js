@@ -1,0 +1,42 @@
+// Players by name, as hard as wanted: people, trained agents, rules, and the shield before any of them.
+
+import { BUILT_IN, atBest, byValues, shielded, worthTo } from "./agents.js";
+import { CLASSICAL, fits } from "./classical.js";
+import { DIFFICULTIES, asHardAs } from "./difficulty.js";
+import { findAgent } from "./files.js";
+import { SHIELDED, YOU, bare, inWords } from "./names.js";
+
+/** The names of a side's players that need no file and can play in a game. */
+export function ruleNames(side, game) {
+  return [...Object.keys(CLASSICAL[side]).filter((name) => fits(name, game)), ...Object.keys(BUILT_IN)];
+}
+
+/**
+ * Who plays one side.
+ *
+ * @param catalogue of the page
+ * @param name of the player; `shielded:` may stand before it
+ * @param role the side
+ * @param difficulty a name in `DIFFICULTIES`
+ * @param steer what a person does: from a side to an action
+ * @param measure calls a function and keeps how long it took
+ * @returns {name, words, isTold, act, rank}: `rank` is the player without being measured, of people null
+ */
+export async function findPlayer(catalogue, name, role, difficulty, steer, measure) {
+  if (name === YOU) return { name, words: inWords(name), isTold: false, rank: null, act: () => steer(role) };
+  const known = bare(name);
+  const { player, worth } = await findBare(catalogue, known, role);
+  const asHard = asHardAs(player, difficulty, worth);
+  const rank = name.startsWith(SHIELDED) ? shielded(asHard) : asHard;
+  const { isTold = false } = DIFFICULTIES[difficulty];
+  const full = difficulty === "sharp" ? name : `${name} (${difficulty})`;
+  const words = difficulty === "sharp" ? inWords(name) : `${inWords(name)}, ${DIFFICULTIES[difficulty].words.split(":")[0]}`;
+  return { name: full, words, isTold, rank, act: (...seen) => measure(() => rank(...seen)[0]) };
+}
+
+async function findBare(catalogue, name, role) {
+  if (Object.hasOwn(BUILT_IN, name)) return { player: BUILT_IN[name], worth: null };
+  if (Object.hasOwn(CLASSICAL[role], name)) return { player: byValues(CLASSICAL[role][name]), worth: null };
+  const agent = await findAgent(catalogue, name);
+  return { player: atBest(agent), worth: worthTo(agent) };
+}

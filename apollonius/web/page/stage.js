@@ -1,0 +1,51 @@
+// What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
+
+import { between, draw } from "./draw.js";
+import { EVADER, PURSUER } from "./rules.js";
+
+const HALO = 1.2; // how long the ring around a person's robot takes to widen [s]
+const STILL_HALO = 0.2; // how wide it is for who wants no motion
+
+/** Colours by name, as the page's style has them just now. */
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  const names = ["paper", "ink", "obstacle", "other", PURSUER, EVADER];
+  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+}
+
+export class Stage {
+  /** @param element finds a part of the page by its id; `steering` knows which cells of pads are pressed */
+  constructor(element, steering) {
+    Object.assign(this, { element, steering, colours: readColours() });
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    dark.addEventListener("change", () => (this.colours = readColours()));
+    this.calm = matchMedia("(prefers-reduced-motion: reduce)");
+  }
+
+  /** Draw a match as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
+  show({ match, phase, time, coach, ending }, { people, me }, now) {
+    const { element, colours } = this;
+    const [before, after] = match.states.slice(-2);
+    const share = match.isOver ? 1 : time / match.game.dt;
+    const isWaiting = phase === "ready" || phase === "counting";
+    const halo = this.calm.matches ? STILL_HALO : (now / HALO) % 1;
+    draw(element("canvas"), {
+      game: match.game,
+      states: match.states,
+      now: after && phase !== "ready" ? between(before, after, share) : match.state,
+      colours,
+      steered: match.isOver ? [] : people,
+      halo: isWaiting ? halo : null,
+      advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me]) : null,
+    });
+    ending?.draw(element("replay"), now, colours);
+    element("clock").textContent = Math.max(0, match.secondsLeft).toFixed(1);
+    if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
+  }
+
+  #press(role, together) {
+    const action = this.steering.action(role, together);
+    const cell = 3 * (2 - Math.floor(action / 3)) + (2 - (action % 3));
+    [...this.element(`pad-${role}`).children].forEach((span, index) => span.classList.toggle("on", index === cell));
+  }
+}
