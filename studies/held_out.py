@@ -7,18 +7,17 @@ player there, and lets attackers try to beat each of them, and the solved game's
 Written are `held_out.json` and `held_out.md`. Stopped or killed at any point, the same command goes on where it was.
 """
 
-import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import chain, zip_longest
 from pathlib import Path
 
 import jax.numpy as jnp
-import numpy as np
 
 from apollonius.agents.kind import Named, fingerprint
+from apollonius.agents.trained import ANY
 from apollonius.arenas.charting import charted
 from apollonius.arenas.scenarios import each_alone, scenario_game
 from apollonius.arenas.suite import suite_entries
@@ -35,15 +34,12 @@ from apollonius.jobs import Job, ShouldStop
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.reproduce.finding import Finding
-from apollonius.show.markdown import markdown_table
 from apollonius.solve.kept import kept_tables
 from apollonius.solve.players import SaddlePolicy
 from studies import driver
+from studies.worst import SOLVED, SPECIALIST, arena_table, read_attacks, verdict
 
 SUITE = "suite-v1"
-ANY = BySide("P_any", "E_any")
-SPECIALIST = "specialist"
-SOLVED = "solved"
 CLASSICAL = BySide(
     ("pure-pursuit", "proportional-navigation", "intercept", "potential-field"),
     ("flee", "flee-aware", "circle", "potential-field"),
@@ -51,10 +47,6 @@ CLASSICAL = BySide(
 """Of whom each arena's best is taken, behind a shield."""
 KINDS = ("table", "zoo", "foresight-0.5", "foresight-1")
 """Attackers, by their names in `apollonius.exploit.attackers`; `foresight-2` takes as long as all else together."""
-
-
-Attacks = Mapping[str, Mapping[str, Mapping[str, Losses]]]
-"""By side, player and attacker."""
 
 
 @dataclass(frozen=True)
@@ -194,80 +186,6 @@ def _kept_losses(study: HeldOut, arena: str, attack: Siege, attacker: Attacker) 
     path = study.kept(arena) / name
     return cached_result(path, asked, Losses, lambda: attacker.measure(attack, study.games, study.seed))
 
-
-def read_attacks(folder: Path) -> Attacks:
-    """All that is kept of one arena."""
-    found: dict[str, dict[str, dict[str, Losses]]] = {role.name.lower(): {} for role in Role}
-    for path in sorted(folder.glob("*.json")):
-        kept = json.loads(path.read_text())
-        losses = Losses(**{**kept["result"], "interval": tuple(kept["result"]["interval"])})
-        found[kept["role"]].setdefault(kept["player"], {})[kept["attacker"]] = losses
-    return found
-
-
-@dataclass(frozen=True)
-class Worst:
-    """What a player is left with by whoever does best against it. Rates are in [0, 1]."""
-
-    loses: float
-    """To the attacker that beats it most often."""
-    sure: float
-    """Share of its wins less that of its losses, against the attacker where that is least."""
-
-
-def worst(attacks: Attacks, role: Role, player: str) -> Worst:
-    """The worst that any attacker of an arena does to a player."""
-    found = attacks[role.name.lower()][player].values()
-    return Worst(max(one.loses for one in found), min(one.wins - one.loses for one in found))
-
-
-def arena_players(attacks: Attacks, role: Role) -> dict[str, str]:
-    """Who is compared in an arena: by what each is there, its name."""
-    tried = attacks[role.name.lower()]
-    # The best of the classical players is the one that was attacked by all.
-    classical = max((name for name in tried if name.startswith("shielded:")), key=lambda name: len(tried[name]))
-    return {"any arena": ANY[role], SPECIALIST: SPECIALIST, "classical": classical, SOLVED: SOLVED}
-
-
-def arena_table(found: Mapping[str, Attacks], role: Role) -> str:
-    """A row for each arena: what each player loses to the worst of the attackers, and what it is sure of."""
-    lines = []
-    for arena, attacks in found.items():
-        players = arena_players(attacks, role)
-        worsts = [worst(attacks, role, name) for name in players.values()]
-        cells = [f"{100 * one.loses:.0f} ({100 * one.sure:+.0f})" for one in worsts]
-        lines.append([arena, *cells, players["classical"].removeprefix("shielded:")])
-    means = [[worst(one, role, arena_players(one, role)[kind]) for one in found.values()] for kind in _COMPARED]
-    mean = [f"{_mean([one.loses for one in kind]):.1f} ({_mean([one.sure for one in kind]):+.1f})" for kind in means]
-    head = [role.name.lower(), *_COMPARED, "which classical"]
-    return markdown_table(head, [*lines, ["mean", *mean, ""]])
-
-
-def verdict(found: Mapping[str, Attacks], role: Role) -> str:
-    """In how many arenas the player of any arena does at least as well as others, and its regret."""
-
-    def sure(attacks: Attacks, kind: str) -> float:
-        return worst(attacks, role, arena_players(attacks, role)[kind]).sure
-
-    own = {arena: sure(attacks, "any arena") for arena, attacks in found.items()}
-    said = [
-        f"as {kind} in {sum(own[arena] >= sure(attacks, kind) for arena, attacks in found.items())}"
-        for kind in (SPECIALIST, "classical")
-    ]
-    regret = [sure(attacks, SOLVED) - own[arena] for arena, attacks in found.items()]
-    reach = 1.96 * float(np.std(regret, ddof=1)) / len(regret) ** 0.5 if len(regret) > 1 else float("nan")
-    return (
-        f"{ANY[role]} is sure of at least as much {', '.join(said)} of {len(found)} arenas; of "
-        f"{np.mean(regret):.2f} less than the solved game's player ({np.mean(regret) - reach:.2f} to "
-        f"{np.mean(regret) + reach:.2f})."
-    )
-
-
-def _mean(rates: Sequence[float]) -> float:
-    return 100 * float(np.mean(rates))
-
-
-_COMPARED = ("any arena", SPECIALIST, "classical", SOLVED)
 
 main = partial(driver.main, HeldOut)
 

@@ -16,8 +16,11 @@ from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
 from apollonius.agents.shield import Shielded
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import ZOO, zoo_names
+from apollonius.agents.trained import ZOO, learned_elsewhere, zoo_names
 from apollonius.agents.uniform import Uniform
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
+from apollonius.arenas.scenarios import scenario_game
 from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
@@ -158,3 +161,14 @@ def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
     assert (ZOO / f"{name}.safetensors").stat().st_size < 1_000_000
     assert {"command", "seed", "stage", "env_steps", "episodes", "config"} <= set(header.training)
     assert header.game["arena"]["discs"] or header.game["scenario"].startswith("suite-v1/")
+
+
+def test_it_is_known_who_has_learned_in_another_arena_only():
+    paper, maze = make_game("paper"), find_game("maze")
+    prioritised = find_player("P_prioritised", Role.PURSUER)
+    assert not learned_elsewhere(prioritised, paper)
+    assert not learned_elsewhere(prioritised, charted(paper))
+    assert learned_elsewhere(prioritised, maze)
+    assert learned_elsewhere(prioritised, scenario_game("suite-v1/maze-00,maze-01"))
+    assert not learned_elsewhere(find_player("P_any", Role.PURSUER, maze), maze)
+    assert not learned_elsewhere(find_player("still", Role.PURSUER), maze)

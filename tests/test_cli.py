@@ -260,6 +260,8 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["bench", "train", "--games", "0"], ["games = 0", "at least 1"]),
         (["bench", "train", "--profile", "slow"], ["slow", "classic", "fast", "paper"]),
         (["bench", "train", "--stage", "third"], ["third", "fixed-target", "self-play"]),
+        (["bench", "train", "--game", "maze"], ["--game = maze", "left out"]),
+        (["bench", "env", "--observation", "smell"], ["smell", "paper", "egocentric"]),
         (["bench", "sleep"], ["sleep", "env", "train"]),
     ],
     ids=" ".join,

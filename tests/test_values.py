@@ -262,7 +262,7 @@ def test_a_written_grid_is_read():
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.arenas import random_arena, suite
-    from apollonius.bench import CLASSIC
+    from apollonius.bench.training import CLASSIC
     from apollonius.commands import arena
     from apollonius.commands.bench import BENCHES
     from apollonius.commands.exploit import ATTACKERS

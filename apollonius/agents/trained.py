@@ -10,12 +10,17 @@ from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.charting import charted
+from apollonius.arenas.record import from_dict, to_dict
 from apollonius.errors import InvalidInput
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role, Scalar
+from apollonius.observe.registry import find_observation
 
 ZOO = Path(__file__).parent.parent / "zoo"
 """Where the trained agents that ship with the package lie."""
+ANY = BySide("P_any", "E_any")
+"""Those that play in any arena."""
 _FROM_ZOO = "zoo/"
 """Before the name of a trained agent that ships with the package, where it could be taken for another."""
 _AGENTS = "agents"
@@ -92,6 +97,15 @@ def find_trained(name: str) -> tuple[Agent, Path]:
     if path is None:
         raise unknown(name, TRAINED)
     return load_agent(path), path
+
+
+def learned_elsewhere(player: Named, game: Game) -> bool:
+    """Whether a trained agent knows other arenas than those of a game only; one that reads a chart knows any."""
+    header = player.header
+    if header is None or not header.game or find_observation(header.observation).charted:
+        return False
+    arena = from_dict(Game, header.game, f"the header of '{player.name}'").arena
+    return game.scenario is not None or to_dict(arena) != to_dict(replace(game.arena, chart=None))
 
 
 def find_action_value_policy(name: str) -> tuple[Greedy, Agent, Path]:

@@ -4,11 +4,14 @@ import argparse
 import json
 from typing import Any
 
-from apollonius.commands.values import count
+from apollonius.commands.values import count, named
+from apollonius.errors import require
 from apollonius.limits import BENCHED_GAMES
 
 BENCHES = ("classic", "fast", "paper")
 """Profiles of training that are measured."""
+PAPER = "paper"
+"""The game and the observation that are measured where no others are named."""
 
 
 def add_bench(subparsers: Any) -> None:
@@ -30,6 +33,13 @@ def add_bench(subparsers: Any) -> None:
         default="fixed-target",
         help="for train: the pursuer learns against a standing evader (default), or both sides learn",
     )
+    parser.add_argument(
+        "--game",
+        type=named,
+        default="paper",
+        help="for env: a .toml file, or the name of a game (default: %(default)s)",
+    )
+    parser.add_argument("--observation", type=named, default=PAPER, help="for env (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_bench)
 
@@ -38,13 +48,20 @@ def run_bench(options: argparse.Namespace) -> int:
     """Measure and print."""
     from dataclasses import replace
 
-    from apollonius.bench import CLASSIC, bench_env, bench_train
+    from apollonius.bench.play import bench_env
+    from apollonius.bench.training import CLASSIC, bench_train
     from apollonius.learn.learner_config import PROFILES
 
+    for name in ("game", "observation"):
+        given = getattr(options, name)
+        require(
+            options.what == "env" or given == PAPER, f"--{name}", given, f"left out: training is in the {PAPER} game"
+        )
     display = options.display
     display.begin(f"measuring {options.what}", compiles=True)
     if options.what == "env":
-        result = bench_env(4096 if options.games is None else options.games, report=display.report)
+        games = 4096 if options.games is None else options.games
+        result = bench_env(games, report=display.report, game=options.game, observation=options.observation)
     else:
         profiles = {"classic": CLASSIC, **PROFILES}
         config = profiles[options.profile]

@@ -67,11 +67,21 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
 
 
 def requested_match(options: argparse.Namespace) -> "Match":
-    """The match of two players that are named, of `options.games`; errors as those of `Match.of_names`."""
+    """The match of two players that are named, of `options.games`; errors as those of `Match.of_names`.
+
+    Whoever has learned elsewhere is told of, and who plays in any arena.
+    """
+    from apollonius.agents.trained import ANY, learned_elsewhere
     from apollonius.evaluate.match import Match
+    from apollonius.game.types import Role
 
     asked = options.game, options.pursuer, options.evader, options.games, options.seed, options.starts
-    return Match.of_names(*asked)
+    match = Match.of_names(*asked)
+    for role in Role:
+        player = match.players[role]
+        if learned_elsewhere(player, match.game):
+            options.display.tell(f"{player.name} has learned in another arena; {ANY[role]} plays in any")
+    return match
 
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:

@@ -6,7 +6,8 @@ import pytest
 
 from apollonius.exploit.losses import Losses
 from apollonius.game.types import Role
-from studies.held_out import HeldOut, arena_table, read_attacks, verdict, worst
+from studies.held_out import HeldOut
+from studies.worst import arena_table, read_attacks, verdict, worst
 
 
 def losses(loses, wins=0.0):

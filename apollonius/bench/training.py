@@ -1,25 +1,20 @@
-"""How fast it is: env steps and updates per second, on the machine at hand."""
+"""How fast training is, and its arithmetic beside it."""
 
-import functools
-import os
 import statistics
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import Array, Int
 
 from apollonius.agents.classical import Still
 from apollonius.agents.network import QNetwork
 from apollonius.agents.pool import solo
-from apollonius.agents.uniform import Uniform
+from apollonius.bench.timing import in_turns, machine, rate
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, Role
+from apollonius.game.types import Role
 from apollonius.learn import dqn
 from apollonius.learn.fixed_target import start_fixed_target
 from apollonius.learn.learner_config import DQNConfig
@@ -28,11 +23,8 @@ from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
-from apollonius.limits import BENCHED_GAMES
 from apollonius.observe.registry import find_observation
 from apollonius.playout import Report
-from apollonius.random_bits import fold_in
-from apollonius.rollout import Games, begin, collect
 
 CLASSIC = DQNConfig(
     observation="paper",
@@ -49,39 +41,9 @@ CLASSIC = DQNConfig(
     learning_starts=10_000,
 )
 """Plain DQN on the 8 numbers, 4 games, batch 128, an update every 4 env steps: how published trainers are measured."""
-_STEPS = 250
-_START_ROWS = 16
 _BARE_UPDATES = 200
 _BARE_MOVES = 200
 _BARE_BATCHES = 10
-
-
-def bench_env(games: int, repeats: int = 20, report: Report = lambda done, total: None) -> dict[str, Any]:
-    """Random play of the `paper` game with auto-reset; one env step moves both robots.
-
-    Every step computes the states, outcomes, both rewards and both 8-number observations. `report` is told how many of
-    the repeats are done.
-
-    Raises:
-        InvalidInput: unless `games` is at least 1.
-    """
-    BENCHED_GAMES.require("games", games)
-    game = make_game("paper")
-    start_key, word_key = jax.random.split(jax.random.key(0))
-    starts = _draw(game, start_key, games)
-    players = BySide(*[solo(Uniform())] * 2)
-    first = jax.tree.map(lambda leaf: leaf[0], starts)
-    games_at_start = begin(first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
-    row = jax.tree.map(lambda leaf: leaf[:1], starts)
-    carry = _step(game, games_at_start, row, jax.random.key(0))
-
-    def run(repeat: int) -> _Stepped:
-        nonlocal carry
-        carry = _random_play(game, carry, starts, jax.random.key(repeat))
-        return carry
-
-    seconds = _time(run, repeats, report)
-    return {"what": "env", "games": games, **_machine(), **_rate("env_steps", games * _STEPS, seconds)}
 
 
 def bench_train(
@@ -120,7 +82,7 @@ def bench_train(
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
-    seconds, *alone = _time_in_turns((run, _bare_updates(config), _bare_acting(config)), repeats, report)
+    seconds, *alone = in_turns((run, _bare_updates(config), _bare_acting(config)), repeats, report)
     updates = sides * plan.iterations_per_chunk * config.updates_per_iteration
     moves = sides * plan.env_steps_per_chunk // config.games
     turns = [
@@ -133,9 +95,9 @@ def bench_train(
         "games": config.games,
         "batch": config.batch,
         "env_steps_per_update": config.env_steps_per_update,
-        **_machine(),
-        **_rate("env_steps", plan.env_steps_per_chunk, seconds),
-        **_rate("updates", updates, seconds),
+        **machine(),
+        **rate("env_steps", plan.env_steps_per_chunk, seconds),
+        **rate("updates", updates, seconds),
         "bare_updates_per_second": _BARE_UPDATES / statistics.median(alone[0]),
         "share_of_bare_updates": statistics.median(updating / one for one, updating, _ in turns),
         "share_of_arithmetic": statistics.median((updating + acting) / one for one, updating, acting in turns),
@@ -180,67 +142,3 @@ def _bare_acting(config: DQNConfig) -> Callable[[int], Any]:
         return jax.lax.scan(act, jnp.zeros(config.games, jnp.int32), jnp.arange(_BARE_MOVES))[0]
 
     return lambda repeat: run(network)
-
-
-class _Stepped(eqx.Module):
-    """Games under way, and what an environment returns of a step: observations, rewards, flags."""
-
-    games: Games
-    returned: tuple[Array, ...]
-
-
-def _step(game: Game, games: Games, starts: GameState, key: PRNGKeyArray) -> _Stepped:
-    players = BySide(*[solo(Uniform())] * 2)
-    games, step = collect(game, players, games, starts, key, steps=1)
-    returned = (*(side.next_observation for side in step.sides), *(side.reward for side in step.sides))
-    return _Stepped(games, (*returned, step.terminated, step.truncated))
-
-
-@functools.partial(jax.jit, static_argnames="games")
-def _draw(game: Game, key: PRNGKeyArray, games: int) -> GameState:
-    starts = reset_batch(game, key, _START_ROWS * games)
-    return jax.tree.map(lambda leaf: leaf.reshape(_START_ROWS, games), starts)
-
-
-@functools.partial(jax.jit, donate_argnames="carry")
-def _random_play(game: Game, carry: _Stepped, starts: GameState, key: PRNGKeyArray) -> _Stepped:
-    """Random play. What a step returns overwrites what the one before returned, so all of it is computed."""
-
-    def one_step(step: Int[Array, ""], carry: _Stepped) -> _Stepped:
-        row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % _START_ROWS, 1), starts)
-        return _step(game, carry.games, row, fold_in(key, step))
-
-    return jax.lax.fori_loop(0, _STEPS, one_step, carry)
-
-
-def _time(run: Callable[[int], Any], repeats: int, report: Report) -> list[float]:
-    """Wall seconds of each repeat; one that compiles and warms up goes before."""
-    (seconds,) = _time_in_turns((run,), repeats, report)
-    return seconds
-
-
-def _time_in_turns(runs: Sequence[Callable[[int], Any]], repeats: int, report: Report) -> list[list[float]]:
-    """Wall seconds of each repeat of each of several, side by side in time, so that a busy machine slows all alike."""
-    seconds: list[list[float]] = [[] for _ in runs]
-    for repeat in range(repeats + 1):
-        for run, spent in zip(runs, seconds, strict=True):
-            began = time.perf_counter()
-            jax.block_until_ready(run(repeat))
-            if repeat > 0:
-                spent.append(time.perf_counter() - began)
-        report(repeat, repeats)
-    return seconds
-
-
-def _rate(name: str, amount: int, seconds: list[float]) -> dict[str, float]:
-    return {
-        f"{name}_per_second": amount / statistics.median(seconds),
-        f"{name}_per_second_best": amount / min(seconds),
-        f"{name}_per_second_worst": amount / max(seconds),
-    }
-
-
-def _machine() -> dict[str, Any]:
-    device = jax.devices()[0]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return {"device": device.device_kind, "cores": cores, "jax": jax.__version__}
