@@ -11,6 +11,7 @@ from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
 from apollonius.commands.export import add_export
 from apollonius.commands.play import add_play
+from apollonius.commands.pursuers import add_pursuers
 from apollonius.commands.regret import add_regret
 from apollonius.commands.report import add_report
 from apollonius.commands.reproduce import add_reproduce
@@ -29,7 +30,7 @@ from apollonius.version import __version__
 COMMANDS = {
     "Learn": (add_train, add_resume),
     "Judge": (add_evaluate, add_tournament, add_exploit, add_simulate),
-    "Solve": (add_solve, add_regret),
+    "Solve": (add_solve, add_regret, add_pursuers),
     "Watch and play": (add_show, add_play, add_slice, add_report),
     "Arenas and robots of your own": (add_arena, add_robots, add_export),
     "The paper, and speed": (add_reproduce, add_bench),

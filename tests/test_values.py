@@ -95,6 +95,7 @@ ENOUGH = {
     "report": {"folder": ["folder"]},
     "play": {},
     "robots": {"pursuer": ["random"], "evader": ["still"]},
+    "pursuers": {"game": ["paper"]},
     "arena list": {},
     "arena check": {"game": ["paper"]},
     "arena suite": {},

@@ -9,8 +9,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt, label
 
+from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 
+Grid = Float[np.ndarray, "rows columns"]
 _CELLS = 500
 """Cells along the arena's longer side."""
 _LEAST_PART = 1e-4
@@ -41,12 +43,8 @@ class Survey:
 def survey(game: Game) -> Survey:
     """Look at every place of a game's arena, to a five-hundredth of its longer side."""
     arena, starts = game.arena, game.starts
-    width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
-    cell = max(width, height) / _CELLS
-    x, y = np.meshgrid(
-        _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell), indexing="xy"
-    )
-    clearances = _clearances(game, x, y)
+    x, y, cell = places(arena)
+    clearances = clearances_at(arena, x, y)
     clearance = clearances.min(axis=0)
     bodies = {"pursuer": game.pursuer, "evader": game.evader}
     parts, may_start, wrong = [], [], []
@@ -88,17 +86,24 @@ def survey(game: Game) -> Survey:
     return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game, clearances < 0, cell)))
 
 
+def places(arena: Arena) -> tuple[Grid, Grid, float]:
+    """The middles x, y [m] of square cells all over an arena, and the side of a cell [m]; a grid of modest size."""
+    width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
+    cell = max(width, height) / _CELLS
+    middles = _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell)
+    x, y = np.meshgrid(*middles, indexing="xy")
+    return x, y, cell
+
+
 def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cells"]:
     """The middles of the cells along one side."""
     count = max(1, round(length / cell))
     return low + length * (np.arange(count) + 0.5) / count
 
 
-def _clearances(
-    game: Game, x: Float[np.ndarray, "rows columns"], y: Float[np.ndarray, "rows columns"]
-) -> Float[np.ndarray, "each rows columns"]:
+def clearances_at(arena: Arena, x: Grid, y: Grid) -> Float[np.ndarray, "each rows columns"]:
     """Of the four walls, then of each obstacle [m]."""
-    every = jax.jit(jax.vmap(jax.vmap(lambda x, y: jnp.stack(game.arena.clearances(x, y)), 0, 1), 0, 1))
+    every = jax.jit(jax.vmap(jax.vmap(lambda x, y: jnp.stack(arena.clearances(x, y)), 0, 1), 0, 1))
     return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
 
 
