@@ -120,6 +120,9 @@ def _told(name: str, enough: "Enough") -> str:
             f"{tiling.spacing:>6.2f} m  {degrees(tiling.angle):>5.0f}°  {len(tiling.places):>6}  "
             f"{len(reading.core):>6}  {seen:>12}  {reading.pursuers:>6}"
         )
+    if enough.unseen:
+        small = "1 island is" if enough.unseen == 1 else f"{enough.unseen} islands are"
+        lines.append(f"{small} smaller than these cells, and left out: who takes smaller steps runs round it too")
     if enough.space.parts > 1:
         lines.append(f"the free space falls into {enough.space.parts} parts; this is about the largest")
     if enough.evasion:

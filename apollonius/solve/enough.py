@@ -69,6 +69,11 @@ class Enough:
         return self.readings[-1].pursuers if self.agree else None
 
     @property
+    def unseen(self) -> int:
+        """Islands that are smaller than the cells of the finest graph: there it is as if they were not there."""
+        return len(self.space.islands) - self.readings[-1].islands
+
+    @property
     def verdict(self) -> str:
         """The same in words."""
         if self.pursuers is None:
@@ -129,7 +134,7 @@ def how_many(space: FreeSpace, report: Callable[[float, float], None]) -> Enough
         else:
             evasion = None
         found = Enough(space, tuple(readings), evasion)
-        if found.agree and readings[-2].islands == readings[-1].islands == len(space.islands):
+        if found.agree and found.unseen == 0 and readings[-2].islands == readings[-1].islands:
             break
     return Enough(space, tuple(readings), evasion)
 
