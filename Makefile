@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo paper check test test-all mutants wheel bench lock clean
+.PHONY: demo site paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
@@ -13,6 +13,10 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius evaluate zoo/P_stage1 still --games 10000
 	$(BIN)/apollonius evaluate zoo/P_curriculum zoo/E_curriculum --games 2000
 	$(BIN)/apollonius report runs/demo
+
+# build/site: home, documents, reference, gallery, a report and the playground, for any web host or to be opened as files.
+site: $(VENV)/installed-site
+	$(BIN)/python -m website --out build/site
 
 # Style and types.
 check: $(VENV)/installed-dev
@@ -66,9 +70,10 @@ lock:
 	$(LOCK) --output-file requirements.lock
 	$(LOCK) --constraint requirements.lock --extra dev --output-file requirements-dev.lock
 	$(LOCK) --constraint requirements-dev.lock --extra dev --extra peers --output-file requirements-peers.lock
+	$(LOCK) --constraint requirements-dev.lock --extra site --output-file requirements-site.lock
 
 clean:
-	rm -rf $(VENV) dist .jax_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) dist build .jax_cache .pytest_cache .ruff_cache .hypothesis
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -82,6 +87,10 @@ $(VENV)/installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/installed-dev: requirements-dev.lock $(VENV)/installed
 	$(INSTALL) --require-hashes -r requirements-dev.lock
+	touch $@
+
+$(VENV)/installed-site: requirements-site.lock $(VENV)/installed
+	$(INSTALL) --require-hashes -r requirements-site.lock
 	touch $@
 
 $(VENV)/installed-peers: requirements-peers.lock $(VENV)/installed-dev

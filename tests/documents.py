@@ -1,4 +1,4 @@
-"""The code blocks of README and docs, as a reader of the page sees them.
+"""The code blocks of README, docs and the site's own pages, as a reader of the page sees them.
 
 A block says what it is after its fence: `python` and `sh` are run, `toml` is a game, `c` is compiled, `text` is output,
 a formula or a drawing.
@@ -11,7 +11,14 @@ from pathlib import Path
 from markdown_it import MarkdownIt
 
 REPOSITORY = Path(__file__).parents[1]
-DOCUMENTS = (REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *sorted((REPOSITORY / "docs").glob("*.md")))
+PAGES = tuple(sorted((REPOSITORY / "website" / "pages").glob("*.md")))
+"""Pages that the site has besides the documents; their links are those of the site."""
+DOCUMENTS = (
+    REPOSITORY / "README.md",
+    REPOSITORY / "CONTRIBUTING.md",
+    *sorted((REPOSITORY / "docs").glob("*.md")),
+    *PAGES,
+)
 LANGUAGES = ("python", "sh", "toml", "c", "text")
 
 
@@ -34,12 +41,14 @@ class Block:
 
 
 def blocks(document: Path) -> list[Block]:
-    """The blocks of a document in their order; indented ones have no language."""
+    """The blocks of a document in their order; indented ones have no language. What the site's generator is told, as
+    `{raw} html`, is none.
+    """
     tokens = MarkdownIt().parse(document.read_text())
     return [
         Block(document, token.map[0] + 1, token.info, token.content)
         for token in tokens
-        if token.type in ("fence", "code_block") and token.map
+        if token.type in ("fence", "code_block") and token.map and not token.info.startswith("{")
     ]
 
 

@@ -27,7 +27,7 @@ from apollonius.commands import values
 from apollonius.game.types import Outcome
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
-from tests.documents import ALL, DOCUMENTS, LANGUAGES, REPOSITORY, asides
+from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
 DOCS = REPOSITORY / "docs"
@@ -62,7 +62,9 @@ def only_parse(monkeypatch):
 
 def asked(words, monkeypatch):
     """The options of a command that a document gives; None for a program that is not ours."""
-    match [PLACEHOLDERS.get(word, word) for word in words]:
+    match [PLACEHOLDERS.get(word, word).removeprefix(".venv/bin/") for word in words]:
+        case ["source", "activate"]:
+            return None
         case ["make", target]:
             assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
             return None
@@ -192,6 +194,7 @@ def test_every_link_leads_somewhere(document):
         if not link.startswith("http"):
             file, _, anchor = link.partition("#")
             target = document.parent / file if file else document
+            target = DOCS / file if document in PAGES and not target.exists() else target
             assert target.exists(), link
             assert not anchor or anchor in anchors(target), link
 
@@ -211,6 +214,7 @@ GRIDS = {"game": "5x5x3x8", "safety": "21x21x5x16", "reach": "21x21x9x16"}
 ELSEWHERE = {
     "make": "the workflow calls its targets",
     "pip": "a test changes no installation",
+    "source": "a test is in its environment",
     "gcc": "tests/adapters/export compiles what is exported",
     "python3": "tests/examples runs the node with stand-ins for ROS",
     "python": "tests/examples and tests/studies",
@@ -252,8 +256,27 @@ def with_less(words, options):
     return rest
 
 
+WALKED = (
+    "README.md",
+    "index.md",
+    "start.md",
+    "training.md",
+    "judging.md",
+    "deploy.md",
+    "ground_truth.md",
+    "pictures.md",
+)
+"""Documents that a test follows from their first block to their last."""
+ELSEWHERE_RUN = {"jax.md", "interfaces.md", "own_arena.md", "extending.md"}
+"""Those whose Python has a test of its own: below, and in `tests/test_extending.py`."""
+
+
+def test_all_python_in_the_documents_is_run():
+    assert {block.document.name for block in ALL if block.language == "python"} <= {*WALKED, *ELSEWHERE_RUN}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["README.md", "deploy.md", "ground_truth.md", "pictures.md"])
+@pytest.mark.parametrize("name", WALKED)
 def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeypatch):
     """All its commands with less training, fewer games and coarser grids, its Python as it stands, in one folder."""
     monkeypatch.chdir(tmp_path)
@@ -315,7 +338,8 @@ SHORTER = {
 
 @pytest.mark.slow
 def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypatch, capsys):
-    """Every command of the walk-through, with less training, fewer and shorter games."""
+    """Every command of the walk-through, with less training, fewer and shorter games; and its Python."""
+    run("own_arena.md")
     monkeypatch.chdir(tmp_path)
     text = (DOCS / "own_arena.md").read_text()
     (plan,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)

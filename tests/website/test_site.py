@@ -1,0 +1,108 @@
+"""The whole site, built and opened in a real browser: from a folder, and below a path of a web host."""
+
+import shutil
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from tests.documents import REPOSITORY
+
+pytest.importorskip("sphinx", reason="needs what make site installs")
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+CHROMIUM = shutil.which("chromium")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")]
+FLAGS = (
+    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync"
+)
+PHONE = {"viewport": {"width": 375, "height": 667}, "is_mobile": True, "has_touch": True}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder, below another one. Building it fails on a warning, a dead link, and a resource from elsewhere."""
+    folder = tmp_path_factory.mktemp("host") / "below" / "site"
+    subprocess.run([sys.executable, "-m", "website", "--out", folder], cwd=REPOSITORY, check=True, timeout=550)
+    return folder
+
+
+class Silent(SimpleHTTPRequestHandler):
+    def log_message(self, format, *args):
+        pass
+
+
+@pytest.fixture(scope="module", params=["file", "http"])
+def address(request, site):
+    if request.param == "file":
+        yield site.as_uri()
+        return
+    handler = partial(Silent, directory=site.parents[1])
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/below/site"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
+        yield chromium
+        chromium.close()
+
+
+@contextmanager
+def opened(browser, address, page, **screen):
+    """A page of the site; afterwards it must have asked no other host, and made no error."""
+    context = browser.new_context(**screen)
+    tab = context.new_page()
+    asked, errors = [], []
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto(f"{address}/{page}")
+    yield tab
+    context.close()
+    assert [url for url in asked if not url.startswith((address, "data:", "blob:"))] == []
+    assert errors == []
+
+
+@pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
+def test_the_game_at_home_can_be_played_without_scrolling(browser, address, screen):
+    with opened(browser, address, "index.html", **screen) as tab:
+        game = tab.frame_locator("iframe")
+        game.locator("#go:enabled").wait_for()
+        box, height = tab.locator("iframe").bounding_box(), tab.viewport_size["height"]
+        assert box["y"] + 0.7 * box["height"] < height
+        game.locator("#go").click()
+        playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
+
+
+def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):
+    with opened(browser, address, "gallery.html") as tab:
+        tab.locator("a.play[href*=office]").click()
+        tab.locator("#go:enabled").wait_for()
+        assert tab.evaluate("apollonius.page.match.game.arena.polygons.length") == 12
+
+
+def test_what_is_searched_for_is_found(browser, address):
+    with opened(browser, address, "search.html?q=Unicycle") as tab:
+        tab.locator("#search-results li a").first.wait_for()
+        links = tab.locator("#search-results li a").evaluate_all("links => links.map(link => link.href)")
+        assert any("reference/game.html" in link for link in links)
+
+
+def test_the_report_draws_its_games(browser, address):
+    with opened(browser, address, "reports/demo.html") as tab:
+        tab.locator("canvas").first.wait_for()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_pages_are_as_light_or_dark_as_the_reader_likes(browser, address, theme):
+    with opened(browser, address, "rules.html", color_scheme=theme) as tab:
+        red = tab.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0]")
+        assert (int(red) > 127) == (theme == "light")

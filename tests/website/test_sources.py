@@ -1,0 +1,44 @@
+"""The documents as the site has them: each belongs to a part, and its links lead to pages."""
+
+import pytest
+
+from tests.documents import REPOSITORY
+from website.playground import in_order
+from website.sources import PARTS, at_home, documents
+
+HOME = REPOSITORY / "README.md"
+DOCUMENT = REPOSITORY / "docs" / "play.md"
+
+
+def test_each_document_belongs_to_one_part():
+    pages = [page for part in PARTS for page in (part.front, *part.pages)]
+    assert len(pages) == len(set(pages))
+    assert set(documents()) == {f"{page}.md" for page in pages if page != "reference/index"} | {"index.md"}
+
+
+@pytest.mark.parametrize(
+    ("document", "link", "there"),
+    [
+        (DOCUMENT, "[rules](rules.md#starts)", "[rules](rules.md#starts)"),
+        (DOCUMENT, "[numbers](results/paper.json)", "[numbers](results/paper.json)"),
+        (DOCUMENT, "[below](#the-page)", "[below](#the-page)"),
+        (DOCUMENT, "[elsewhere](https://arxiv.org/)", "[elsewhere](https://arxiv.org/)"),
+        (DOCUMENT, "![a picture](figures/chase.gif)", "![a picture](figures/chase.gif)"),
+        (DOCUMENT, "[games](../tests/golden)", "games"),
+        (DOCUMENT, "[[`games`](../tests/golden)]", "[`games`]"),
+        (DOCUMENT, "[home](../README.md#use)", "[home](index.md)"),
+        (DOCUMENT, "[licence](../LICENSE)", "[licence](licence.md)"),
+        (HOME, "[play](docs/play.md)", "[play](play.md)"),
+        (HOME, "[cite](CITATION.cff)", "cite"),
+    ],
+)
+def test_links_are_those_of_the_site(document, link, there):
+    assert at_home(f"See {link}, too.", document) == f"See {there}, too."
+
+
+def test_a_module_comes_after_those_that_it_imports(tmp_path):
+    (tmp_path / "page.js").write_text('import { a } from "./a.js";\nimport {\n  b,\n} from "./b.js";\n')
+    (tmp_path / "a.js").write_text('import { b } from "./b.js";\n')
+    (tmp_path / "b.js").write_text("export const b = 1;\n")
+    (tmp_path / "unused.js").write_text("")
+    assert [name for name, _ in in_order(tmp_path, "page.js")] == ["b.js", "a.js", "page.js"]

@@ -1,0 +1,51 @@
+"""`python -m website`: the site as a static folder, which works on any web host and opened as files."""
+
+import argparse
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from apollonius.cli import main as apollonius
+from apollonius.show import palette
+from website.links import complaints
+from website.playground import write_playground
+from website.sources import HERE, REPOSITORY, write_sources
+
+
+def main() -> int:
+    """Write the site; returns an exit status."""
+    parser = argparse.ArgumentParser(prog="python -m website", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("build/site"), help="folder to write (default: %(default)s)")
+    out: Path = parser.parse_args().out.resolve()
+    work = out.with_name(f"{out.name}-sources")
+    shutil.rmtree(out, ignore_errors=True)
+    print("the documents, the gallery, the reference", flush=True)
+    write_sources(work)
+    _write_palette(work / "_static" / "palette.css")
+    options = ["--builder", "html", "--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
+    options += ["--define", f"html_static_path={HERE / 'static'},{work / '_static'}"]
+    folders = ["--conf-dir", str(HERE), "--doctree-dir", str(work / "doctrees")]
+    subprocess.run([sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=True)
+    (out / "_static" / "webpack-macros.html").unlink(missing_ok=True)  # a template that the theme leaves there
+    print("the playground", flush=True)
+    write_playground(out / "playground")
+    print("the report", flush=True)
+    apollonius(["report", str(REPOSITORY / "docs/results/demo"), "--out", str(out / "reports" / "demo.html")])
+    found = complaints(out)
+    print("\n".join([*found, f"{len(found)} dead links or resources from elsewhere"]), flush=True)
+    return bool(found)
+
+
+def _write_palette(path: Path) -> None:
+    """The colours by meaning as CSS variables, for both kinds of pages."""
+    path.parent.mkdir()
+    rules: list[str] = []
+    for theme, colours in (("light", palette.LIGHT), ("dark", palette.DARK)):
+        lines = [f"  --{name}: {colour};" for name, colour in colours.items()]
+        rules.append("\n".join([f"html[data-theme={theme}] {{", *lines, "}"]))
+    path.write_text("\n\n".join(rules) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""How Sphinx makes the site of the folder that `website.sources` has written."""
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+from sphinx.ext.napoleon import Config, GoogleDocstring  # pyright: ignore[reportMissingImports]
+
+from apollonius.version import __version__
+
+HERE = Path(__file__).parent
+_GOOGLE = Config(napoleon_use_rtype=False, napoleon_attr_annotations=False)
+
+project = html_title = "Apollonius"
+author = "The Apollonius authors"
+copyright = "the Apollonius authors, under the MIT licence"
+release = version = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
+myst_heading_anchors = 4
+default_role = "code"
+add_module_names = False
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_preserve_defaults = True
+maximum_signature_line_length = 100
+toc_object_entries_show_parents = "hide"
+python_use_unqualified_type_names = True
+
+html_theme = "pydata_sphinx_theme"
+html_css_files = ["palette.css", "site.css"]
+html_favicon = html_logo = str(HERE.parent / "apollonius" / "web" / "page" / "icon.svg")
+html_show_sourcelink = html_copy_source = False
+html_context = {"default_mode": "auto"}
+html_sidebars: dict[str, list[str]] = {"index": [], "report": []}
+html_theme_options = {
+    "logo": {"text": project},
+    "header_links_before_dropdown": 8,
+    "navbar_align": "left",
+    "navbar_end": ["theme-switcher"],
+    "secondary_sidebar_items": {"**": ["page-toc"], "index": [], "report": []},
+    "pygments_light_style": "github-light",
+    "pygments_dark_style": "github-dark",
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "back_to_top_button": False,
+    "search_bar_text": "Search",
+}
+
+
+def setup(app: Any) -> None:
+    """What is not said by a setting."""
+    app.connect("autodoc-process-docstring", _as_written)
+    app.connect("autodoc-process-signature", _in_short)
+    app.connect("autodoc-skip-member", _is_default)
+
+
+def _as_written(app: Any, what: str, name: str, documented: Any, options: Any, lines: list[str]) -> None:
+    """Docstrings are plain words with code between backticks, in which a star is a star; classes and functions have
+    sections in Google's style.
+    """
+    for number, line in enumerate(lines):
+        parts = re.split(r"(`[^`]*`)", line)
+        lines[number] = "".join(part if part.startswith("`") else re.sub(r"([*|])", r"\\\1", part) for part in parts)
+    if what not in ("attribute", "data", "property"):  # of which Napoleon takes what stands before a colon for a type
+        lines[:] = GoogleDocstring(lines, _GOOGLE, app, what, name, documented, options).lines()
+
+
+def _in_short(
+    app: Any, what: str, name: str, documented: Any, options: Any, arguments: str | None, result: str | None
+) -> tuple[str | None, str | None]:
+    """Types by the names that the source gives them."""
+    return _names(arguments), _names(result)
+
+
+def _names(annotations: str | None) -> str | None:
+    return annotations and re.sub(
+        r"\b(?:jaxlib\._jax|jax\._src\.\w+|numpy|pathlib|collections\.abc)\.(?=\w)", "", annotations
+    )
+
+
+def _is_default(app: Any, what: str, name: str, member: Any, skip: bool, options: Any) -> bool | None:
+    """Whether a member is the function that a field has by default: its class has told of the field."""
+    return True if inspect.isfunction(member) and member.__name__ != name else None
