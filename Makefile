@@ -35,7 +35,7 @@ tests:
 
 # With those that take long, and those that compare with other people's code, which is installed for it: on Linux with
 # PyTorch and the CUDA that it brings, some 5 GB.
-test-all: check $(VENV)/installed-peers
+test-all: check $(VENV)/installed-site $(VENV)/installed-peers
 	$(PYTEST) -m ""
 
 # How many small changes of the code the tests notice: an hour or two; a second call goes on.
@@ -69,8 +69,9 @@ LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hash
 lock:
 	$(LOCK) --output-file requirements.lock
 	$(LOCK) --constraint requirements.lock --extra dev --output-file requirements-dev.lock
-	$(LOCK) --constraint requirements-dev.lock --extra dev --extra peers --output-file requirements-peers.lock
 	$(LOCK) --constraint requirements-dev.lock --extra site --output-file requirements-site.lock
+	$(LOCK) --constraint requirements-dev.lock --constraint requirements-site.lock --extra dev --extra peers \
+		--output-file requirements-peers.lock
 
 clean:
 	rm -rf $(VENV) dist build .jax_cache .pytest_cache .ruff_cache .hypothesis

@@ -35,8 +35,8 @@ class Block:
         return f"{self.document.relative_to(REPOSITORY)}:{self.line}"
 
     def commands(self) -> list[list[str]]:
-        """The words of each command of a `sh` block, comments left out."""
-        lines = self.code.replace("\\\n", " ").splitlines()
+        """The words of each command of a `sh` block, comments and the environment's folder left out."""
+        lines = self.code.replace("\\\n", " ").replace(".venv/bin/", "").splitlines()
         return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 
