@@ -65,7 +65,7 @@ def _looking_ahead(bare: Named, game: Game, role: Role) -> AbstractPolicy:
     bound = "an agent trained by DQN or distillation, whose values can stand behind a search"
     require(isinstance(bare.policy, Greedy), "lookahead", f"'{bare.name}'", bound)
     assert isinstance(bare.policy, Greedy)
-    return lookahead(bare.policy, game, role, price_of_losing(bare, game))
+    return lookahead(bare.policy, game.duel("a search"), role, price_of_losing(bare, game))
 
 
 def price_of_losing(player: Named, game: Game) -> float:

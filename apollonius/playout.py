@@ -47,11 +47,14 @@ class AbstractWatcher(eqx.Module):
 
 
 class Results(eqx.Module):
-    """How games ended: outcome and length [steps] of each, and what a watcher knows of it, leaves `[games, ...]`."""
+    """How games ended: outcome and length [steps] of each, what a watcher knows of it, and in games of teams the
+    `RobotStatus` of each robot; leaves `[games, ...]`.
+    """
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
     watched: Any = None
+    status: BySide[tuple[Int[Array, " games"], ...]] | None = None
 
 
 class _Places(eqx.Module):
@@ -99,7 +102,7 @@ def play_out(
     window = side_by_side * _WINDOW
     places = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, side_by_side)))
     places.index[:] = _NOBODY
-    results = _zeros(lambda: _no_results(watcher, total))
+    results = _zeros(lambda: _no_results(watcher, total, starts))
     begun, done, steps = 0, 0, 1
     while done < total:
         asked = time.perf_counter()
@@ -142,13 +145,14 @@ def _empty(
     """Places without a game, one for each of some starts."""
     nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
     games = begin(starts, players, random_bits_of(key, nobody, nobody))
-    return _Places(games, _no_results(watcher, len(nobody)).watched, nobody)
+    return _Places(games, _no_results(watcher, len(nobody), starts).watched, nobody)
 
 
-def _no_results(watcher: AbstractWatcher | None, games: int) -> Results:
-    """Results of games that nobody has played."""
+def _no_results(watcher: AbstractWatcher | None, games: int, starts: GameState) -> Results:
+    """Results of so many games that nobody has played, of the kind that these are starts of."""
     unwatched = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], games, axis=0), watcher and watcher.begin())
-    return Results(jnp.zeros(games, jnp.int32), jnp.zeros(games, jnp.int32), unwatched)
+    nothing = jnp.zeros(games, jnp.int32)
+    return Results(nothing, nothing, unwatched, jax.tree.map(lambda _: nothing, starts.status))
 
 
 def _play(
@@ -178,7 +182,7 @@ def _play(
     slots, window = places.index.shape[0], starts.steps.shape[0]
     rows = slots + window  # no more games can end
     unwatched = watcher.begin() if watcher else None
-    nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows), jnp.asarray(0))
+    nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, starts), jnp.asarray(0))
     carry = places, jnp.asarray(0), nothing, jnp.asarray(0)
 
     def goes_on(carry: tuple[_Places, Array, _Ended, Array]) -> Array:
@@ -201,7 +205,7 @@ def _play(
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)
-        results = Results(transition.outcome, games.state.steps, watched)
+        results = Results(transition.outcome, games.state.steps, watched, games.state.status)
         log = jax.tree.map(
             lambda all_, new: all_.at[row].set(new, mode="drop"), (ended.index, ended.results), (index, results)
         )

@@ -1,12 +1,12 @@
 """One game from its start to its end, step by step: how it went, and as a file that plays again to the same bits.
 
 `trace` follows a game of a match. A `Replay` is such a game with all that it takes to play it again: the rules, the
-start and both sides' actions.
+start and all robots' actions.
 """
 
 import functools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,9 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import require
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import gears, is_continuous
+from apollonius.game.dynamics import together
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
+from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotState
 from apollonius.game.validation import MAX_SIZE
 from apollonius.limits import MOST_COUNTED, SEED
 from apollonius.rollout import begin, random_bits_of, step_games
@@ -35,17 +35,16 @@ _MOST_BYTES = 2**26
 _LONGEST_NAME = 1_000
 """Most characters of a player's name."""
 
-
-BothActions = Int[Array, "steps 2"] | Float[Array, "steps 2 2"]
-"""Actions of the pursuer and the evader in every step: 0..8, or the gears of both where one side's are continuous. A
-discrete action moves a robot by its gears to the same bits."""
+AllActions = Int[Array, "steps robots"] | Float[Array, "steps robots 2"]
+"""Actions of the pursuers and then of the evaders in every step: 0..8, or the gears of all where one side's are
+continuous. A discrete action moves a robot by its gears to the same bits."""
 
 
 class Trajectory(eqx.Module):
-    """One game: its states, leaves `[steps + 1]`, both sides' actions, and how it ended."""
+    """One game: its states, leaves `[steps + 1]`, all robots' actions, and how it ended."""
 
     states: GameState
-    actions: BothActions
+    actions: AllActions
     outcome: Int[Array, ""]
 
 
@@ -71,34 +70,28 @@ def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArra
 @functools.partial(jax.jit, static_argnames="length")
 def _actions(
     game: Game, players: BySide[Pool], start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
-) -> Int[Array, "length 2"] | Float[Array, "length 2 2"]:
-    """Both sides' actions in a game of `play_out`; it never stops."""
+) -> Int[Array, "length robots"] | Float[Array, "length robots 2"]:
+    """All robots' actions in a game of `play_out`; it never stops."""
     state = jax.tree.map(lambda leaf: leaf[None], start)
     games = begin(state, players, random_bits_of(key, index, jnp.full(1, -1)))
 
-    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, "2"] | Float[Array, "2 2"]]:
+    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, " robots"] | Float[Array, "robots 2"]]:
         bits = random_bits_of(key, index, games.state.steps)
         after, transition = step_games(game, players, games, bits)
-        return after, together(*transition.sides.map(lambda side: side.action[0]))
+        return after, together(*(action for role in ROLES for action in transition.actions_of(role, game=0)))
 
     return jax.lax.scan(one_step, games, None, length)[1]
 
 
-def together(pursuer: Action, evader: Action) -> Int[Array, "2"] | Float[Array, "2 2"]:
-    """Both sides' actions as one array: gears, where one of them is continuous."""
-    if is_continuous(pursuer) or is_continuous(evader):
-        return jnp.stack([jnp.stack(gears(action)) for action in (pursuer, evader)])
-    return jnp.stack([pursuer, evader])
-
-
 @jax.jit
-def play_actions(game: Game, start: GameState, actions: BothActions) -> tuple[GameState, Int[Array, " steps"]]:
+def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
     """States before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
 
     def one_step(
-        state: GameState, action: Shaped[Array, "2 ..."]
+        state: GameState, action: Shaped[Array, "robots ..."]
     ) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
-        after = game.step(state, action[0], action[1])
+        pursuers = len(state.robots.pursuer)
+        after = game.step(state, list(action[:pursuers]), list(action[pursuers:]))
         return after.state, (after.state, after.outcome)
 
     _, (states, outcomes) = jax.lax.scan(one_step, start, actions)
@@ -113,8 +106,8 @@ class Replay:
         game: the rules.
         pursuer, evader: what the players are called.
         seed, games, index: the match, and which of its games this is.
-        states: of both robots, x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader.
-        actions: of the pursuer and the evader, 0..8; or the gears of both, where one side's are continuous.
+        states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
+        actions: of the pursuers and the evaders, 0..8; or the gears of all, where one side's are continuous.
         outcome: how it ended.
         tolerance: how far [m, m/s, rad] states may be from those of the game played again: 0 where these very rules
             recorded it, more where a program did that rounds otherwise.
@@ -126,8 +119,8 @@ class Replay:
     seed: int
     games: int
     index: int
-    states: Float32[np.ndarray, "rows 8"]
-    actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
+    states: Float32[np.ndarray, "rows numbers"]
+    actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
     outcome: Outcome
     tolerance: float = 0.0
 
@@ -137,8 +130,7 @@ class Replay:
         A machine that computes otherwise, or another version of the rules, may differ. The number of steps stands for
         an outcome that differs where no state does.
         """
-        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0))
-        states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
+        states, outcomes = self._again()
         away = np.abs(as_rows(states) - self.states)
         away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])  # headings of -pi and pi are the same
         differs = np.any(away > self.tolerance, axis=1)
@@ -148,18 +140,26 @@ class Replay:
 
     def trajectory(self) -> Trajectory:
         """The game as it was recorded."""
-        states = jax.vmap(as_state)(jnp.asarray(self.states), jnp.arange(len(self.states)))
+        pursuers, again = len(self.game.bodies.pursuer), self._again()[0] if self.game.teams else None
+        states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
+        states = replace(states, status=again and again.status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
+    def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
+        """The game played again, as `play_actions`."""
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
+        return play_actions(self.game, start, jnp.asarray(self.actions))
 
-def as_rows(states: GameState) -> Float32[np.ndarray, "rows 8"]:
-    """States as rows of 8 numbers."""
+
+def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:
+    """States as rows of 4 numbers for each robot."""
     return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
 
 
-def as_state(row: Float32[Array, "8"], steps: Int[Array, ""]) -> GameState:
-    """The state of a row of 8 numbers, and the number of steps played."""
-    return GameState.of_two(RobotState(*row[:4]), RobotState(*row[4:]), steps)
+def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: int = 1) -> GameState:
+    """The state of a row of 4 numbers for each robot, the first ones pursuers, and the steps played; all are active."""
+    robots = tuple(RobotState(*row[first : first + 4]) for first in range(0, len(row), 4))
+    return replace(GameState.at_start(BySide(robots[:pursuers], robots[pursuers:])), steps=steps)
 
 
 def as_data(replay: Replay) -> dict[str, Any]:
@@ -195,17 +195,19 @@ def load_replay(path: Path) -> Replay:
     version = data.get("format")
     require(version == FORMAT, f"'{path}': format", version, f"{FORMAT}, as this version reads")
     record = from_dict(_Record, data, f"'{path}' is no replay")
-    first = record.actions[0] if record.actions else None
-    discrete = not (isinstance(first, list) and first and isinstance(first[0], list))
+    first = record.actions[:1]
+    discrete = not (first and isinstance(first[0], list) and first[0] and isinstance(first[0][0], list))
     actions = _numbers(record.actions, np.int32 if discrete else np.float32, f"'{path}': actions")
     states = _numbers(record.states, np.float32, f"'{path}': states")
-    shape = (len(actions), 2) if discrete else (len(actions), 2, 2)
-    fits = states.shape == (len(actions) + 1, 8) and actions.shape == shape and len(actions)
-    require(fits, f"'{path}': states", states.shape, "a row of 8 more than actions")
+    game = from_dict(Game, record.game, f"'{path}'")
+    robots = sum(map(len, game.bodies))
+    shape = (len(actions), robots) if discrete else (len(actions), robots, 2)
+    fits = states.shape == (len(actions) + 1, 4 * robots) and actions.shape == shape and len(actions)
+    require(fits, f"'{path}': states", states.shape, f"a row of {4 * robots} more than actions")
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
     known = (actions >= least).all() and (actions <= most).all() and (np.abs(states) <= MAX_SIZE).all()
     require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and within {MAX_SIZE:g} of 0")
-    game, outcome = from_dict(Game, record.game, f"'{path}'"), Outcome[record.outcome.upper()]
+    outcome = Outcome[record.outcome.upper()]
     match = record.pursuer, record.evader, record.seed, record.games, record.index
     return Replay(game, *match, states, actions, outcome, record.tolerance)
 

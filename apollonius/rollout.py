@@ -4,6 +4,7 @@
 `apollonius.playout` plays given starts to their ends, once each.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -15,7 +16,7 @@ from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_hand
 from apollonius.agents.pool import PersistentNoise, Pool, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Actions, GameState, Role
+from apollonius.game.types import ROLES, Action, Actions, GameState, Role
 from apollonius.observe.view import Views
 from apollonius.random_bits import fold_in, random_bits
 
@@ -28,7 +29,8 @@ class Experience(eqx.Module):
 
     `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
     side's pool that acted; it is the same for all transitions of a game. An observation is the numbers that the players
-    read: of those that read the view itself there are none.
+    read: of those that read the view itself there are none. Of a team, all leaves but `member` have one more axis after
+    those of the batch: its robots.
     """
 
     observation: Float[Array, "*batch size"]
@@ -47,12 +49,20 @@ class Transition(eqx.Module):
     terminated: Bool[Array, "*batch"]
     truncated: Bool[Array, "*batch"]
 
+    def actions_of(self, role: Role, game: int) -> list[Action]:
+        """The actions of one side's robots in one game of a batch along one axis."""
+        side = self.sides[role]
+        return list(side.action[game]) if side.reward.ndim > 1 else [side.action[game]]
+
 
 class Player(eqx.Module):
-    """What one side of each game carries from start to end."""
+    """What one side of each game carries from start to end.
+
+    Team mates are the same member. Of a team, `episode_return` has one more axis after that of the games: its robots.
+    """
 
     member: Int[Array, " games"]
-    episode_return: Float[Array, " games"]
+    episode_return: Float[Array, "games *robots"]
     handicap: Handicap | None = None
 
 
@@ -71,13 +81,28 @@ def begin(
 ) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
     members = ROLES.map(lambda role: players[role].sample(bits[role]))
-    return Games(starts, ROLES.map(lambda role: fresh_player(members[role], bits[role], disturbance)))
+
+    def player(role: Role) -> Player:
+        return fresh_player(members[role], bits[role], disturbance, len(starts.robots[role]))
+
+    return Games(starts, ROLES.map(player))
 
 
-def fresh_player(member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance) -> Player:
-    """Members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any."""
+def fresh_player(
+    member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance, robots: int = 1
+) -> Player:
+    """Members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any.
+
+    Args:
+        robots: of the side in each game.
+    """
     handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
-    return Player(member, jnp.zeros(bits.shape, jnp.float32), handicap)
+    return Player(member, _of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), handicap)
+
+
+def _of_robots(values: Sequence[Array]) -> Array:
+    """What a side has in many games: that of its robot or, of a team, those of its robots along a second axis."""
+    return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
 
 def step_games(
@@ -89,18 +114,21 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
 
-    def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> Actions:
-        return players[role].act(games.sides[role].member, seen, bits[role])
+    def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> tuple[Actions, ...]:
+        """The actions of each of a side's robots."""
+        robots = len(games.state.robots[role])
+        members, own_bits = jnp.tile(games.sides[role].member, robots), _bits_of_team(bits[role], robots)
+        return tuple(jnp.split(players[role].act(members, seen, own_bits), robots))
 
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
         noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
 
         def seen(role: Role, announced: Actions | None = None) -> Any:
-            return players[role].observation.together(Views(game, noisy[role], role, announced))
+            return players[role].observation.together(Views.of_all(game, noisy[role], role, announced))
 
         def told(role: Role) -> Any:
-            return seen(role, act(role.other, seen(role.other), bits))
+            return seen(role, act(role.other, seen(role.other), bits)[0])
 
         return ROLES.map(lambda role: (told if players[role].observation.is_told else seen)(role))
 
@@ -109,18 +137,34 @@ def step_games(
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
     next_seen = sees(after.state, ~bits)
-    returns = ROLES.map(lambda role: games.sides[role].episode_return + after.reward[role])
+    rewards = after.rewards.map(_of_robots)
+    returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
-    def numbers(seen: Any) -> Float[Array, "games _"]:
-        return jnp.zeros((bits.shape[1], 0)) if isinstance(seen, Views) else seen
+    def numbers(role: Role, seen: Any) -> Float[Array, "games _"]:
+        rows = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
+        return _of_robots(rows if isinstance(seen, Views) else jnp.split(seen, len(actions[role])))
 
     def experience(role: Role) -> Experience:
-        made = numbers(seen[role]), actions[role], after.reward[role], numbers(next_seen[role]), returns[role]
+        observations = numbers(role, seen[role]), numbers(role, next_seen[role])
+        made = observations[0], _of_robots(actions[role]), rewards[role], observations[1], returns[role]
         return Experience(*made, games.sides[role].member)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
     sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], handicaps[role]))
     return Games(after.state, sides), transition
+
+
+def _bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
+    """Random bits for each robot of a team in many games, from those of its side: the first robot's are just these."""
+    return jnp.concatenate([bits, *(_mixed(bits, number) for number in range(1, robots))])
+
+
+def _mixed(bits: UInt32[Array, " games"], number: int) -> UInt32[Array, " games"]:
+    """Other bits for each number: an odd step of the golden ratio and the finaliser of MurmurHash3 (Appleby, 2011)."""
+    mixed = bits + jnp.uint32(number * 0x9E3779B9 & 0xFFFFFFFF)
+    mixed = (mixed ^ (mixed >> 16)) * jnp.uint32(0x85EBCA6B)
+    mixed = (mixed ^ (mixed >> 13)) * jnp.uint32(0xC2B2AE35)
+    return mixed ^ (mixed >> 16)
 
 
 def collect(

@@ -69,6 +69,11 @@ def match_table(pursuer: str, evader: str, result: "MatchResult") -> str:
             parts = f"u1 {change[0]:.3f}, u2 {change[1]:.3f} of the largest, per step"
             lines.append(f"  {name:<{width}}  {sum(change) / 2:>7.3f}  {parts}")
     lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
+    if result.robots is not None:
+        for side, counts in (("pursuers", result.robots.pursuers), ("evaders", result.robots.evaders)):
+            total = sum(counts.values())
+            told = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
+            lines.append(f"  {side:<{width}}  {total:>7,}  {told}")
     if result.arenas is not None:
         arenas, (low, high) = result.arenas, result.arenas.interval
         told = f"mean of {len(arenas.wins)}, 95 % interval {low:.2%} to {high:.2%}"

@@ -27,7 +27,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.replay import BothActions, Trajectory
+from apollonius.replay import AllActions, Trajectory
 from apollonius.reproduce.finding import Finding
 from apollonius.show import style
 from apollonius.show.arena import draw_game
@@ -210,7 +210,7 @@ def draw(matches: Sequence[Match], path: Path) -> None:
         panels[2].legend()
 
 
-def turn_rates(actions: BothActions) -> np.ndarray:
+def turn_rates(actions: AllActions) -> np.ndarray:
     """The pursuer's turn rate in every step, as a share of its largest."""
     return np.array([float(gears(action)[1]) for action in actions[:, 0]])
 

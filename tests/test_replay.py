@@ -17,7 +17,8 @@ from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
-from apollonius.game.game import outcome_after, reset_batch
+from apollonius.game.game import reset_batch
+from apollonius.game.judge import outcome_after
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.playout import play_out

@@ -50,6 +50,7 @@ class LiveGame:
         """What stands for the action of a side that is played from inside."""
         reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
+        game.require_two("an environment")
         self.game = game = charted(game) if reads.charted else game
         self._seen = {role: slice(8 + role * reads.size, 8 + (role + 1) * reads.size) for role in Role}
         # The game is a constant of both functions.

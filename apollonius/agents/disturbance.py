@@ -122,17 +122,24 @@ def with_sensor_noise(state: GameState, bits: UInt32[Array, ""], disturbance: Di
 
 
 def step_disturbed(
-    game: Game, state: GameState, handicaps: BySide[Handicap | None], actions: BySide[Action]
+    game: Game, state: GameState, handicaps: BySide[Handicap | None], actions: BySide[tuple[Action, ...]]
 ) -> tuple[Timestep, BySide[Handicap | None]]:
-    """Where both sides' actions lead: by the rules or, with handicaps, by the controls that these make of them."""
-    bodies, robots = one_each(game.at(state).bodies), one_each(state.robots)
+    """Where all robots' actions lead: by the rules or, with handicaps, by the controls that these make of them.
 
-    def response(role: Role) -> tuple[tuple[Scalar, Scalar], Handicap | None]:
+    Raises:
+        InvalidInput: for handicaps in a game of teams.
+    """
+    bodies = game.at(state).bodies
+
+    def response(role: Role) -> tuple[tuple[tuple[Scalar, Scalar], ...], Handicap | None]:
         handicap = handicaps[role]
         if handicap is None:
-            return bodies[role].controls(actions[role]), None
-        return handicap.respond(bodies[role], robots[role], actions[role], game.dt)
+            robots = zip(bodies[role], actions[role], strict=True)
+            return tuple(body.controls(action) for body, action in robots), None
+        body, robot = one_each(bodies)[role], one_each(state.robots)[role]
+        controls, handicap = handicap.respond(body, robot, one_each(actions)[role], game.dt)
+        return (controls,), handicap
 
     responses = ROLES.map(response)
-    after = game.step_controls(state, responses.map(lambda response: (response[0],)))
+    after = game.step_controls(state, responses.map(lambda response: response[0]))
     return after, responses.map(lambda response: response[1])

@@ -46,7 +46,7 @@ class Backup(eqx.Module):
         steps: how many steps they last.
         manoeuvres: each the braking action to take in a state.
         surroundings: the arena's polygons by where a robot is; None: all are looked at from everywhere.
-        anywhere: whether arena and body are those of the view, in a game of which every state says them.
+        anywhere: whether arena and body are those of the view, where they differ from state to state or robot to robot.
     """
 
     arena: Arena
@@ -194,19 +194,19 @@ class Shielded(AbstractPolicy):
 
 
 def brakes(game: Game, role: Role) -> Backup:
-    """Full braking in three directions, for the robot of one side of a game.
+    """Full braking in three directions, for the robots of one side of a game.
 
     Raises:
-        InvalidInput: when that side's robot cannot brake to rest.
+        InvalidInput: when one of that side's robots cannot brake to rest.
     """
     makes = game.scenario.makes if game.scenario else None
-    bodies = [game.body(role)] if makes is None else makes.every(role)
+    bodies = game.bodies[role] if makes is None else makes.every(role)
     for body in bodies:
         bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)
     steps = max(ceil(body.v_max / (body.u1_max * game.dt)) for body in bodies)
     body = bodies[0]
-    if game.scenario is not None:
+    if game.scenario is not None or any(other != body for other in bodies):
         return Backup(game.arena, body, game.dt, steps, anywhere=True)
     return Backup(game.arena, body, game.dt, steps, surroundings=_surroundings(game, body))
 

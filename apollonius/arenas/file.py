@@ -10,8 +10,8 @@ from apollonius.arenas.suite import SUITES, suite_arena
 from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
 from apollonius.game.game import Game
-from apollonius.game.presets import PRESETS, make_game
-from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS
+from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
+from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
 
 GALLERY = Path(__file__).parent / "gallery"
 """Where the games that ship with the package as files lie."""
@@ -33,30 +33,37 @@ def find_game(name: str) -> Game:
     """The game of this name, preset or from the gallery, of this `.toml` file, or in this arena of a suite.
 
     `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
-    `suite-v1/maze-00,maze-01` that in either of the two.
+    `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1` before any of them, as in `team-3v1/office`, gives
+    it three pursuers and one evader.
 
     Raises:
         InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
     """
+    suite, _, within = name.partition("/")
+    if (team := TEAM.fullmatch(suite)) and within:
+        return in_teams(find_game(within), int(team[1]), int(team[2]))
     if Path(name).suffix == ".toml":
         return load_game(Path(name))
-    suite, _, within = name.partition("/")
     if is_scenario(name):
         return scenario_game(name)
     if suite in SUITES and within:
         return replace(make_game("paper"), arena=suite_arena(suite, within))
+    if name in PRESETS or team:
+        return make_game(name)
     if name not in game_names():
         raise InvalidInput(
             f"no game is called '{name}': choose one of {', '.join(game_names())}, one of a suite, as "
-            f"'{SUITES[0]}/racks-07', or give a .toml file."
+            f"'{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office', or give a .toml file."
         )
-    return make_game(name) if name in PRESETS else load_game(GALLERY / f"{name}.toml")
+    return load_game(GALLERY / f"{name}.toml")
 
 
 def load_game(path: Path) -> Game:
     """The game of a TOML file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and the game's own numbers.
 
-    What is left out has its default, and the walls of an arena with a map are the map's ends; see `docs/rules.md`.
+    `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables `[[pursuers]]` give it
+    one with limits of its own for each; the same for `evaders`. What is left out has its default, and the walls of an
+    arena with a map are the map's ends; see `docs/rules.md`.
 
     Raises:
         InvalidInput: when the file is missing or no TOML, for an unknown key, and for a game that cannot be played.
@@ -67,7 +74,28 @@ def load_game(path: Path) -> Game:
     if isinstance(arena, dict) and "map" in arena:
         arena["map"] = found = find_map(arena["map"], path.parent)
         data["arena"] = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max} | arena
+    _read_teams(data, path)
     return from_dict(Game, data, f"'{path}'")
+
+
+def _read_teams(data: dict[str, Any], path: Path) -> None:
+    """Put what a file says of teams where the record of a game has it: the first robot, and those besides it."""
+    teams = {"mates_collide": data.pop("mates_collide")} if "mates_collide" in data else {}
+    for side in ("pursuer", "evader"):
+        if (said := data.pop(f"{side}s", None)) is None:
+            continue
+        name, bound = f"'{path}': {side}s", f"from 1 to {MOST_ROBOTS}, or as many tables"
+        if isinstance(said, list):
+            require(side not in data, name, "tables", f"without a table [{side}] beside them; take that one away")
+            bodies = said
+        else:
+            require(isinstance(said, int) and not isinstance(said, bool), name, said, bound)
+            require(said <= MOST_ROBOTS, name, said, bound)
+            bodies = [data.get(side, {})] * said
+        require(1 <= len(bodies) <= MOST_ROBOTS, name, len(bodies), bound)
+        data[side], teams[f"{side}s"] = bodies[0], bodies[1:]
+    if any(teams.values()):
+        data["teams"] = teams
 
 
 def _check_obstacles(arena: Any, path: Path) -> None:

@@ -52,6 +52,7 @@ def make_of(game: Game) -> Make:
     Raises:
         InvalidInput: for an evader that cannot turn, as nothing can be told in its turn rate.
     """
+    game.require_two("a make")
     pursuer, evader = game.pursuer, game.evader
     bound = "more than 0 rad/s: the pursuer's turn rate is told as a ratio to it"
     require(evader.u2_max > 0, "evader.u2_max", evader.u2_max, bound)

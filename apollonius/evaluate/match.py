@@ -15,6 +15,7 @@ from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.evaluate.by_arena import ByArena, count_by_arena
+from apollonius.evaluate.robots import RobotCounts, count_robots
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
@@ -136,13 +137,13 @@ class MatchResult:
     """The same of the evader."""
     arenas: ByArena | None = None
     """The same match by arenas, where there are several."""
+    robots: RobotCounts | None = None
+    """What became of the robots, in a game of teams."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as JSON-like data; nothing of arenas where there is only one."""
+        """The result as JSON-like data; nothing of arenas where there is one only, or of robots where they are two."""
         data = asdict(self)
-        if self.arenas is None:
-            del data["arenas"]
-        return data
+        return {name: value for name, value in data.items() if name not in ("arenas", "robots") or value is not None}
 
 
 def starting(game: Game, starts: str) -> tuple[Game, StartFilter]:
@@ -173,7 +174,8 @@ def play_match(match: Match, slots: int | None = None, report: Report = lambda d
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
     """The games of a match, one by one; arguments and errors as those of `play_match`."""
-    return play_out(match.game, match.pools, *begin(match), slots=slots, watcher=Changes(), report=report)
+    watcher = None if match.game.teams else Changes()
+    return play_out(match.game, match.pools, *begin(match), slots=slots, watcher=watcher, report=report)
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
@@ -235,9 +237,10 @@ def count(match: Match, results: Results) -> MatchResult:
         pursuer_change=pursuer_change and tuple(pursuer_change),
         evader_change=evader_change and tuple(evader_change),
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
+        robots=count_robots(results.status) if results.status else None,
     )
 
 
 def _starts_at_rest(game: Game) -> bool:
-    """Whether both robots start where they can stay, so that no start is lost."""
-    return bool(game.pursuer.v_min <= 0 and game.evader.v_min <= 0) and game.starts.speed == "rest"
+    """Whether all robots start where they can stay, so that no start is lost."""
+    return all(bool(body.v_min <= 0) for side in game.bodies for body in side) and game.starts.speed == "rest"

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, Shaped
+from jaxtyping import Array, Float, Int, Shaped
 
 from apollonius.game.types import Action, Real, RobotState, Scalar
 
@@ -60,6 +60,13 @@ def nearest_action(action: Action) -> Int[Array, ""]:
         return action
     gear_u1, gear_u2 = (jnp.round(gear).astype(jnp.int32) for gear in gears(action))
     return 3 * (gear_u1 + 1) + gear_u2 + 1
+
+
+def together(*actions: Action) -> Int[Array, " robots"] | Float[Array, "robots 2"]:
+    """The actions of several robots as one array: gears, where one of them is continuous."""
+    if any(is_continuous(action) for action in actions):
+        return jnp.stack([jnp.stack(gears(action)) for action in actions])
+    return jnp.stack(actions)
 
 
 class Unicycle(eqx.Module):

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from apollonius.game.segment import closest_approach_squared
-from apollonius.game.types import GameState, Outcome, Real
+from apollonius.game.types import GameState, Outcome, Real, RobotState
 
 PURSUER_WINS = (Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
 """Captured, or the evader failed alone (the win rate of Table II)."""
@@ -17,20 +17,30 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 """The pursuer failed alone."""
 
 
-def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
-    """Whether the robots come closer than `capture_distance` [m] anywhere along the step.
+def come_within(
+    one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
+) -> Bool[Array, ""]:
+    """Whether two robots come closer than a distance [m] to each other anywhere along a step.
 
     Both move along their segments at the same time, so their relative position moves along a segment too.
+
+    Args:
+        one, other: where each is before the step and after it.
+        distance: between their centres.
     """
-    relative_x = before.evader.x - before.pursuer.x
-    relative_y = before.evader.y - before.pursuer.y
+    (before, after), (other_before, other_after) = one, other
+    relative_x = other_before.x - before.x
+    relative_y = other_before.y - before.y
     approach = closest_approach_squared(
-        relative_x,
-        relative_y,
-        after.evader.x - after.pursuer.x - relative_x,
-        after.evader.y - after.pursuer.y - relative_y,
+        relative_x, relative_y, other_after.x - after.x - relative_x, other_after.y - after.y - relative_y
     )
-    return approach < capture_distance**2
+    return approach < distance**2
+
+
+def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
+    """Whether the two robots of a game come closer than `capture_distance` [m] anywhere along a step."""
+    pursuer, evader = (before.pursuer, after.pursuer), (before.evader, after.evader)
+    return come_within(pursuer, evader, capture_distance)
 
 
 def decide(

@@ -1,12 +1,16 @@
 """The named games."""
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
+from apollonius.game.teams import Teams
+from apollonius.game.validation import MOST_ROBOTS
 
 
 def paper() -> Game:
@@ -57,12 +61,33 @@ PRESETS: dict[str, Callable[[], Game]] = {
 }
 
 
+TEAM = re.compile(r"team-(\d{1,4})v(\d{1,4})", re.ASCII)
+"""What games of teams are called: by how many pursuers and evaders they have."""
+
+
 def make_game(name: str) -> Game:
-    """The game of this name.
+    """The game of this name: a preset, or as `team-3v1` the `paper` game with three pursuers against one evader.
 
     Raises:
         InvalidInput: for an unknown name; lists the known ones.
     """
+    if found := TEAM.fullmatch(name):
+        return in_teams(paper(), int(found[1]), int(found[2]))
     if name not in PRESETS:
-        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}.")
+        raise InvalidInput(f"no game is called '{name}': choose one of {', '.join(PRESETS)}, or as team-3v1.")
     return PRESETS[name]()
+
+
+def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = False) -> Game:
+    """A game of two with so many robots on either side, all of a side with the limits of its one robot.
+
+    Raises:
+        InvalidInput: for a side with none or too many, for a game of teams, and as `Game`.
+    """
+    require(game.teams is None, "robots", game.size, "1 v 1, to be made a game of teams")
+    for side, count in (("pursuers", pursuers), ("evaders", evaders)):
+        require(1 <= count <= MOST_ROBOTS, side, count, f"from 1 to {MOST_ROBOTS}")
+    if pursuers == evaders == 1:
+        return game
+    others = (game.pursuer,) * (pursuers - 1), (game.evader,) * (evaders - 1)
+    return replace(game, teams=Teams(*others, mates_collide))

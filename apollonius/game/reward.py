@@ -1,5 +1,8 @@
 """What each side is paid for a step: the paper's rewards (Eq. 8, 9) or the zero-sum profile."""
 
+import functools
+import operator
+from collections.abc import Sequence
 from typing import Literal
 
 import equinox as eqx
@@ -7,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.by_side import BySide
+from apollonius.game.judge import Events
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Outcome, Real, Scalar
 
@@ -36,30 +40,50 @@ class Reward(eqx.Module):
         """Whether outliving the time limit is the evader's win (and so terminal) rather than a truncation."""
         return self.profile == "zero-sum"
 
-    def __call__(self, outcome: Int[Array, ""], distance_before: Scalar, distance_after: Scalar) -> BySide[Scalar]:
-        """Either side's reward for one step.
+    def __call__(
+        self, outcome: Int[Array, ""], events: BySide[tuple[Events, ...]], lead: Sequence[tuple[Scalar, Scalar]]
+    ) -> BySide[tuple[Scalar, ...]]:
+        """Every robot's reward for one step.
+
+        In the paper's profile pursuers share what they are paid: for each capture, and for the progress towards each
+        evader of the pursuer that is nearest to it. An evader is paid for its own lead over that pursuer. Who fails
+        pays for it and has no part in the rest, but in the step that captures the last evader no pursuer pays, as
+        capture comes first. Robots are paid for progress when only an opponent failed, as Eq. 8 and 9 have no case for
+        that, and nothing once they are out of play.
+
+        The zero-sum profile pays all robots of a side by how the game ends, those out of play too.
 
         Args:
             outcome: how the game stands after the step.
-            distance_before, distance_after: between the robots' centres [m].
-
-        In the paper's profile a robot is paid for progress when only its opponent failed, as Eq. 8 and 9 have no
-        case for that.
+            events: what happened to each robot.
+            lead: of each evader over the nearest pursuer, the distance of their centres before and after the step [m].
         """
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
-            return BySide(win - loss, loss - win)
-        both = outcome == Outcome.BOTH_FAILED
-        pursuer_failed = both | (outcome == Outcome.PURSUER_HIT_OBSTACLE) | (outcome == Outcome.PURSUER_OUT_OF_RANGE)
-        evader_failed = both | (outcome == Outcome.EVADER_HIT_OBSTACLE) | (outcome == Outcome.EVADER_OUT_OF_RANGE)
-        captured, reached = outcome == Outcome.CAPTURED, outcome == Outcome.TERRITORY_REACHED
-        closing = self.progress * (distance_before - distance_after)
-        leaving = -closing
-        if (within := self.zero_sum_within) is not None:
-            beyond = jnp.maximum(distance_after - within, 0.0) - jnp.maximum(distance_before - within, 0.0)
-            leaving = leaving - 2 * self.progress * beyond
-        prize = jnp.where(captured, self.capture, -self.capture)
-        pursuer = jnp.where(captured | reached, prize, jnp.where(pursuer_failed, -self.failure, closing))
-        evader = jnp.where(captured | reached, -prize, jnp.where(evader_failed, -self.failure, leaving))
-        return BySide(pursuer, evader)
+            return BySide((win - loss,) * len(events.pursuer), (loss - win,) * len(events.evader))
+        reached, won = outcome == Outcome.TERRITORY_REACHED, outcome == Outcome.CAPTURED
+        closing = [self.progress * (before - after) for before, after in lead]
+        shares = [
+            jnp.where(evader.captured, self.capture, jnp.where(evader.active, closer, 0.0))
+            for evader, closer in zip(events.evader, closing, strict=True)
+        ]
+        shared = jnp.where(reached, -self.capture, functools.reduce(operator.add, shares))
+
+        def pursuer(robot: Events) -> Scalar:
+            return jnp.where(robot.failed & ~won, -self.failure, jnp.where(robot.active, shared, 0.0))
+
+        def evader(robot: Events, before: Scalar, after: Scalar, closer: Scalar) -> Scalar:
+            leaving = -closer
+            if (within := self.zero_sum_within) is not None:
+                beyond = jnp.maximum(after - within, 0.0) - jnp.maximum(before - within, 0.0)
+                leaving = leaving - 2 * self.progress * beyond
+            prize = jnp.where(reached, self.capture, leaving)
+            going = jnp.where(robot.failed, -self.failure, jnp.where(robot.active, prize, 0.0))
+            return jnp.where(robot.captured, -self.capture, going)
+
+        evaders = zip(events.evader, lead, closing, strict=True)
+        return BySide(
+            tuple(pursuer(robot) for robot in events.pursuer),
+            tuple(evader(robot, before, after, closer) for robot, (before, after), closer in evaders),
+        )

@@ -53,7 +53,7 @@ class Scenario(eqx.Module):
     Attributes:
         arenas: leaves `[arenas]`.
         count: how many they are.
-        makes: the robots; None for those of the game everywhere.
+        makes: the robots, all of a side alike; None for those of the game everywhere.
         name: of the file that says which they are, or empty.
     """
 
@@ -92,7 +92,14 @@ class Scenario(eqx.Module):
         if self.makes is None:
             return alone
         make = jax.tree.map(lambda leaf: leaf[place // self.count], self.makes)
-        return replace(alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance)
+        others = game.teams and replace(
+            game.teams,
+            pursuers=(make.pursuer,) * len(game.teams.pursuers),
+            evaders=(make.evader,) * len(game.teams.evaders),
+        )
+        return replace(
+            alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance, teams=others
+        )
 
 
 def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None) -> "Game":

@@ -1,5 +1,6 @@
 """Where games begin: the distributions of initial states."""
 
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import equinox as eqx
@@ -8,72 +9,115 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import GameState, Real, RobotState, Scalar
+from apollonius.game.types import ROLES, GameState, Real, RobotState, Role, Scalar
 
 
 class Starts(eqx.Module):
-    """Both robots uniform in the free space, apart from each other, headings uniform.
+    """Robots uniform in the free space, apart from each other, headings uniform.
 
     Attributes:
         speed: `rest` (v = 0, or the slowest the robot can go) or `moving` (v uniform between the robot's limits;
             some of these starts are lost before they begin).
-        clearance: least distance of a robot's body from walls and obstacles [m].
-        separation: least distance between the robots' centres, and of the evader from a territory [m].
+        clearance: least distance of a robot's body from walls, obstacles and the bodies of its mates [m].
+        separation: least distance between the centres of opponents, and of evaders from a territory [m].
     """
 
     speed: Literal["rest", "moving"] = eqx.field(static=True, default="rest")
     clearance: Real = 0.3
     separation: Real = 1.0
 
-    def sample(self, key: PRNGKeyArray, arena: Arena, pursuer: Unicycle, evader: Unicycle) -> GameState:
+    def sample(self, key: PRNGKeyArray, arena: Arena, bodies: BySide[tuple[Unicycle, ...]]) -> GameState:
         """One initial state. The key is consumed.
 
-        Positions are drawn again until they fit, so the distribution is exactly uniform over the pairs that do.
+        The first robots of both sides are drawn together: their positions are drawn again until they fit, so the
+        distribution is exactly uniform over the pairs that do. Then their mates are drawn one by one, each uniform in
+        the room that those before it leave.
         """
-        position_key, heading_key, speed_key = jax.random.split(key, 3)
+        order = [(role, number) for role in ROLES for number in range(1, len(bodies[role]))]
+        position_key, heading_key, speed_key, *mate_keys = jax.random.split(key, 3 + len(order))
+        first, other = bodies.pursuer[0], bodies.evader[0]
         low = jnp.array([arena.x_min, arena.y_min] * 2, jnp.float32)
         high = jnp.array([arena.x_max, arena.y_max] * 2, jnp.float32)
-
-        def draw_positions(draw_key: PRNGKeyArray) -> Float[Array, "4"]:
-            return jax.random.uniform(draw_key, (4,), minval=low, maxval=high)
-
-        def redraw(carry: tuple[PRNGKeyArray, Float[Array, "4"]]) -> tuple[PRNGKeyArray, Float[Array, "4"]]:
-            next_key, draw_key = jax.random.split(carry[0])
-            return next_key, draw_positions(draw_key)
-
-        first_key, retry_key = jax.random.split(position_key)
-        _, (px, py, ex, ey) = jax.lax.while_loop(
-            lambda carry: ~self.fits(arena, pursuer, evader, *carry[1]), redraw, (retry_key, draw_positions(first_key))
-        )
+        pair = _draw_until(lambda places: self.fits(arena, first, other, *places), position_key, low, high)
         headings = jax.random.uniform(heading_key, (2,), minval=-jnp.pi, maxval=jnp.pi)
-        v_pursuer, v_evader = self._speeds(speed_key, pursuer, evader)
-        return GameState.of_two(
-            pursuer=RobotState(px, py, v_pursuer, headings[0]),
-            evader=RobotState(ex, ey, v_evader, headings[1]),
-            steps=jnp.zeros((), jnp.int32),
+        speeds = self._speeds(speed_key, [first, other])
+        robots = BySide(
+            [RobotState(pair[0], pair[1], speeds[0], headings[0])],
+            [RobotState(pair[2], pair[3], speeds[1], headings[1])],
         )
+        for (role, number), mate_key in zip(order, mate_keys, strict=True):
+            robots[role].append(self._mate(mate_key, arena, bodies, robots, role, number))
+        return GameState.at_start(robots.map(tuple))
+
+    def _mate(
+        self,
+        key: PRNGKeyArray,
+        arena: Arena,
+        bodies: BySide[tuple[Unicycle, ...]],
+        robots: BySide[list[RobotState]],
+        role: Role,
+        number: int,
+    ) -> RobotState:
+        """The robot of this number of a side, besides those that are there. The key is consumed."""
+        position_key, heading_key, speed_key = jax.random.split(key, 3)
+        body = bodies[role][number]
+
+        def fits(place: Float[Array, "2"]) -> Bool[Array, ""]:
+            x, y = place
+            found = arena.clearance(x, y) >= self.clearance + body.radius
+            for mate, other in zip(robots[role], bodies[role], strict=False):
+                found &= jnp.hypot(x - mate.x, y - mate.y) >= self.clearance + body.radius + other.radius
+            for opponent in robots[role.other]:
+                found &= jnp.hypot(x - opponent.x, y - opponent.y) >= self.separation
+            return found & self._is_off_territory(arena, x, y) if role == Role.EVADER else found
+
+        low = jnp.array([arena.x_min, arena.y_min], jnp.float32)
+        high = jnp.array([arena.x_max, arena.y_max], jnp.float32)
+        x, y = _draw_until(fits, position_key, low, high)
+        heading = jax.random.uniform(heading_key, (), minval=-jnp.pi, maxval=jnp.pi)
+        return RobotState(x, y, self._speeds(speed_key, [body])[0], heading)
 
     def fits(
         self, arena: Arena, pursuer: Unicycle, evader: Unicycle, px: Scalar, py: Scalar, ex: Scalar, ey: Scalar
     ) -> Bool[Array, ""]:
-        """Whether two positions [m] are far enough from the obstacles and from each other."""
-        fits = (
+        """Whether the positions [m] of two opponents are far enough from the obstacles and from each other."""
+        return (
             (arena.clearance(px, py) >= self.clearance + pursuer.radius)
             & (arena.clearance(ex, ey) >= self.clearance + evader.radius)
             & (jnp.hypot(px - ex, py - ey) >= self.separation)
+            & self._is_off_territory(arena, ex, ey)
         )
-        if arena.territory:
-            goal = arena.territory
-            fits = fits & (jnp.hypot(ex - goal.x, ey - goal.y) >= goal.radius + self.separation)
-        return fits
 
-    def _speeds(self, key: PRNGKeyArray, pursuer: Unicycle, evader: Unicycle) -> tuple[Scalar, Scalar]:
-        slowest = jnp.array([jnp.maximum(pursuer.v_min, 0.0), jnp.maximum(evader.v_min, 0.0)], jnp.float32)
-        if self.speed == "moving":
-            low = jnp.array([pursuer.v_min, evader.v_min], jnp.float32)
-            high = jnp.array([pursuer.v_max, evader.v_max], jnp.float32)
-            speeds = jax.random.uniform(key, (2,), minval=low, maxval=high)
-        else:
-            speeds = slowest
-        return speeds[0], speeds[1]
+    def _is_off_territory(self, arena: Arena, x: Scalar, y: Scalar) -> Bool[Array, ""]:
+        """Whether an evader's position [m] is far enough from the territory, if there is one."""
+        if (goal := arena.territory) is None:
+            return jnp.ones((), bool)
+        return jnp.hypot(x - goal.x, y - goal.y) >= goal.radius + self.separation
+
+    def _speeds(self, key: PRNGKeyArray, bodies: Sequence[Unicycle]) -> Float[Array, " robots"]:
+        if self.speed == "rest":
+            return jnp.array([jnp.maximum(body.v_min, 0.0) for body in bodies], jnp.float32)
+        low = jnp.array([body.v_min for body in bodies], jnp.float32)
+        high = jnp.array([body.v_max for body in bodies], jnp.float32)
+        return jax.random.uniform(key, (len(bodies),), minval=low, maxval=high)
+
+
+def _draw_until(
+    fits: Callable[[Float[Array, " size"]], Bool[Array, ""]],
+    key: PRNGKeyArray,
+    low: Float[Array, " size"],
+    high: Float[Array, " size"],
+) -> Float[Array, " size"]:
+    """The first of uniform draws between bounds that fits. The key is consumed."""
+
+    def draw(draw_key: PRNGKeyArray) -> Float[Array, " size"]:
+        return jax.random.uniform(draw_key, low.shape, minval=low, maxval=high)
+
+    def redraw(carry: tuple[PRNGKeyArray, Float[Array, " size"]]) -> tuple[PRNGKeyArray, Float[Array, " size"]]:
+        next_key, draw_key = jax.random.split(carry[0])
+        return next_key, draw(draw_key)
+
+    first_key, retry_key = jax.random.split(key)
+    return jax.lax.while_loop(lambda carry: ~fits(carry[1]), redraw, (retry_key, draw(first_key)))[1]

@@ -3,6 +3,7 @@
 from enum import IntEnum
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.by_side import BySide, one_each
@@ -44,7 +45,8 @@ ROLES = BySide(Role.PURSUER, Role.EVADER)
 class Outcome(IntEnum):
     """How a game stands. The rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
-    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory.
+    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A game of teams that is decided
+    has the outcome of the last robot of the side that is out altogether; a body of a team mate is an obstacle then.
     """
 
     ONGOING = 0
@@ -56,6 +58,16 @@ class Outcome(IntEnum):
     BOTH_FAILED = 6
     NO_RESULT = 7
     TERRITORY_REACHED = 8
+
+
+class RobotStatus(IntEnum):
+    """Whether a robot is in play, or what put it out. `HIT_MATE` is possible only where a game asks for it."""
+
+    ACTIVE = 0
+    CAPTURED = 1
+    HIT_OBSTACLE = 2
+    OUT_OF_RANGE = 3
+    HIT_MATE = 4
 
 
 class RobotState(eqx.Module):
@@ -75,11 +87,27 @@ class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
     `place` is the number of the arena that the game is played in, None where there is only one (`game.scenario`).
+    `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one of them is out.
     """
 
     robots: BySide[tuple[RobotState, ...]]
     steps: Int[Array, ""]
     place: Int[Array, ""] | None = None
+    status: BySide[tuple[Int[Array, ""], ...]] | None = None
+
+    @classmethod
+    def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
+        """The state of a game that begins: all robots are active."""
+        steps, is_of_two = jnp.zeros((), jnp.int32), all(len(side) == 1 for side in robots)
+        active = jnp.full((), RobotStatus.ACTIVE, jnp.int32)
+        return cls(robots, steps, status=None if is_of_two else robots.map(lambda side: (active,) * len(side)))
+
+    @property
+    def active(self) -> BySide[tuple[Bool[Array, ""], ...]]:
+        """Whether each robot is in play."""
+        if self.status is None:
+            return self.robots.map(lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side))
+        return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
 
     @classmethod
     def of_two(cls, pursuer: RobotState, evader: RobotState, steps: Int[Array, ""]) -> "GameState":
@@ -98,7 +126,7 @@ class GameState(eqx.Module):
 
 
 class Timestep(eqx.Module):
-    """One transition: the state it leads to, how the game stands there, and what each side is paid for it.
+    """One transition: the state it leads to, how the game stands there, and what each robot is paid for it.
 
     `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value goes on beyond.
     Never both.
@@ -106,6 +134,11 @@ class Timestep(eqx.Module):
 
     state: GameState
     outcome: Int[Array, ""]
-    reward: BySide[Scalar]
+    rewards: BySide[tuple[Scalar, ...]]
     terminated: Bool[Array, ""]
     truncated: Bool[Array, ""]
+
+    @property
+    def reward(self) -> BySide[Scalar]:
+        """What either side is paid in a game of two robots."""
+        return one_each(self.rewards)

@@ -1,6 +1,7 @@
 """What makes a game impossible to play, said with the value, the bound and the remedy."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +25,17 @@ MAX_STEPS = 2**31 - 1
 """Largest time limit [steps]: steps are counted in 32 bits."""
 _DRAWS = 100_000
 """Pairs of places at which free space is looked for; a start rarer than that would take for ever to draw."""
+_SIDES = ("pursuer", "evader")
+_PLACINGS = 100
+"""Starts of teams that are tried out."""
 _TOGETHER = 5_000
 """Pairs that are looked at together; in most arenas the first few have room enough."""
 MOST_EDGES = 2_000
 """Most corners of all polygons together."""
 MOST_POLYGONS = 200
 """Most polygons: each takes some time to compile."""
+MOST_ROBOTS = 16
+"""Most robots of a side: each takes some time to compile."""
 MOST_DISCS = DISCS.most
 """Most discs: with this many, a game takes half a minute to compile."""
 FEWER = "draw so many obstacles as an occupancy map"
@@ -57,8 +63,7 @@ def check_game(game: "Game") -> None:
         1 <= game.max_steps <= MAX_STEPS and game.max_steps == int(game.max_steps),
         "max_steps", game.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000",
     )  # fmt: skip
-    _check_robot(game.pursuer, "pursuer", game.dt)
-    _check_robot(game.evader, "evader", game.dt)
+    _check_teams(game)
     _check_arena(game)
     require(game.starts.clearance >= 0, "starts.clearance", game.starts.clearance, "0 m or more")
     require(
@@ -73,7 +78,7 @@ def _numbers(game: "Game") -> list[tuple[str, Any]]:
     """All its numbers by name, but for a map's field of distances and what a game need not have."""
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = [(jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves]
-    optional = "arena.map", "arena.territory", "arena.chart", "scenario", "reward.zero_sum_within"
+    optional = "arena.map", "arena.territory", "arena.chart", "scenario", "teams", "reward.zero_sum_within"
     left_out = {(name, True) for name in optional} | {("arena.map.field", False)}
     checked = [(name, leaf) for name, leaf in named if (name, leaf is None) not in left_out]
     return [(name, leaf) for name, leaf in checked if not name.startswith("arena.chart.")]
@@ -84,6 +89,13 @@ def _check_finite(game: "Game") -> None:
         is_number = isinstance(leaf, (int, float)) and not isinstance(leaf, bool)
         require(is_number and abs(leaf) < math.inf, name, leaf, "a finite number")
         require(abs(leaf) <= MAX_SIZE or name == "max_steps", name, leaf, f"within {MAX_SIZE:g} of 0")
+
+
+def _check_teams(game: "Game") -> None:
+    for side, bodies in zip(_SIDES, game.bodies, strict=True):
+        require(len(bodies) <= MOST_ROBOTS, f"{side}s", len(bodies), f"at most {MOST_ROBOTS}")
+        for number, body in enumerate(bodies):
+            _check_robot(body, f"{side}s[{number}]" if len(bodies) > 1 else side, game.dt)
 
 
 def _check_robot(body: "Unicycle", name: str, dt: Any) -> None:
@@ -128,12 +140,13 @@ def _check_arena(game: "Game") -> None:
 
 
 def _check_room(game: "Game") -> None:
-    """Two robots must find room to start, both at once and far enough apart."""
+    """Two robots must find room to start, both at once and far enough apart, and their mates beside them."""
     arena, starts = game.arena, game.starts
     samples = np.random.default_rng(0).uniform(size=(4, _DRAWS))
     xs = np.asarray(arena.x_min + (arena.x_max - arena.x_min) * samples[:2])
     ys = np.asarray(arena.y_min + (arena.y_max - arena.y_min) * samples[2:])
-    margins = {"pursuer": starts.clearance + game.pursuer.radius, "evader": starts.clearance + game.evader.radius}
+    largest = [max(body.radius for body in side) for side in game.bodies]
+    margins = {side: starts.clearance + radius for side, radius in zip(_SIDES, largest, strict=True)}
     fits, reach = np.zeros(2, bool), 0.0
     for first in range(0, _DRAWS, _TOGETHER):
         x, y = (places[:, first : first + _TOGETHER] for places in (xs, ys))
@@ -145,6 +158,8 @@ def _check_room(game: "Game") -> None:
         apart = np.hypot(x[0] - x[1], y[0] - y[1])[enough.all(axis=0)]
         reach = max(reach, float(apart.max(initial=0.0)))
         if reach >= starts.separation:
+            if game.teams:
+                _check_room_of_teams(game, [np.stack([x[side], y[side]])[:, enough[side]] for side in (0, 1)])
             return
     for (name, margin), fit in zip(margins.items(), fits, strict=True):
         if not fit:
@@ -162,6 +177,30 @@ def _check_room(game: "Game") -> None:
         f"at most {reach:.3g} m, the largest distance of the free pairs among {_DRAWS:,}; make it smaller or the arena "
         "larger",
     )  # fmt: skip
+
+
+def _check_room_of_teams(game: "Game", free: Sequence[Float[np.ndarray, "2 _places"]]) -> None:
+    """However the first robots happen to stand, the last ones must find room.
+
+    Args:
+        free: some places [m] with room enough for one of the pursuers, and some for one of the evaders.
+    """
+    starts, rng = game.starts, np.random.default_rng(1)
+    # In the order in which starts are drawn.
+    order = [(side, body) for side in (0, 1) for body in game.bodies[side][:1]]
+    order += [(side, body) for side in (0, 1) for body in game.bodies[side][1:]]
+    for _ in range(_PLACINGS):
+        placed: list[tuple[int, float, np.ndarray]] = []
+        for side, body in order:
+            room = np.ones(free[side].shape[1], bool)
+            for other_side, radius, place in placed:
+                mates = starts.clearance + body.radius + radius
+                least = mates if side == other_side else starts.separation
+                room &= np.hypot(*(free[side] - place[:, None])) >= least
+            if not room.any():
+                remedy = "fewer robots, a smaller starts.clearance or starts.separation, or a larger arena"
+                require(False, "teams", game.size, f"of so many robots as the arena has room for; take {remedy}")
+            placed.append((side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(room))]))
 
 
 def _room(

@@ -48,6 +48,7 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
+        self.game.require_two("training")
         require_positive(self, "devices")
         told = find_observation(self.learner.observation).is_told
         require(not told, "observation", self.learner.observation, "what both can read; one side at most is told")

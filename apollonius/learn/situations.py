@@ -52,7 +52,7 @@ def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
 def _anywhere(game: Game, games: int, key: PRNGKeyArray) -> GameState:
     """Robots at all speeds, nearly up to the walls and nearly up to a capture."""
     starts = replace(game.starts, speed="moving", clearance=0.05, separation=game.capture_distance + 0.05)
-    return jax.vmap(lambda key: starts.sample(key, game.arena, game.pursuer, game.evader))(jax.random.split(key, games))
+    return jax.vmap(lambda key: starts.sample(key, game.arena, game.bodies))(jax.random.split(key, games))
 
 
 def _around(game: Game, state: GameState, key: PRNGKeyArray) -> GameState:

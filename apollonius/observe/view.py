@@ -2,24 +2,31 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Int
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
 
+from apollonius.errors import require
 from apollonius.game.arena import Arena
-from apollonius.game.by_side import BySide, one_each
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
+from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import Action, Actions, GameState, Real, RobotState, Role, Scalar
+
+T = TypeVar("T")
 
 
 class Robot(eqx.Module):
-    """A robot that is seen: its body's limits, and its state."""
+    """A robot that is seen: its body's limits, its state, and whether it is in play."""
 
     body: Unicycle
     state: RobotState
+    active: Bool[Array, ""] | bool = True
 
 
 class View(eqx.Module):
@@ -43,12 +50,13 @@ class View(eqx.Module):
 
     @property
     def opponent(self) -> Robot:
-        """The opponent in a game of two robots; errors as those of `one_each`."""
-        return one_each(BySide((self.own, *self.mates), self.opponents)).evader
+        """The opponent or, of several that are in play, the one whose centre is nearest."""
+        states, active = ([getattr(one, name) for one in self.opponents] for name in ("state", "active"))
+        return nearest(self.own.state, states, active, self.opponents)
 
     @property
     def robots(self) -> tuple[Robot, Robot]:
-        """Both robots of a game of two, the one that looks first."""
+        """The robot and that opponent, the one that looks first."""
         return self.own, self.opponent
 
 
@@ -58,11 +66,11 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     Args:
         role, number: its side, and which of its robots it is.
     """
-
     here = game.at(state)
 
     def robots(role: Role) -> tuple[Robot, ...]:
-        return tuple(Robot(*both) for both in zip(here.bodies[role], state.robots[role], strict=True))
+        both = zip(here.bodies[role], state.robots[role], state.active[role], strict=True)
+        return tuple(Robot(*robot) for robot in both)
 
     ours = robots(role)
     mates = ours[:number] + ours[number + 1 :]
@@ -72,33 +80,91 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
 class Views(eqx.Module):
     """What one side sees in many games at once. What the games have in common is there once.
 
+    Of a team it is what every one of its robots sees, a row for each in each game: those of the first robot in all
+    games come first, then those of the second.
+
     Attributes:
         game: the rules.
-        states: of the games, leaves `[games]`.
+        states: of the games, leaves `[rows]`.
         role: the side.
-        announced: the opponents' actions in the step to come, leaves `[games]`, if the side is told them.
+        announced: the opponents' actions in the step to come, leaves `[rows]`, if the side is told them.
+        numbers: which of the side's robots looks, which is the first one in `states`; None where it has only one.
     """
 
     game: Game
     states: GameState
     role: Role = eqx.field(static=True)
     announced: Actions | None = None
+    numbers: Int[Array, " rows"] | None = None
+
+    @classmethod
+    def of_all(cls, game: Game, states: GameState, role: Role, announced: Actions | None = None) -> "Views":
+        """What all robots of one side see in many games.
+
+        Args:
+            states: of the games, leaves `[games]`.
+            announced: as above, leaves `[games]`.
+
+        Raises:
+            InvalidInput: where a team is to be told.
+        """
+        count, games = len(states.robots[role]), states.steps.shape[0]
+        if count == 1:
+            return cls(game, states, role, announced)
+        bound = "one robot: only games of two have a player that is told what the opponent does next"
+        require(announced is None, "team", count, bound)
+
+        def first(number: int) -> GameState:
+            def turned(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
+                ours = values[role]
+                return BySide.of(role, ours[number:] + ours[:number], values[role.other])
+
+            status = states.status and turned(states.status)
+            return replace(states, robots=turned(states.robots), status=status)
+
+        rows = _in_rows(*map(first, range(count)))
+        return cls(game, rows, role, numbers=jnp.repeat(jnp.arange(count), games))
 
     def each(self, function: Callable[..., Any], *rest: Any) -> Any:
-        """What a function makes of the view in each of the games, and of the rest, leaves `[games]`: its `vmap`."""
+        """What a function makes of the view in each of the rows, and of the rest, leaves `[rows]`: its `vmap`."""
 
-        def one(state: GameState, announced: Action | None, *rest: Any) -> Any:
-            view = look(self.game, state, self.role)
+        def one(state: GameState, announced: Action | None, number: Int[Array, ""] | None, *rest: Any) -> Any:
+            here = self.game if number is None else _turned(self.game.at(state), self.role, number)
+            view = look(here, state, self.role)
             if announced is not None:
                 view = replace(view, announced=view.opponent.body.controls(announced))
             return function(view, *rest)
 
-        return jax.vmap(one)(self.states, self.announced, *rest)
+        return jax.vmap(one)(self.states, self.announced, self.numbers, *rest)
 
-    def part(self, games: Int[Array, " some"]) -> "Views":
-        """The views in some of the games."""
-        states, announced = jax.tree.map(lambda leaf: leaf[games], (self.states, self.announced))
-        return Views(self.game, states, self.role, announced)
+    def part(self, rows: Int[Array, " some"]) -> "Views":
+        """The views in some of the rows."""
+        parts = jax.tree.map(lambda leaf: leaf[rows], (self.states, self.announced, self.numbers))
+        states, announced, numbers = parts
+        return Views(self.game, states, self.role, announced, numbers)
+
+
+@fusion_barrier
+def _in_rows(*states: GameState) -> GameState:
+    """The states of one batch after those of another; what is made of a row is then made of many at a time."""
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *states)
+
+
+def _turned(game: Game, role: Role, number: Int[Array, ""]) -> Game:
+    """A game in one arena with the limits of one side's robots in another order: those of this number come first."""
+    bodies = game.bodies[role]
+
+    def at(place: int) -> Unicycle:
+        def pick(*leaves: Real) -> Scalar:
+            turns = [(number + place) % len(bodies) == other for other in range(len(bodies))]
+            return jnp.select(turns, [jnp.asarray(leaf, jnp.float32) for leaf in leaves])
+
+        return jax.tree.map(pick, *bodies)
+
+    first, *others = map(at, range(len(bodies)))
+    name = role.name.lower()
+    teams = replace(game.teams or Teams(), **{f"{name}s": tuple(others)})
+    return replace(game, **{name: first}, teams=teams)
 
 
 def each(function: Callable[..., Any], seen: Any, *rest: Any) -> Any:

@@ -58,6 +58,7 @@ def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -
     Each trail leads from a cross at the start to the robot at the end: the pursuer a full disc, within the reach of a
     capture, with a solid trail; the evader a ring with a dashed one.
     """
+    game.require_two("a picture")
     draw_arena(axes, game.arena)
     states, every = trajectory.states, round(_CLOCK_SECONDS / float(game.dt))
     _draw_trail(axes, states.pursuer, every, palette.PURSUER, "pursuer", "-", palette.PURSUER)

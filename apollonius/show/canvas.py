@@ -29,6 +29,7 @@ class Canvas:
     """
 
     def __init__(self, game: Game) -> None:
+        game.require_two("a picture")
         self._arena = arena = game.arena
         self._reach = float(game.capture_distance)
         self._length = max(float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min))

@@ -10,12 +10,14 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, begin
-from apollonius.game.game import Game, outcome_after
+from apollonius.game.dynamics import together
+from apollonius.game.game import Game
+from apollonius.game.judge import outcome_after
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
 from apollonius.observe.view import Views
 from apollonius.playout import Report, Results
-from apollonius.replay import Replay, as_rows, as_state, together
+from apollonius.replay import Replay, as_rows, as_state
 from apollonius.rollout import random_bits_of
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import Physics
@@ -80,6 +82,7 @@ def simulate(
     Raises:
         InvalidInput: as `Physics`.
     """
+    game.require_two("a simulation")
     physics = Physics(game, drive)
     limits = np.array([[body.v_min, body.v_max] for body in (game.pursuer, game.evader)], float)
     rows = as_rows(starts)

@@ -5,7 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.game import Game, outcome_after
+from apollonius.game.game import Game
+from apollonius.game.judge import outcome_after
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.types import GameState, Outcome, RobotState, Role, Scalar
 from apollonius.solve.motion import ends

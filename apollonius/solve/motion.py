@@ -83,4 +83,5 @@ def motion_of(game: Game, role: Role, steps: int) -> Motion:
     """
     HOLD.require("hold", steps)
     game.require_one_arena("a table")
+    game.require_two("a table")
     return Motion(game.body(role), game.arena, game.dt, steps)

@@ -41,7 +41,7 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
         InvalidInput: when the file is missing, bad, or of another problem or game.
     """
     solution = load_solution(path)
-    problem = solution.problem
+    problem, game = solution.problem, game.duel("a solved game")
     solved_for, asked = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
     require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
     if any(solved_for[part] != asked[part] for part in _PHYSICS):

@@ -43,8 +43,10 @@ class Viability(eqx.Module):
     evader: Backup | TableRoom
 
     def __call__(self, state: GameState) -> Bool[Array, ""]:
-        """Whether neither robot is lost."""
-        return (self.pursuer.room(state.pursuer) >= 0) & (self.evader.room(state.evader) >= 0)
+        """Whether no robot is lost."""
+        sides = zip((self.pursuer, self.evader), state.robots, strict=True)
+        kept = [judge.room(robot) >= 0 for judge, robots in sides for robot in robots]
+        return functools.reduce(jnp.logical_and, kept)
 
 
 def solve_viability(game: Game) -> Viability:
@@ -52,7 +54,11 @@ def solve_viability(game: Game) -> Viability:
 
     A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
     comes to rest without contact in the continuous game. Another one is lost where its table says so.
+
+    Raises:
+        InvalidInput: for a team of robots with different limits.
     """
+    game = game.duel("what says which starts are lost")
     if game.arena.map:
         return _solve(game)
     return _remembered(jax.tree.map(lambda number: np.asarray(number).item(), game))

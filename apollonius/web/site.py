@@ -72,6 +72,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
+    rules.require_two("the page")
     require(rules.scenario is None, "game", game, "one in a single arena, as in the page: name one of its arenas")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)

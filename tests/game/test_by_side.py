@@ -7,9 +7,7 @@ import pytest
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.presets import make_game
-from apollonius.game.types import ROLES, GameState, RobotState, Role
-from apollonius.observe.paper import PAPER
-from apollonius.observe.view import Robot, View
+from apollonius.game.types import ROLES, Role
 
 
 def test_values_are_indexed_by_role_mapped_and_swapped():
@@ -27,17 +25,11 @@ def test_both_values_are_leaves_the_pursuers_first():
 
 
 def test_what_is_of_two_robots_only_refuses_more_in_one_line():
-    """A second pursuer moves by the same rules; how a game of three stands is not known."""
     assert one_each(BySide(("p",), ("e",))) == BySide("p", "e")
-    game = make_game("paper")
+    game = make_game("team-2v1")
     state = game.reset(jax.random.key(0))
-    third = RobotState(*(jnp.ones(()) for _ in range(4)))
-    crowd = GameState(BySide((state.pursuer, third), (state.evader,)), state.steps)
-    assert (crowd.robots.pursuer[0], crowd.robots.evader) == (state.pursuer, (state.evader,))
-    pursuers = tuple(Robot(game.pursuer, robot) for robot in crowd.robots.pursuer)
-    view = View(game.arena, Robot(game.evader, state.evader), (), pursuers, game.capture_distance)
-    for asked in (lambda: crowd.pursuer, lambda: PAPER(view)):
+    for asked in (lambda: state.pursuer, lambda: game.body(Role.EVADER)):
         with pytest.raises(
-            InvalidInput, match=r"^robots = (2 v 1|1 v 2) is not possible: it must be 1 v 1: .+ two robots only.$"
+            InvalidInput, match=r"^robots = 2 v 1 is not possible: it must be 1 v 1: .+ two robots only.$"
         ):
             asked()

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.starts import Starts
 
@@ -17,7 +18,8 @@ DRAWS = 10_000
 
 @jax.jit
 def sample(starts, key):
-    return jax.vmap(starts.sample, in_axes=(0, None, None, None))(jax.random.split(key, DRAWS), ARENA, PURSUER, EVADER)
+    bodies = BySide((PURSUER,), (EVADER,))
+    return jax.vmap(starts.sample, in_axes=(0, None, None))(jax.random.split(key, DRAWS), ARENA, bodies)
 
 
 @pytest.fixture(scope="module")

@@ -182,6 +182,7 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
     known = ", ".join(name for name, one in OBSERVATIONS.items() if one.exported)
     require(reads.exported, "observation", reads.name, f"one that exported policies can make: {known}")
     game.require_one_arena("an exported policy")
+    game.require_two("an exported policy")
     bound = "discs, the only ones that an exported policy measures the clearances in its observation from"
     if reads.measures and not reads.charted:
         game.arena.require_only((Disc,), bound)

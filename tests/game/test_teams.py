@@ -1,0 +1,326 @@
+"""Games of teams: against their NumPy twin, the same whatever the order of team mates, and what must hold in each."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.arenas.file import find_game, load_game
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.polygon import Polygon
+from apollonius.game.presets import in_teams, make_game, paper
+from apollonius.game.reward import Reward
+from apollonius.game.teams import Teams
+from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, RobotStatus
+from tests.oracle import numpy_teams
+
+CLEAR_CUT = 1e-4
+"""Contacts closer to their threshold than this [m] may be decided either way in float32."""
+PURSUERS, EVADERS = 3, 2
+
+
+def to_state(places, statuses, steps):
+    robots = [RobotState(*place) for place in places]
+    return GameState(in_sides(robots), steps, status=in_sides(list(statuses)))
+
+
+def in_sides(values):
+    return BySide(tuple(values[:PURSUERS]), tuple(values[PURSUERS:]))
+
+
+to_states = jax.jit(jax.vmap(to_state))
+to_states_each = jax.jit(jax.vmap(jax.vmap(to_state)))
+step_each = jax.jit(jax.vmap(jax.vmap(Game.step, in_axes=(None, 0, 0, 0))))
+
+
+def random_team_game(rng, profile):
+    """A small, crowded game of three against two, no two robots alike, in numbers that float32 can hold."""
+
+    def sample(low, high):
+        return float(np.float32(rng.uniform(low, high)))
+
+    def body():
+        return Unicycle(sample(-0.5, 0.5), sample(0.6, 3.0), sample(0.1, 3.0), sample(0.1, 3.0), sample(0.0, 0.2))
+
+    corners = rng.uniform(-0.6, 0.6, 2)
+    vertices = [tuple(map(float, np.float32(corners + turned))) for turned in ((0.4, 0.0), (0.0, 0.4), (-0.4, -0.4))]
+    bodies = [body() for _ in range(PURSUERS + EVADERS)]
+    return Game(
+        pursuer=bodies[0],
+        evader=bodies[PURSUERS],
+        teams=Teams(tuple(bodies[1:PURSUERS]), tuple(bodies[PURSUERS + 1 :]), mates_collide=profile == "paper"),
+        arena=Arena(
+            sample(-3.5, -3), sample(3, 3.5), sample(-4, -3), sample(3, 4),
+            discs=tuple(Disc(sample(-2.5, 2.5), sample(-2.5, 2.5), sample(0.01, 0.2)) for _ in range(2)),
+            polygons=(Polygon(tuple(vertices)),),
+            territory=Disc(sample(-2, 2), sample(-2, 2), sample(0.1, 0.4)) if profile == "zero-sum" else None,
+        ),
+        capture_distance=sample(0.05, 0.4),
+        dt=sample(0.05, 0.3),
+        max_steps=int(rng.integers(10, 40)),
+        reward=Reward(profile, sample(1, 10), sample(1, 10), sample(1, 10)),
+    )  # fmt: skip
+
+
+def random_status(rng, shape):
+    """Robots of which one in three is out, whatever put it out; one of either side at least is in play."""
+    status = np.where(rng.random(shape) < 0.3, rng.integers(1, len(RobotStatus), shape), 0).astype(np.int32)
+    for side in (slice(None, PURSUERS), slice(PURSUERS, None)):
+        nobody = (status[..., side] > 0).all(axis=-1)
+        status[..., side] *= ~nobody[..., None]
+    return status
+
+
+def random_places(rng, game, count):
+    """Places [x, y, v, heading] of all five robots, leaves `[count, 5, 4]`."""
+    arena, bodies = game.arena, [body for side in game.bodies for body in side]
+    x, y = np.moveaxis(rng.uniform((arena.x_min, arena.y_min), (arena.x_max, arena.y_max), (count, 5, 2)), -1, 0)
+    v = rng.uniform([body.v_min for body in bodies], [body.v_max for body in bodies], (count, 5))
+    return np.stack([x, y, v, rng.uniform(-np.pi, np.pi, (count, 5))], axis=-1).astype(np.float32)
+
+
+def actions_of(actions):
+    return [actions[..., number] for number in range(PURSUERS)], [
+        actions[..., number] for number in range(PURSUERS, PURSUERS + EVADERS)
+    ]
+
+
+def stacked(games):
+    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("profile", ["paper", "zero-sum"])
+def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
+    """Three against two, as many transitions in each arena as arenas; with the paper's rewards mates can collide."""
+    rng = np.random.default_rng(0)
+    games = [random_team_game(rng, profile) for _ in range(count)]
+    shape = (count, 2 * count if count < 100 else count)
+    places = np.array([random_places(rng, game, shape[1]) for game in games])
+    statuses = random_status(rng, (*shape, 5))
+    actions = rng.integers(NUM_ACTIONS, size=(*shape, 5))
+    steps = rng.integers(39, size=shape)
+    state = to_states_each(*map(jnp.asarray, (places, statuses, steps)))
+    ours = step_each(stacked(games), state, *actions_of(jnp.asarray(actions)))
+
+    bodies = [[body for side in game.bodies for body in side] for game in games]
+    twins = []
+    for game, many, *columns in zip(
+        games, bodies, places.tolist(), statuses.tolist(), steps.tolist(), actions.tolist(), strict=True
+    ):
+        for place, status, played, action in zip(*columns, strict=True):
+            robots = [
+                {"body": body, "place": tuple(here), "status": RobotStatus(now).name}
+                for body, here, now in zip(many, place, status, strict=True)
+            ]
+            sides = robots[:PURSUERS], robots[PURSUERS:], played, action[:PURSUERS], action[PURSUERS:]
+            twins.append(numpy_teams.step(game, *sides, mates_collide=profile == "paper"))
+    clear_cut = np.array([twin.margin > CLEAR_CUT for twin in twins])
+    assert clear_cut.mean() > 0.99
+
+    def same(values, expected, atol=0.0):
+        np.testing.assert_allclose(np.ravel(values)[clear_cut], np.array(expected)[clear_cut], rtol=0, atol=atol)
+
+    outcomes = np.array([Outcome[twin.outcome] for twin in twins])
+    same(ours.outcome, outcomes)
+    possible = [outcome for outcome in Outcome if outcome != Outcome.TERRITORY_REACHED or profile == "zero-sum"]
+    if count == 100:  # 20,000 transitions by both profiles
+        assert np.bincount(outcomes[clear_cut], minlength=len(Outcome))[possible].min() > 0
+    for side, count in (("pursuer", PURSUERS), ("evader", EVADERS)):
+        for number in range(count):
+            found = [getattr(twin, f"{side}s")[number] for twin in twins]
+            same(getattr(ours.state.status, side)[number], [RobotStatus[robot["status"]] for robot in found])
+            paid = [getattr(twin, f"{side}_rewards")[number] for twin in twins]
+            same(getattr(ours.rewards, side)[number], paid, atol=5e-5)
+            robot = getattr(ours.state.robots, side)[number]
+            place = np.array([robot["place"] for robot in found])
+            for name, column in (("x", 0), ("y", 1), ("v", 2)):
+                same(getattr(robot, name), place[:, column], atol=2e-6)
+            same(np.exp(1j * np.asarray(robot.heading)), np.exp(1j * place[:, 3]), atol=1e-6)
+
+
+def test_team_mates_in_another_order_make_the_same_game_in_another_order():
+    rng = np.random.default_rng(1)
+    game = random_team_game(rng, "paper")
+    places, statuses = random_places(rng, game, 500), random_status(rng, (500, 5))
+    actions, steps = rng.integers(NUM_ACTIONS, size=(500, 5)), jnp.zeros(500, jnp.int32)
+    order = [2, 0, 1, 4, 3]
+    bodies = [body for side in game.bodies for body in side]
+    turned = [bodies[number] for number in order]
+    others = replace(game.teams, pursuers=tuple(turned[1:PURSUERS]), evaders=tuple(turned[PURSUERS + 1 :]))
+    other = replace(game, pursuer=turned[0], evader=turned[PURSUERS], teams=others)
+    step = jax.jit(jax.vmap(Game.step, in_axes=(None, 0, 0, 0)))
+    first = step(game, to_states(*map(jnp.asarray, (places, statuses)), steps), *actions_of(jnp.asarray(actions)))
+    again = to_states(*(jnp.asarray(values[:, order]) for values in (places, statuses)), steps)
+    second = step(other, again, *actions_of(jnp.asarray(actions[:, order])))
+    assert (first.outcome == second.outcome).all()
+    for kind in ("robots", "status"):
+        ones, twos = ([robot for side in getattr(after.state, kind) for robot in side] for after in (first, second))
+        for place, number in enumerate(order):
+            jax.tree.map(np.testing.assert_array_equal, ones[number], twos[place])
+    ones, twos = ([one for side in after.rewards for one in side] for after in (first, second))
+    for place, number in enumerate(order):
+        np.testing.assert_allclose(ones[number], twos[place], atol=1e-5)
+
+
+def test_a_game_of_two_has_no_statuses_and_is_what_a_team_of_one_plays():
+    """The second pursuer is out from the start: the others play the game of two."""
+    game, team = paper(), make_game("team-2v1")
+    starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 200)
+    assert starts.status is None
+    far = jax.tree.map(lambda leaf: leaf + 1.0, starts.pursuer)
+    active, out = (jnp.full(200, status, jnp.int32) for status in (RobotStatus.ACTIVE, RobotStatus.HIT_OBSTACLE))
+    robots, status = BySide((starts.pursuer, far), (starts.evader,)), BySide((active, out), (active,))
+    state = jax.vmap(lambda robots, steps, status: GameState(robots, steps, status=status))(
+        robots, starts.steps, status
+    )
+    actions = jnp.asarray(np.random.default_rng(0).integers(NUM_ACTIONS, size=(3, 200)))
+
+    @jax.jit
+    def play(game, state, pursuers):
+        def one_step(state, _):
+            after = jax.vmap(Game.step, in_axes=(None, 0, 0, 0))(game, state, pursuers, actions[2])
+            rewards = after.rewards.pursuer[0], after.rewards.evader[0]
+            return after.state, (after.outcome, rewards, after.state.robots.pursuer[0], after.state.robots.evader)
+
+        return jax.lax.scan(one_step, state, length=60)[1]
+
+    ones, twos = play(game, starts, actions[0]), play(team, state, [actions[0], actions[1]])
+    ongoing = np.logical_and.accumulate(np.asarray(ones[0]) == Outcome.ONGOING)
+    assert 0.2 < ongoing[-1].mean() < 0.95
+    until = np.concatenate([np.ones((1, 200), bool), ongoing[:-1]])  # the step that ends it too
+    for one, two in zip(jax.tree.leaves(ones), jax.tree.leaves(twos), strict=True):
+        np.testing.assert_array_equal(np.asarray(one)[until], np.asarray(two)[until])
+
+
+def state_of(pursuers, evaders, status=None):
+    robots = BySide(
+        *(tuple(RobotState(*jnp.asarray(robot, jnp.float32)) for robot in side) for side in (pursuers, evaders))
+    )
+    start = GameState.at_start(robots)
+    return replace(start, status=status and BySide(*(tuple(map(jnp.asarray, side)) for side in status)))
+
+
+def play(game, state, steps=1, action=4):
+    hold = [jnp.asarray(action)] * len(state.robots.pursuer), [jnp.asarray(action)] * len(state.robots.evader)
+    for _ in range(steps):
+        after = Game.step(game, state, *hold)
+        state = after.state
+    return after
+
+
+OPEN = in_teams(Game(), 2, 2)
+ON = [0, 0]
+
+
+def test_a_robot_that_is_out_stands_still_and_neither_catches_nor_is_caught():
+    beside = state_of([(2, 2, 1, 0), (8, 8, 0, 0)], [(2.1, 2, 1, 0), (5, 5, 0, 0)], ([2, 0], [0, 0]))
+    after = play(OPEN, beside)
+    assert (after.state.robots.pursuer[0].x, after.state.robots.pursuer[0].v) == (2, 0)
+    assert [int(one) for one in after.state.status.evader] == ON
+    caught = play(OPEN, state_of([(2, 2, 1, 0), (8, 8, 0, 0)], [(2.1, 2, 1, 0), (5, 5, 0, 0)], ([0, 0], [3, 0])))
+    assert [int(one) for one in caught.state.status.evader] == [RobotStatus.OUT_OF_RANGE, 0]
+    assert caught.outcome == Outcome.ONGOING
+
+
+def test_the_game_goes_on_until_the_last_evader_is_caught_and_all_pursuers_share_each_capture():
+    near = state_of([(2, 2, 0, 0), (8, 8, 0, 0)], [(2.1, 2, 0, 0), (5, 5, 0, 0)], (ON, ON))
+    first = play(OPEN, near)
+    assert (Outcome(int(first.outcome)), int(first.state.status.evader[0])) == (Outcome.ONGOING, RobotStatus.CAPTURED)
+    assert [float(one) for one in first.rewards.pursuer] == [10, 10]
+    assert [float(one) for one in first.rewards.evader] == [-10, 0]
+    last = play(OPEN, state_of([(2, 2, 0, 0), (8, 8, 0, 0)], [(2.1, 2, 0, 0), (5, 5, 0, 0)], (ON, [0, 1])))
+    assert (Outcome(int(last.outcome)), bool(last.terminated)) == (Outcome.CAPTURED, True)
+
+
+def test_a_failure_is_its_own_robots_and_the_side_loses_with_its_last_one():
+    leaving = (9.95, 5, 1.2, 0)
+    one = play(OPEN, state_of([leaving, (5, 1, 0, 0)], [(1, 1, 0, 0), (1, 9, 0, 0)], (ON, ON)))
+    assert (Outcome(int(one.outcome)), float(one.rewards.pursuer[0])) == (Outcome.ONGOING, -10)
+    assert one.rewards.pursuer[1] == pytest.approx(0, abs=1e-6)
+    both = play(OPEN, state_of([leaving, (5, 1, 0, 0)], [(1, 1, 0, 0), (1, 9, 0, 0)], ([0, 2], ON)))
+    assert Outcome(int(both.outcome)) == Outcome.PURSUER_OUT_OF_RANGE
+
+
+def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that_fails_nothing():
+    state = state_of([(9.95, 5, 1.2, 0), (5, 1, 0, 0)], [(9.9, 5, 0, 0), (1, 9, 0, 0)], ([0, 2], [0, 1]))
+    after = play(OPEN, state)
+    assert Outcome(int(after.outcome)) == Outcome.CAPTURED
+    assert int(after.state.status.pursuer[0]) == RobotStatus.OUT_OF_RANGE
+    assert [float(one) for one in after.rewards.pursuer] == [10, 0]
+
+
+@pytest.mark.parametrize(("collide", "status"), [(True, RobotStatus.HIT_MATE), (False, RobotStatus.ACTIVE)])
+def test_mates_collide_only_where_a_game_asks_for_it(collide, status):
+    body = Unicycle(radius=0.2)
+    game = in_teams(Game(body, body), 2, 1, mates_collide=collide)
+    after = play(game, state_of([(2, 2, 0, 0), (2.3, 2, 0, 0)], [(8, 8, 0, 0)], (ON, [0])))
+    assert [RobotStatus(int(one)) for one in after.state.status.pursuer] == [status] * 2
+    assert Outcome(int(after.outcome)) == (Outcome.PURSUER_HIT_OBSTACLE if collide else Outcome.ONGOING)
+
+
+def test_progress_is_that_of_the_pursuer_who_is_nearest():
+    game = in_teams(Game(), 2, 1)
+    state = state_of([(2, 5, 1, 0), (9, 5, 1, 0)], [(5, 5, 0, 0)], (ON, [0]))  # the near one comes, the far one goes
+    after = play(game, state)
+    assert [float(one) for one in after.rewards.pursuer] == pytest.approx([0.3, 0.3], abs=1e-5)
+    assert float(after.rewards.evader[0]) == pytest.approx(-0.3, abs=1e-5)
+
+
+def test_mates_start_apart_in_free_space_and_opponents_further():
+    body = Unicycle(radius=0.2)
+    game = in_teams(replace(paper(), pursuer=body, evader=body), 3, 2)
+    starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 500)
+    robots = [(role, robot) for role, side in enumerate(starts.robots) for robot in side]
+    for role, robot in robots:
+        assert jax.vmap(game.arena.clearance)(robot.x, robot.y).min() >= 0.5 - 1e-5
+        for other_role, other in robots:
+            if other is not robot:
+                apart = np.hypot(np.asarray(robot.x) - other.x, np.asarray(robot.y) - other.y)
+                assert apart.min() >= (0.7 if role == other_role else 1.0) - 1e-5
+    assert (np.array([np.asarray(one) for side in starts.status for one in side]) == 0).all()
+
+
+def test_a_game_with_too_many_robots_for_its_arena_is_refused():
+    with pytest.raises(InvalidInput, match=r"teams = 9 v 9 is not possible: .* room"):
+        in_teams(Game(arena=Arena(x_max=2.5, y_max=2.5)), 9, 9)
+    with pytest.raises(InvalidInput, match="pursuers = 17 is not possible"):
+        make_game("team-17v1")
+    with pytest.raises(InvalidInput, match="pursuers = 0 is not possible"):
+        make_game("team-0v1")
+
+
+@pytest.mark.parametrize(("name", "size"), [("team-2v1", "2 v 1"), ("team-3v2", "3 v 2"), ("paper", "1 v 1")])
+def test_a_games_name_says_how_many_robots_it_has(name, size):
+    assert make_game(name).size == size
+    assert replace(make_game(name), teams=None) == paper()
+
+
+def test_what_knows_two_robots_only_says_so():
+    game = make_game("team-3v1")
+    with pytest.raises(InvalidInput, match=r"^robots = 3 v 1 is not possible: .* a policy knows games of two"):
+        game.require_two("a policy")
+    assert game.duel("a table") == paper()
+    unlike = replace(game, teams=Teams((Unicycle(v_max=2.0), Unicycle())))
+    with pytest.raises(InvalidInput, match="alike on either side"):
+        unlike.duel("a table")
+
+
+def test_a_file_says_how_many_robots_each_side_has_and_their_limits(tmp_path):
+    path = tmp_path / "game.toml"
+    path.write_text("evaders = 2\n[evader]\nv_max = 1.0\n[[pursuers]]\nv_max = 1.1\n[[pursuers]]\nv_max = 0.8\n")
+    game = load_game(path)
+    assert [[body.v_max for body in side] for side in game.bodies] == [[1.1, 0.8], [1.0, 1.0]]
+    assert from_dict(Game, to_dict(game), "a record") == game
+    assert "teams" not in to_dict(paper())
+    path.write_text("pursuers = 0")
+    with pytest.raises(InvalidInput, match="pursuers = 0 is not possible"):
+        load_game(path)
+    assert find_game("team-2v1/office") == in_teams(find_game("office"), 2, 1)
