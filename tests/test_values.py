@@ -77,7 +77,20 @@ ARGUMENTS = {
     **dict.fromkeys(["tables", "config", "drive"], "file to read"),
     "folder": "folder to read",
     **dict.fromkeys(
-        ["game", "pursuer", "evader", "pursuers", "evaders", "agent", "first", "against", "coordinator"], "name"
+        [
+            "game",
+            "pursuer",
+            "evader",
+            "pursuers",
+            "evaders",
+            "agent",
+            "first",
+            "against",
+            "coordinator",
+            "players",
+            "observation",
+        ],
+        "name",
     ),
 }
 """The kind of each argument, by its name, or by command and name where commands differ."""
