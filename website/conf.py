@@ -23,6 +23,7 @@ default_role = "code"
 add_module_names = False
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_preserve_defaults = True
+autodoc_mock_imports = ["imageio_ffmpeg", "mujoco", "onnx", "onnxruntime", "ray"]  # extras that the site does without
 maximum_signature_line_length = 100
 toc_object_entries_show_parents = "hide"
 python_use_unqualified_type_names = True
