@@ -32,6 +32,7 @@ html_theme = "pydata_sphinx_theme"
 html_css_files = ["palette.css", "site.css"]
 html_favicon = html_logo = str(HERE.parent / "apollonius" / "web" / "page" / "icon.svg")
 html_show_sourcelink = html_copy_source = False
+html_show_search_summary = False  # which it fetches: from a folder nothing can be
 html_context = {"default_mode": "auto"}
 html_sidebars: dict[str, list[str]] = {"index": [], "report": []}
 html_theme_options = {
