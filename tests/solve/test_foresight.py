@@ -49,26 +49,29 @@ def starts():
     return jax.tree.map(lambda leaf: leaf[nearest], drawn)
 
 
+STEP = jax.jit(SMALL.step)
+ANSWER = eqx.filter_jit(lambda player, state, role: player(look(SMALL, state, role), jnp.zeros((), jnp.uint32)))
+BETWEEN = eqx.filter_jit(lambda own, other: interpolate(TABLE, (GRID, other), (GRID, own)))
+
+
 def by_hand(role, holds, start):
     """What each first action is worth: every sequence of actions, step by step."""
     player = responder(role, holds)
-    step = jax.jit(SMALL.step)
-    answer = jax.jit(lambda state: player.opponent(look(SMALL, state, role.other), jnp.zeros((), jnp.uint32)))
     best = np.full(NUM_ACTIONS, -np.inf)
     for plan in product(range(NUM_ACTIONS), repeat=holds):
         state, outcome = start, Outcome.ONGOING
         for action in np.repeat(plan, HOLD):
             if outcome != Outcome.ONGOING:
                 break
-            pair = (jnp.int32(action), answer(state)) if role == Role.PURSUER else (answer(state), jnp.int32(action))
-            after = step(state, *pair)
+            answer = ANSWER(player.opponent, state, role.other)
+            pair = (jnp.int32(action), answer) if role == Role.PURSUER else (answer, jnp.int32(action))
+            after = STEP(state, *pair)
             state, outcome = after.state, Outcome(int(after.outcome))
         seconds = float(state.steps) * SMALL.dt
         own, other = (state.pursuer, state.evader) if role == Role.PURSUER else (state.evader, state.pursuer)
         if outcome == Outcome.ONGOING:
-            games = jax.tree.map(lambda leaf: leaf[None], (own, other))
-            here = jax.tree.map(lambda leaf: leaf[None], games[0])
-            worth = float(interpolate(TABLE, (GRID, games[1]), (GRID, here))[0, 0])
+            here, there = jax.tree.map(lambda leaf: np.asarray(leaf)[None], (own, other))
+            worth = float(BETWEEN(jax.tree.map(lambda leaf: leaf[None], here), there)[0, 0])
         else:
             worth = float(player.zero_sum_game.payoff_of(jnp.int32(outcome), jnp.float32(0)))
         best[plan[0]] = max(best[plan[0]], worth * np.exp(-seconds / HORIZON))
