@@ -142,7 +142,8 @@ class Replay:
         """The game as it was recorded."""
         pursuers, again = len(self.game.bodies.pursuer), self._again()[0] if self.game.teams else None
         states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        states = replace(states, status=again and again.status)
+        if again is not None:
+            states = eqx.tree_at(lambda states: states.status, states, again.status, is_leaf=lambda leaf: leaf is None)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def _again(self) -> tuple[GameState, Int[Array, " steps"]]:

@@ -28,7 +28,7 @@ class Teams(eqx.Module):
 
 
 def nearest(
-    here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""]], values: Sequence[T]
+    here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
 ) -> T:
     """Of values, one for each of some robots, that of the active robot whose centre is nearest.
 

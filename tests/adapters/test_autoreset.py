@@ -24,7 +24,7 @@ ZERO, ONE = np.float32(0), np.float32(1)
 class OneStart(Starts):
     """Every game begins with the pursuer in front of a wall, so that whoever draws it, draws the same."""
 
-    def sample(self, key, arena, pursuer, evader):
+    def sample(self, key, arena, bodies):
         places = [RobotState(*(jnp.float32(number) for number in place)) for place in ((0.2, 5, 0, 3.1), (7, 7, 0, 0))]
         return GameState.of_two(*places, jnp.int32(0))
 
