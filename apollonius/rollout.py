@@ -33,11 +33,11 @@ class Experience(eqx.Module):
     those of the batch: its robots.
     """
 
-    observation: Float[Array, "*batch size"]
-    action: Int[Array, "*batch"] | Float[Array, "*batch 2"]
-    reward: Float[Array, "*batch"]
-    next_observation: Float[Array, "*batch size"]
-    episode_return: Float[Array, "*batch"]
+    observation: Float[Array, "*rows size"]
+    action: Int[Array, "*rows"] | Float[Array, "*rows 2"]
+    reward: Float[Array, "*rows"]
+    next_observation: Float[Array, "*rows size"]
+    episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
 
 
@@ -140,7 +140,7 @@ def step_games(
     rewards = after.rewards.map(_of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
-    def numbers(role: Role, seen: Any) -> Float[Array, "games _"]:
+    def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
         rows = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
         return _of_robots(rows if isinstance(seen, Views) else jnp.split(seen, len(actions[role])))
 

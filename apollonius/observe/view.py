@@ -119,8 +119,10 @@ class Views(eqx.Module):
                 ours = values[role]
                 return BySide.of(role, ours[number:] + ours[:number], values[role.other])
 
-            status = states.status and turned(states.status)
-            return replace(states, robots=turned(states.robots), status=status)
+            def of_one(state: GameState) -> GameState:
+                return replace(state, robots=turned(state.robots), status=state.status and turned(state.status))
+
+            return jax.vmap(of_one)(states)
 
         rows = _in_rows(*map(first, range(count)))
         return cls(game, rows, role, numbers=jnp.repeat(jnp.arange(count), games))

@@ -1,0 +1,78 @@
+"""What the robots of a team see: each itself, its mates and all opponents, of whom the nearest in play counts."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, sample_starts
+from apollonius.game.presets import in_teams
+from apollonius.game.teams import Teams
+from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.observe.view import Views, look
+
+UNLIKE = Game(
+    pursuer=Unicycle(v_max=1.0),
+    evader=Unicycle(v_max=1.1),
+    teams=Teams((Unicycle(v_max=1.2), Unicycle(v_max=1.3)), (Unicycle(v_max=1.4),)),
+)
+"""Three against two, whose top speeds tell who is who."""
+
+
+def state_of(pursuers, evaders, statuses):
+    robots = BySide(
+        *(tuple(RobotState(*map(jnp.float32, (x, y, 0, 0))) for x, y in side) for side in (pursuers, evaders))
+    )
+    status = BySide(*(tuple(map(jnp.int32, side)) for side in statuses))
+    return replace(GameState.at_start(robots), status=status)
+
+
+@pytest.mark.parametrize(
+    ("out", "nearest"),
+    [((), 1.4), ((1,), 1.1), ((0,), 1.4), ((0, 1), 1.1)],
+    ids=["all play", "the nearest is out", "the other is out", "nobody plays"],
+)
+def test_the_opponent_is_the_nearest_that_is_in_play(out, nearest):
+    evaders = [RobotStatus.CAPTURED if number in out else RobotStatus.ACTIVE for number in range(2)]
+    state = state_of([(1, 1), (5, 5), (9, 9)], [(1, 9), (6, 6)], ([0, 0, 0], evaders))
+    for number, own in enumerate((1.0, 1.2, 1.3)):
+        view = look(UNLIKE, state, Role.PURSUER, number)
+        assert view.own.body.v_max == own
+        assert {mate.body.v_max for mate in view.mates} == {1.0, 1.2, 1.3} - {own}
+        assert float(view.opponent.body.v_max) == pytest.approx(nearest)
+
+
+def test_of_two_that_are_equally_near_the_first_is_the_opponent():
+    state = state_of([(5, 5), (1, 1), (9, 9)], [(5, 6), (6, 5)], ([0, 0, 0], [0, 0]))
+    assert float(look(UNLIKE, state, Role.PURSUER).opponent.body.v_max) == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize("role", Role)
+def test_views_of_many_games_have_a_row_for_what_each_robot_sees(role):
+    """A mate that is out is seen as such; whose body is whose is not mixed up."""
+    games, count = 20, len(UNLIKE.bodies[role])
+    states = sample_starts(UNLIKE, jax.random.key(0), games)
+    out = jnp.asarray(np.random.default_rng(0).integers(2, size=games), jnp.int32)
+    states = eqx.tree_at(lambda states: states.status[role][0], states, out)
+
+    def told(view):
+        own, opponent = view.own, view.opponent
+        mates = jnp.stack([jnp.where(mate.active, mate.body.v_max * mate.state.x, 0) for mate in view.mates])
+        one = [own.body.v_max * own.state.x, own.active, opponent.body.v_max * opponent.state.y, jnp.sum(mates)]
+        return jnp.stack([jnp.asarray(number, jnp.float32) for number in one])
+
+    rows = Views.of_all(UNLIKE, states, role).each(told)
+    one_by_one = [jax.vmap(lambda state, n=n: told(look(UNLIKE, state, role, n)))(states) for n in range(count)]
+    np.testing.assert_allclose(rows, jnp.concatenate(one_by_one), rtol=1e-6)
+
+
+def test_two_robots_are_a_team_without_mates():
+    game = in_teams(Game(), 1, 1)
+    state = game.reset(jax.random.key(0))
+    view = look(game, state, Role.EVADER)
+    assert (game.teams, view.mates, len(view.opponents)) == (None, (), 1)
