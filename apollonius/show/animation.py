@@ -59,10 +59,10 @@ def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -
     """A picture for each of these steps of a game, or for every one; all in between leave their trail."""
     picture, last = Captioned(replay, speed), len(replay.actions)
     shown = set(range(last + 1) if steps is None else steps)
-    for step, state in enumerate(replay.states.tolist()):
-        picture.move(state)
+    for step in range(last + 1):
+        picture.move(step)
         if step in shown:
-            yield picture.at(step)
+            yield picture.picture()
 
 
 def _palette() -> Image.Image:

@@ -1,18 +1,20 @@
-"""An arena from above, and the trails that two robots left in it."""
+"""An arena from above, and the trails that robots left in it."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Circle, Polygon
 
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
-from apollonius.game.types import RobotState
+from apollonius.game.types import Role
 from apollonius.replay import Replay, Trajectory
 from apollonius.show import palette, style
+from apollonius.show.robots import Drawn, in_play, robots_of, side_name
 from apollonius.show.shapes import Round, shapes
 from apollonius.show.words import describe_end
 
@@ -47,7 +49,7 @@ def draw_arena(axes: Axes, arena: Arena) -> None:
 
 
 def save_picture(replay: Replay, path: Path) -> None:
-    """A replay as a PNG: arena, both trails with the time along them, how it ended."""
+    """A replay as a PNG: arena, trails with the time along them, how it ended."""
     with style.picture(path, width=4.6, height=5.0) as (axes,):
         draw_game(axes, replay.game, replay.trajectory(), f"{replay.pursuer} against {replay.evader}")
 
@@ -55,29 +57,43 @@ def save_picture(replay: Replay, path: Path) -> None:
 def draw_game(axes: Axes, game: Game, trajectory: Trajectory, title: str = "") -> None:
     """One game, and below the title how it ended.
 
-    Each trail leads from a cross at the start to the robot at the end: the pursuer a full disc, within the reach of a
-    capture, with a solid trail; the evader a ring with a dashed one.
+    Each trail leads from a cross at the start to the robot at the end: a pursuer a full disc, within the reach of a
+    capture, with a solid trail; an evader a ring with a dashed one. Robots of a team have their numbers; those that
+    are out of play at the end are squares, and the reach of none is shown.
     """
-    game.require_two("a picture")
     draw_arena(axes, game.arena)
     states, every = trajectory.states, round(_CLOCK_SECONDS / float(game.dt))
-    _draw_trail(axes, states.pursuer, every, palette.PURSUER, "pursuer", "-", palette.PURSUER)
-    _draw_trail(axes, states.evader, every, palette.EVADER, "evader", "--", palette.PAPER)
-    centre = (float(states.pursuer.x[-1]), float(states.pursuer.y[-1]))
-    reach = Circle(centre, float(game.capture_distance), fill=False, edgecolor=palette.PURSUER, linestyle=":")
-    axes.add_patch(reach)
+    plays, robots = in_play(game, trajectory), robots_of(game)
+    for column, robot, state in zip(plays.T, robots, [*states.robots.pursuer, *states.robots.evader], strict=True):
+        way = np.stack([np.asarray(state.x), np.asarray(state.y)])[:, : column.sum() + 1]  # and where it went out
+        _draw_trail(axes, game, robot, way, every, in_play=bool(column[-1]))
+        if robot.role == Role.PURSUER and column[-1]:
+            centre, reach = (float(way[0, -1]), float(way[1, -1])), float(game.capture_distance)
+            axes.add_patch(Circle(centre, reach, fill=False, edgecolor=robot.colour, linestyle=":"))
     axes.plot([], [], "x", color=palette.INK, markersize=5, label="start")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+    if not plays[-1].all():
+        axes.plot([], [], "s", color=palette.INK, markersize=5, label="out of play")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4)
     axes.set_title("\n".join(filter(None, (title, describe_end(game, trajectory)))))
 
 
-def _draw_trail(axes: Axes, robot: RobotState, every: int, colour: str, name: str, dashes: str, filling: str) -> None:
-    x, y = np.asarray(robot.x), np.asarray(robot.y)
-    end = {"marker": "o", "markersize": 6, "markerfacecolor": filling, "markeredgewidth": 1.6}
-    axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.2, label=name, markevery=[-1], **end)
+def _draw_trail(
+    axes: Axes, game: Game, robot: Drawn, way: Float[np.ndarray, "2 rows"], every: int, in_play: bool
+) -> None:
+    """One robot's way, with its time; of a team the first one's trail alone is in the legend and has figures."""
+    first, colour, (x, y) = robot.mark in ("", "1"), robot.colour, way
+    filling, dashes = (palette.PAPER, "--") if robot.role else (colour, "-")
+    end = {"color": colour, "markersize": 6, "markerfacecolor": filling, "markeredgewidth": 1.6}
+    label, marks = side_name(game, robot.role) if first else None, [-1] if in_play else []
+    axes.plot(x, y, linestyle=dashes, linewidth=1.2, label=label, marker="o", markevery=marks, **end)
+    if not in_play:
+        axes.plot(x[-1], y[-1], marker="s", **end)
     for turn, step in enumerate(range(every, len(x) - 1, every), start=1):
         axes.plot(x[step], y[step], marker="o", markersize=2.5, color=colour)
-        if turn <= _CLOCK_LABELS:
+        if turn <= _CLOCK_LABELS and first:
             clock = f"{turn * _CLOCK_SECONDS:.0f} s"
             axes.annotate(clock, (x[step], y[step]), (3, 3), textcoords="offset points", fontsize=6, color=colour)
     axes.plot(x[0], y[0], marker="x", markersize=5, color=colour)
+    for place in (0, -1) if robot.mark else ():
+        beside = {"xytext": (-5, 3), "textcoords": "offset points", "ha": "right"}
+        axes.annotate(robot.mark, (x[place], y[place]), fontsize=7, color=colour, **beside)

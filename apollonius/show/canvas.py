@@ -1,14 +1,16 @@
-"""A game under way, seen from above: walls, obstacles, both trails, robots and headings. Needs Pillow only."""
+"""A game under way, seen from above: walls, obstacles, trails, robots and headings. Needs Pillow only."""
 
 from collections.abc import Sequence
 from math import cos, hypot, sin
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.types import Role
 from apollonius.show.palette import EVADER, OBSTACLE, PAPER, PURSUER
+from apollonius.show.robots import robots_of
 from apollonius.show.shapes import Round, Straight, shapes
 
 SIZE = 480
@@ -24,16 +26,17 @@ _DASH = 0.02
 class Canvas:
     """The arena of a game, on which its robots leave trails as they move.
 
-    The pursuer is a full disc with a solid trail, and around it the reach of a capture is dotted; the evader is a ring
-    with a dashed trail: they can be told apart without colours.
+    A pursuer is a full disc with a solid trail, and around it the reach of a capture is dotted; an evader is a ring
+    with a dashed trail: they can be told apart without colours. Robots of a team have their numbers, and one that is
+    out of play is a cross.
     """
 
     def __init__(self, game: Game) -> None:
-        game.require_two("a picture")
         self._arena = arena = game.arena
         self._reach = float(game.capture_distance)
         self._length = max(float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min))
-        self._radii = [max(float(body.radius), _SMALLEST * self._length) for body in (game.pursuer, game.evader)]
+        self._robots = robots_of(game)
+        self._radii = [max(robot.radius, _SMALLEST * self._length) for robot in self._robots]
         self.scale = SIZE / self._length
         """Pixels of a metre in the picture."""
         size = [round(float(side) * self.scale) * _FINER for side in self._sides()]
@@ -49,42 +52,38 @@ class Canvas:
         """Forget the trails, for another game."""
         self._trails = self._empty.copy()
         self._shown = self._trails.reduce(_FINER)
-        self._here: Sequence[float] = ()
-        self._driven = 0.0
+        self._here: list[Sequence[float]] = []
+        self._active: Sequence[bool] = ()
+        self._driven = [0.0] * len(self._robots)
 
-    def move(self, robots: Sequence[float]) -> None:
-        """Where both robots are now; from the second time on they have left a piece of trail.
+    def move(self, robots: Sequence[float], active: Sequence[bool] | None = None) -> None:
+        """Where all robots are now; from the second time on they have left a piece of trail.
 
         Args:
-            robots: x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader.
+            robots: x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
+            active: which of them are in play; all, if it is not said.
         """
-        if self._here:
-            draw = ImageDraw.Draw(self._trails)
-            for index, colour in enumerate((PURSUER, EVADER)):
-                before, after = self._here[4 * index :][:2], robots[4 * index :][:2]
-                if index == 1:
-                    self._driven += hypot(after[0] - before[0], after[1] - before[1])
-                    if self._driven // (_DASH * self._length) % 2:
-                        continue
-                draw.line(
-                    [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])],
-                    fill=colour,
-                    width=2 * _FINER,
-                    joint="curve",
-                )
-                self._average(
-                    self._shown, self._around(after[0], after[1], hypot(after[0] - before[0], after[1] - before[1]))
-                )
-        self._here = robots
+        here = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
+        draw = ImageDraw.Draw(self._trails)
+        for index, (before, after) in enumerate(zip(self._here, here, strict=False)):
+            length = hypot(after[0] - before[0], after[1] - before[1])
+            self._driven[index] += length
+            if self._robots[index].role and self._driven[index] // (_DASH * self._length) % 2:
+                continue
+            ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
+            draw.line(ends, fill=self._robots[index].colour, width=2 * _FINER, joint="curve")
+            self._average(self._shown, self._around(after[0], after[1], length))
+        self._here, self._active = here, [True] * len(here) if active is None else active
 
     def picture(self) -> Image.Image:
         """The game as it stands; an empty arena where none has begun."""
         picture = self._shown.copy()
         if self._here:
             # Only what lies around the robots is drawn anew, and then as it was before.
-            reaches = (max(self._reach, 2 * self._radii[0]), 2 * self._radii[1])
-            places = [self._here[4 * index :][:2] for index in range(2)]
-            boxes = [self._around(place[0], place[1], reach) for place, reach in zip(places, reaches, strict=True)]
+            boxes = [
+                self._around(place[0], place[1], 2 * radius if robot.role else max(self._reach, 2 * radius))
+                for robot, radius, place in zip(self._robots, self._radii, self._here, strict=True)
+            ]
             before = [self._trails.crop(box) for box in boxes]
             self._draw_robots(ImageDraw.Draw(self._trails))
             for box in boxes:
@@ -94,13 +93,18 @@ class Canvas:
         return picture
 
     def _draw_robots(self, draw: ImageDraw.ImageDraw) -> None:
-        """Both as they stand, with their headings, and around the pursuer the reach of a capture."""
-        draw_reach(draw, self._pixel(self._here[0], self._here[1]), self._reach * self.scale * _FINER, _FINER)
-        for index, (colour, size) in enumerate(zip((PURSUER, EVADER), self._radii, strict=True)):
-            x, y, _, heading = self._here[4 * index :][:4]
-            here, nose = self._pixel(x, y), self._pixel(x + 2 * size * cos(heading), y + 2 * size * sin(heading))
-            draw.line([here, nose], fill=colour, width=3 * _FINER)
-            draw_robot(draw, here, size * self.scale * _FINER, index)
+        """All as they stand, those out of play below, with headings, and around pursuers the reach of a capture."""
+        robots = list(zip(self._active, self._robots, self._radii, self._here, strict=True))
+        for active, robot, size, (x, y, *_) in robots:
+            if not active:
+                draw_cross(draw, self._pixel(x, y), size * self.scale * _FINER, robot.colour)
+            elif robot.role == Role.PURSUER:
+                draw_reach(draw, self._pixel(x, y), self._reach * self.scale * _FINER, _FINER)
+        for active, robot, size, (x, y, _, heading) in robots:
+            if active:
+                here, nose = self._pixel(x, y), self._pixel(x + 2 * size * cos(heading), y + 2 * size * sin(heading))
+                draw.line([here, nose], fill=robot.colour, width=3 * _FINER)
+                draw_robot(draw, here, size * self.scale * _FINER, robot.role, robot.mark)
 
     def _around(self, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
         """The box of whole pixels of the picture, in finer ones, that holds all lines up to so many metres away."""
@@ -142,12 +146,24 @@ class Canvas:
         return _square(self._pixel(x, y), radius * self.scale * _FINER)
 
 
-def draw_robot(draw: ImageDraw.ImageDraw, centre: tuple[float, float], radius: float, index: int) -> None:
-    """The sign of the pursuer (0), a full disc, or of the evader (1), a ring; in pixels."""
-    if index == 0:
+def draw_robot(
+    draw: ImageDraw.ImageDraw, centre: tuple[float, float], radius: float, role: Role, mark: str = ""
+) -> None:
+    """The sign of a pursuer, a full disc, or of an evader, a ring, and in it its mark; in pixels."""
+    if role == Role.PURSUER:
         draw.ellipse(_square(centre, radius), fill=PURSUER)
     else:
-        draw.ellipse(_square(centre, radius), fill=PAPER, outline=EVADER, width=round(0.6 * radius))
+        draw.ellipse(_square(centre, radius), fill=PAPER, outline=EVADER, width=round((0.3 if mark else 0.6) * radius))
+    if mark:
+        font = ImageFont.load_default(round(1.4 * radius))
+        draw.text(centre, mark, fill=EVADER if role else PAPER, font=font, anchor="mm")
+
+
+def draw_cross(draw: ImageDraw.ImageDraw, centre: tuple[float, float], radius: float, colour: str) -> None:
+    """The sign of a robot that is out of play; in pixels."""
+    left, top, right, bottom = _square(centre, 0.8 * radius)
+    for ends in ([(left, top), (right, bottom)], [(left, bottom), (right, top)]):
+        draw.line(ends, fill=colour, width=round(0.4 * radius))
 
 
 def draw_reach(draw: ImageDraw.ImageDraw, centre: tuple[float, float], radius: float, width: int) -> None:

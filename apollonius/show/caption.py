@@ -1,14 +1,16 @@
 """A game under way with words around it: who plays, how far apart they are, the time, how it ended."""
 
 from collections.abc import Sequence
-from math import floor, hypot, log10
+from math import floor, log10
 
 from PIL import Image, ImageDraw, ImageFont
 
+from apollonius.game.types import Role
 from apollonius.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, PAPER, PURSUER
-from apollonius.show.words import describe_end
+from apollonius.show.robots import in_play, side_name
+from apollonius.show.words import describe_end, describe_play
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""
@@ -44,25 +46,26 @@ class Captioned:
         self.corner = ((width - arena.width) // 2, MARGIN + 2 * LINE)
         """Column and row of the arena's upper left corner."""
         self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
+        self._in_play = in_play(replay.game, replay)
         self._here: Sequence[float] = ()
         self._head(ImageDraw.Draw(self._page))
 
-    def move(self, robots: Sequence[float]) -> None:
-        """Where both robots are now, as for `Canvas.move`."""
-        self._here = robots
-        self._canvas.move(robots)
+    def move(self, step: int) -> None:
+        """The robots are where they are after so many steps; all steps are gone through in their order."""
+        self._here, self._step = self._replay.states[step].tolist(), step
+        self._canvas.move(self._here, self._in_play[step].tolist())
 
-    def at(self, step: int) -> Image.Image:
-        """The picture of where the robots are, after so many steps."""
-        page = self._page.copy()
+    def picture(self) -> Image.Image:
+        """The picture of where the robots are."""
+        page, step = self._page.copy(), self._step
         page.paste(self._canvas.picture(), self.corner)
         draw = ImageDraw.Draw(page)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
             clock = describe_end(self._replay.game, self._replay)
         self._write(draw, MARGIN, self._below, f"{clock}{self._pace}", INK)
-        apart = hypot(self._here[4] - self._here[0], self._here[5] - self._here[1])
-        self._write(draw, page.width - MARGIN, self._below, f"distance {apart:.2f} m", INK, "rm")
+        now = describe_play(self._replay.game, self._here, self._in_play[step].tolist())
+        self._write(draw, page.width - MARGIN, self._below, now, INK, "rm")
         return page
 
     def _head(self, draw: ImageDraw.ImageDraw) -> None:
@@ -80,13 +83,11 @@ class Captioned:
         draw.line([(start, second), (end, second)], fill=INK, width=2)
         for column in (start, end):
             draw.line([(column, second - 4), (column, second + 4)], fill=INK, width=2)
-        names = (("pursuer", self._replay.pursuer, PURSUER), ("evader", self._replay.evader, EVADER))
-        for index, ((role, name, colour), row, end) in enumerate(
-            zip(names, (first, second), (left, start), strict=True)
-        ):
-            draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, index)
-            begins = MARGIN + _SIGN + 6
-            self._write(draw, begins, row, self._fit(f"{role} {name}", end - begins - MARGIN), colour)
+        names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
+        for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, start), strict=True):
+            draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
+            begins, side = MARGIN + _SIGN + 6, side_name(self._replay.game, role)
+            self._write(draw, begins, row, self._fit(f"{side} {name}", end - begins - MARGIN), colour)
 
     def _write(
         self,

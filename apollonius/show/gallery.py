@@ -9,6 +9,7 @@ from apollonius.game.game import Game
 from apollonius.replay import Replay
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import INK, PAPER
+from apollonius.show.robots import in_play
 from apollonius.show.words import describe_end
 
 _SIDE = 240
@@ -22,7 +23,7 @@ _COLUMNS = 4
 def save_gallery(games: Mapping[str, Game | Replay], path: Path, columns: int = _COLUMNS) -> None:
     """Write a picture of games' arenas, so many side by side, each with its name and its size below.
 
-    Of a replay there are both robots' trails too, and below it how it ended.
+    Of a replay there are the robots' trails too, and below it how it ended.
     """
     lines = 2 if any(isinstance(one, Replay) for one in games.values()) else 1
     width, height = _SIDE + _GAP, _SIDE + 2 * _GAP + lines * (_LETTERS + 4) - 4
@@ -33,8 +34,9 @@ def save_gallery(games: Mapping[str, Game | Replay], path: Path, columns: int = 
         game = one.game if isinstance(one, Replay) else one
         left, top = _GAP + number % columns * width, _GAP + number // columns * height
         canvas = Canvas(game)
-        for robots in one.states.tolist() if isinstance(one, Replay) else ():
-            canvas.move(robots)
+        if isinstance(one, Replay):
+            for robots, active in zip(one.states.tolist(), in_play(game, one).tolist(), strict=True):
+                canvas.move(robots, active)
         drawing = canvas.picture()
         drawing.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
         whole.paste(drawing, (left, top + _SIDE - drawing.height))

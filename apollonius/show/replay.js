@@ -1,5 +1,6 @@
 // Draws a recorded game on a canvas and plays it. A game is the data of a replay file; its states are rows of
-// x, y [m], v [m/s], heading [rad] of the pursuer, then of the evader. Needs `arena.js` of the web page.
+// x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader. Of a game of teams there is `until` too: for
+// each robot the first step at which it is out of play, or null. Needs `arena.js` of the web page.
 
 import { circle, drawArena, drawTrail, path } from "./arena.js";
 
@@ -20,9 +21,26 @@ export function stateAt(states, step) {
   });
 }
 
-/** Distance between the robots [m]. */
-export function distance(state) {
-  return Math.hypot(state[4] - state[0], state[5] - state[1]);
+/** All robots of a game in the order of its states: where in a row they begin, and their letter, in teams a number. */
+export function robotsOf({ game, until }) {
+  const team = (side, others, name) =>
+    [null, ...(others ?? [])].map((_, number) => ({ side, mark: others?.length ? `${number + 1}` : name }));
+  const robots = [...team("pursuer", game.teams?.pursuers, "P"), ...team("evader", game.teams?.evaders, "E")];
+  return robots.map((robot, index) => ({ ...robot, column: 4 * index, until: until?.[index] ?? Infinity }));
+}
+
+/** What there is to say of a state: of two robots distance and speeds, of teams who is in play and how near they are. */
+export function facts(replay, step) {
+  const state = stateAt(replay.states, step);
+  const robots = robotsOf(replay).filter(({ until }) => step < until);
+  const [pursuers, evaders] = ["pursuer", "evader"].map((name) => robots.filter(({ side }) => side === name));
+  const apart = ({ column: i }, { column: j }) => Math.hypot(state[j] - state[i], state[j + 1] - state[i + 1]);
+  const distances = pursuers.flatMap((pursuer) => evaders.map((evader) => apart(pursuer, evader)));
+  const distance = distances.length ? `distance ${Math.min(...distances).toFixed(2)} m` : "";
+  const rest = replay.game.teams
+    ? [`${pursuers.length} v ${evaders.length} in play`]
+    : robots.map(({ side, column }) => `${side} ${state[column + 2].toFixed(2)} m/s`);
+  return [distance, ...rest].filter(Boolean).join(" · ");
 }
 
 /** An outcome in words. */
@@ -43,7 +61,7 @@ export function projection(arena, width, height) {
   };
 }
 
-/** Draw a game as it stands at a step: the arena with its scale, both trails, both robots, the reach of a capture. */
+/** Draw a game as it stands at a step: the arena with its scale, trails, robots, and the reaches of a capture. */
 export function drawGame(context, width, height, replay, step, colours) {
   const { game, states } = replay;
   const at = projection(game.arena, width, height);
@@ -51,17 +69,17 @@ export function drawGame(context, width, height, replay, step, colours) {
   drawScale(context, game.arena, at, colours);
   drawArena(context, game.arena, at, colours, 2);
   const state = stateAt(states, step);
-  const sides = [
-    { column: 0, colour: colours.pursuer, letter: "P", dash: [] },
-    { column: 4, colour: colours.evader, letter: "E", dash: [6, 4] },
-  ];
-  for (const side of sides) drawSide(context, at, replay, step, state, side);
+  const robots = robotsOf(replay);
+  for (const robot of robots) drawSide(context, at, replay, step, state, robot, colours);
   context.strokeStyle = colours.pursuer;
   context.lineWidth = 1;
   context.setLineDash([2, 3]);
-  circle(context, at.x(state[0]), at.y(state[1]), game.capture_distance * at.scale).stroke();
+  for (const { side, column, until } of robots) {
+    if (side === "evader" || step >= until) continue;
+    circle(context, at.x(state[column]), at.y(state[column + 1]), game.capture_distance * at.scale).stroke();
+  }
   context.setLineDash([]);
-  for (const side of sides) drawRobot(context, at, state, side, colours);
+  for (const robot of robots) (step < robot.until ? drawRobot : drawCross)(context, at, state, robot, colours);
 }
 
 /** Figures along the edges, lines between them, and what of an arena is not shown. */
@@ -90,19 +108,27 @@ function drawScale(context, arena, at, colours) {
 }
 
 /** A trail up to a step, with a dot every few seconds. */
-function drawSide(context, at, replay, step, state, { column, colour, dash }) {
+function drawSide(context, at, replay, step, state, { side, column, until }, colours) {
   const { states, game } = replay;
-  const driven = [...states.slice(0, Math.floor(step) + 1), state];
+  const driven = [...states.slice(0, Math.floor(Math.min(step, until)) + 1), state];
   const trail = driven.map((there) => [at.x(there[column]), at.y(there[column + 1])]);
-  drawTrail(context, trail, colour, 2, 5, dash);
+  drawTrail(context, trail, colours[side], 2, 5, side === "evader" ? [6, 4] : []);
   const every = Math.round(MARK_SECONDS / game.dt);
-  for (let index = every; index <= step; index += every) circle(context, ...trail[index], 3.5).fill();
+  for (let index = every; index <= Math.min(step, until); index += every) circle(context, ...trail[index], 3.5).fill();
 }
 
-function drawRobot(context, at, state, { column, colour, letter }, colours) {
+/** The sign of a robot that is out of play. */
+function drawCross(context, at, state, { side, column }, colours) {
+  const [x, y, reach] = [at.x(state[column]), at.y(state[column + 1]), 0.7 * ROBOT];
+  context.strokeStyle = colours[side];
+  context.lineWidth = 3;
+  for (const slope of [1, -1]) path(context, [[x - reach, y - slope * reach], [x + reach, y + slope * reach]]).stroke();
+}
+
+function drawRobot(context, at, state, { side, column, mark }, colours) {
   const [x, y] = [at.x(state[column]), at.y(state[column + 1])];
   const heading = state[column + 3];
-  context.fillStyle = context.strokeStyle = colour;
+  context.fillStyle = context.strokeStyle = colours[side];
   context.lineWidth = 3;
   const nose = [x + 2 * ROBOT * Math.cos(heading), y - 2 * ROBOT * Math.sin(heading)];
   path(context, [[x, y], nose]).stroke();
@@ -111,7 +137,7 @@ function drawRobot(context, at, state, { column, colour, letter }, colours) {
   context.font = `bold ${ROBOT + 3}px system-ui, sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
-  context.fillText(letter, x, y + 0.5);
+  context.fillText(mark, x, y + 0.5);
 }
 
 /**
@@ -144,7 +170,7 @@ export class ReplayPlayer {
     this.choose(0);
   }
 
-  /** Take up a game; it is shown at its end, with both trails. */
+  /** Take up a game; it is shown at its end, with all trails. */
   choose(index) {
     this.pause();
     this.replay = this.replays[index];
@@ -194,13 +220,11 @@ export class ReplayPlayer {
     const names = ["pursuer", "evader", "obstacle", "ink", "paper", "grid", "quiet"];
     const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     drawGame(context, width, height, this.replay, step, colours);
-    const state = stateAt(this.replay.states, step);
     const { dt } = this.replay.game;
     const clock = `${(step * dt).toFixed(1)} s of ${(this.last * dt).toFixed(1)} s`;
     this.part("seek").value = Math.round(step);
     this.part("seek").setAttribute("aria-valuetext", clock);
     this.part("clock").textContent = clock;
-    this.part("facts").textContent =
-      `distance ${distance(state).toFixed(2)} m · pursuer ${state[2].toFixed(2)} m/s · evader ${state[6].toFixed(2)} m/s`;
+    this.part("facts").textContent = facts(this.replay, step);
   }
 }

@@ -23,10 +23,10 @@ const context = new Proxy({}, {
 """
 
 
-def run(tmp_path, script):
+def run(tmp_path, script, game=GAME):
     """What a script prints that knows the player's functions."""
     (tmp_path / "replay.mjs").write_text(replay_script())
-    head = 'import * as player from "./replay.mjs";\nconst game = ' + json.dumps(GAME) + ";\n"
+    head = 'import * as player from "./replay.mjs";\nconst game = ' + json.dumps(game) + ";\n"
     (tmp_path / "test.mjs").write_text(head + script)
     done = subprocess.run(["node", "test.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
     return json.loads(done.stdout)

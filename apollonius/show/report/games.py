@@ -7,6 +7,7 @@ import numpy as np
 
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.replay import Replay, as_data
+from apollonius.show.robots import in_play
 
 GAMES = 200
 """Games of each pairing among which those that are shown are found."""
@@ -44,9 +45,15 @@ class Shown:
         return len(self.replay.actions) * float(self.replay.game.dt)
 
     def to_dict(self) -> dict[str, Any]:
-        """The game as the page's script reads it: a replay file without the actions, states rounded."""
+        """The game as the page's script reads it: a replay file without the actions, states rounded.
+
+        Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
+        """
         data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
         del data["actions"]
+        if self.replay.game.teams:
+            steps = in_play(self.replay.game, self.replay).sum(axis=0).tolist()
+            data["until"] = [step if step < len(self.replay.states) else None for step in steps]
         return data
 
 
