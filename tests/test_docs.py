@@ -24,6 +24,7 @@ from apollonius.arenas.suite import SUITES, suite_names
 from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
 from apollonius.commands import values
+from apollonius.game.presets import TEAM
 from apollonius.game.types import Outcome
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -103,6 +104,9 @@ def check_command(words, monkeypatch):
             known = {*PLAYERS, *zoo_names(), "..."}
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
+    if game and TEAM.match(game):
+        find_game(game)
+        return
     known = {*game_names(), *[f"{suite}/{name}" for suite in SUITES for name in suite_names(suite)]}
     assert game is None or game in known or is_scenario(game) or game.endswith(".toml")
 
