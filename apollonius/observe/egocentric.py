@@ -76,7 +76,7 @@ class Egocentric(AbstractObservation):
         if chart is None:
             raise InvalidInput(f"'{self.name}' reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
         own, opponent = view.own.state, view.opponent.state
-        cos, sin = _turned(own.heading)
+        cos, sin = turned(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)
         parts = [_robots(view, chart, (cos, sin), (dx, dy), distance)]
@@ -96,7 +96,7 @@ class Egocentric(AbstractObservation):
 
 
 @fusion_barrier
-def _turned(heading: Scalar) -> tuple[Scalar, Scalar]:
+def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
     """Cosine and sine of a heading, which several numbers are made of."""
     return jnp.cos(heading), jnp.sin(heading)
 
@@ -107,7 +107,7 @@ def _robots(
     """What is seen of both robots."""
     (cos, sin), (dx, dy) = ahead, away
     other = view.opponent
-    their_cos, their_sin = _turned(other.state.heading)
+    their_cos, their_sin = turned(other.state.heading)
     far = jnp.maximum(distance, 1e-6)
     numbers: list[Real] = [
         *_motion(view.own),
@@ -115,7 +115,7 @@ def _robots(
         *_rooms(chart, view.own, cos, sin),
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
-        *_length(distance),
+        *on_two_scales(distance),
         jnp.clip(distance - view.capture_distance, 0.0, 3.0) / 3,
         cos * their_cos + sin * their_sin,
         cos * their_sin - sin * their_cos,
@@ -139,7 +139,7 @@ def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]
     return [jnp.clip(room - body.radius, -1.0, 1.0) for room in (here, there)]
 
 
-def _length(length: Scalar) -> list[Scalar]:
+def on_two_scales(length: Scalar) -> list[Scalar]:
     """A length [m] on two scales, one that tells near ones apart and one for all."""
     return [1 / (1 + length), jnp.log1p(length) / 2]
 
@@ -176,7 +176,7 @@ def _ways(
     weights = jax.nn.softmax(-_SHARPNESS * longer)
     angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
     shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
-    length = jnp.stack(_length(jnp.where(is_seen, distance, chart.way(there, here))))
+    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.way(there, here))))
     return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
 
 

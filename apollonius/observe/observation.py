@@ -45,6 +45,8 @@ class AbstractObservation(Whole):
     """Whether exported policies can make them: there is a file for each format."""
     measures: ClassVar[bool] = True
     """Whether the arena is in them by more than its walls."""
+    extends: ClassVar[str | None] = None
+    """Name of the observation that the first of these numbers are, if they are one: its networks can go on here."""
 
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:

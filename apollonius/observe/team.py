@@ -1,0 +1,109 @@
+"""What a robot sees of two teams: the nearest opponent as in a game of two, and the robots around it one by one."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.game.chart import Chart, Places
+from apollonius.game.teams import by_distance, distance_squared
+from apollonius.game.types import RobotState, Scalar
+from apollonius.observe.egocentric import EGOCENTRIC, on_two_scales, turned
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.view import Robot, View
+
+MATES, OPPONENTS = 3, 2
+"""Mates that are seen, and opponents besides the nearest; of more, those whose centres are nearest."""
+OF_A_ROBOT = 13
+"""Numbers of each of them."""
+_SPEED = 1.2
+"""Unit of speeds: the paper's robots' top speed [m/s]."""
+
+
+class Team(AbstractObservation):
+    """`egocentric`, of the nearest active opponent, and the other active robots: the mates from the nearest to the
+    farthest, then the other opponents.
+
+    Of each (13): that it is there; cosine and sine of its bearing, and its distance d as 1 / (1 + d) and
+    log(1 + d) / 2; its velocity ahead and to the left; cosine and sine of the angle at the nearest opponent between the
+    robot and it; the length w of the shortest way to it as log(1 + w) / 2, and that of its way to the nearest opponent
+    as 1 / (1 + w) and log(1 + w) / 2; and whether that opponent is between them: 0 where the way from one to the other
+    leads through it, 1 where one is on the other's way to it (their Gromov product there, over its largest value). All
+    are 0 of one that is not there, so that a network reads teams of every size, and one for `egocentric` goes on here
+    with weights of 0 for what is new.
+    """
+
+    name = "team"
+    size = EGOCENTRIC.size + (MATES + OPPONENTS) * OF_A_ROBOT
+    charted = True
+    extends = EGOCENTRIC.name
+
+    def __call__(self, view: View) -> Float[Array, " size"]:
+        """The numbers for a view.
+
+        Raises:
+            InvalidInput: in an arena without a chart.
+        """
+        first = EGOCENTRIC(view)
+        chart, own, opponent = view.arena.chart, view.own.state, view.opponent.state
+        assert chart is not None
+        ends = chart.places(own.x, own.y), chart.places(opponent.x, opponent.y)
+        own_way = _way(chart, (own, ends[0]), (opponent, ends[1]))
+
+        def of(robots: Sequence[Robot], slots: int) -> Float[Array, " numbers"]:
+            numbers = [_of_a_robot(chart, view, ends, own_way, robot) for robot in robots[:slots]]
+            return jnp.concatenate([*numbers, jnp.zeros((slots - len(numbers)) * OF_A_ROBOT, jnp.float32)])
+
+        mates, opponents = (_in_order(own, robots) for robots in (view.mates, view.opponents))
+        return jnp.concatenate([first, of(mates, MATES), of(opponents[1:], OPPONENTS)])
+
+
+def _in_order(own: RobotState, robots: Sequence[Robot]) -> Sequence[Robot]:
+    """Robots, the active one that is nearest first."""
+    return by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
+
+
+def _way(chart: Chart, start: tuple[RobotState, Places], end: tuple[RobotState, Places]) -> Scalar:
+    """Length [m] of the shortest way between two robots, which is nowhere shorter than their distance."""
+    away = jnp.sqrt(distance_squared(start[0], end[0]))
+    return jnp.maximum(chart.way(start[1], end[1]), away)
+
+
+def _of_a_robot(
+    chart: Chart, view: View, ends: tuple[Places, Places], own_way: Scalar, robot: Robot
+) -> Float[Array, "13"]:
+    """What is seen of a robot besides the nearest opponent.
+
+    Args:
+        ends: the places of the robot that looks and of that opponent.
+        own_way: length of the way between the two [m].
+    """
+    own, opponent, other = view.own.state, view.opponent.state, robot.state
+    cos, sin = turned(own.heading)
+    their_cos, their_sin = turned(other.heading)
+    dx, dy = other.x - own.x, other.y - own.y
+    distance = jnp.hypot(dx, dy)
+    far = jnp.maximum(distance, 1e-6)
+    away, across = (own.x - opponent.x, own.y - opponent.y), (other.x - opponent.x, other.y - opponent.y)
+    spread = jnp.maximum(jnp.hypot(*away) * jnp.hypot(*across), 1e-6)
+    there = other, chart.places(other.x, other.y)
+    apart = _way(chart, (own, ends[0]), there)
+    theirs = _way(chart, there, (opponent, ends[1]))
+    joint = (own_way + theirs - apart) / jnp.maximum(2 * jnp.minimum(own_way, theirs), 1e-6)
+    numbers = [
+        jnp.ones((), jnp.float32),
+        (cos * dx + sin * dy) / far,
+        (cos * dy - sin * dx) / far,
+        *on_two_scales(distance),
+        other.v * (cos * their_cos + sin * their_sin) / _SPEED,
+        other.v * (cos * their_sin - sin * their_cos) / _SPEED,
+        (away[0] * across[0] + away[1] * across[1]) / spread,
+        (away[0] * across[1] - away[1] * across[0]) / spread,
+        on_two_scales(apart)[1],
+        *on_two_scales(theirs),
+        jnp.clip(joint, 0.0, 1.0),
+    ]
+    return jnp.where(robot.active, jnp.stack(numbers), 0.0)
+
+
+TEAM = Team()
