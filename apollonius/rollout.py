@@ -30,7 +30,8 @@ class Experience(eqx.Module):
     `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
     side's pool that acted; it is the same for all transitions of a game. An observation is the numbers that the players
     read: of those that read the view itself there are none. Of a team, all leaves but `member` have one more axis after
-    those of the batch: its robots.
+    those of the batch: its robots. In games of teams `active` is whether a robot was in play before the step, and
+    `lost` whether the step put it out; games of two are over then.
     """
 
     observation: Float[Array, "*rows size"]
@@ -39,6 +40,8 @@ class Experience(eqx.Module):
     next_observation: Float[Array, "*rows size"]
     episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
+    active: Bool[Array, "*batch"] | None = None
+    lost: Bool[Array, "*batch"] | None = None
 
 
 class Transition(eqx.Module):
@@ -116,9 +119,12 @@ def step_games(
 
     def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> tuple[Actions, ...]:
         """The actions of each of a side's robots."""
-        robots = len(games.state.robots[role])
-        members, own_bits = jnp.tile(games.sides[role].member, robots), _bits_of_team(bits[role], robots)
-        return tuple(jnp.split(players[role].act(members, seen, own_bits), robots))
+        robots, playing, member = len(games.state.robots[role]), players[role], games.sides[role].member
+        own_bits = _bits_of_team(bits[role], robots)
+        if isinstance(playing, Pool):
+            return tuple(jnp.split(playing.act(jnp.tile(member, robots), seen, own_bits), robots))
+        rows = zip(jnp.split(seen, robots), jnp.split(own_bits, robots), strict=True)
+        return tuple(playing.act(member, *own) for own in rows)
 
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
@@ -147,7 +153,10 @@ def step_games(
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])
         made = observations[0], _of_robots(actions[role]), rewards[role], observations[1], returns[role]
-        return Experience(*made, games.sides[role].member)
+        if games.state.status is None:
+            return Experience(*made, games.sides[role].member)
+        active, stays = (_of_robots(state.active[role]) for state in (games.state, after.state))
+        return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
     sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], handicaps[role]))

@@ -1,6 +1,7 @@
 """Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of gears."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -155,6 +156,15 @@ def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
         eqx.nn.Linear(fan_in, fan_out, key=layer_key)
         for fan_in, fan_out, layer_key in zip(sizes, sizes[1:], keys, strict=False)
     )
+
+
+def widened(network: Network, reads: AbstractObservation) -> Network:
+    """A network that does as another one does, but reads more numbers, of which that one's are the first."""
+    first, more = network.layers[0], reads.size - network.observation.size
+    weight = jnp.pad(first.weight, ((0, 0), (0, more)))
+    empty = eqx.nn.Linear(reads.size, first.out_features, key=jax.random.key(0))
+    wide = eqx.tree_at(lambda layer: (layer.weight, layer.bias), empty, (weight, first.bias))
+    return replace(network, layers=(wide, *network.layers[1:]), observation=reads)
 
 
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:

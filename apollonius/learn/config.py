@@ -39,7 +39,8 @@ class RunConfig:
     """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
     meets one."""
     pursuer: str | None = None
-    """Agent that the pursuer of a lone stage goes on from; None is from scratch."""
+    """Agent that the pursuer of a lone stage goes on from; None is from scratch. Where `team` is trained, one
+    that reads `egocentric` goes on with weights of 0 for what is new."""
     evader: str | None = None
     """Agent that the evader of a lone self-play or distillation goes on from; None is from scratch (Algorithm 2)."""
     devices: int = 1
@@ -48,7 +49,8 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
-        self.game.require_two("training")
+        if self.sac is not None:
+            self.game.require_two("soft actor-critic")
         require_positive(self, "devices")
         told = find_observation(self.learner.observation).is_told
         require(not told, "observation", self.learner.observation, "what both can read; one side at most is told")
@@ -77,6 +79,7 @@ class RunConfig:
             self._check_distillation()
 
     def _check_distillation(self) -> None:
+        self.game.require_two("a distillation")
         require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
         require(self.devices == 1, "devices", self.devices, "1 for distillation")
         stage, games = self.distillation, self.dqn.games

@@ -63,7 +63,8 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
     next_choice = network.batch(batch.next_observation) if double else next_values
     targets = jax.vmap(q_target)(batch.reward, batch.discount, next_values, next_choice)
     chosen = jnp.take_along_axis(values, batch.action[:, None], axis=1)[:, 0]
-    return jnp.mean((jax.lax.stop_gradient(targets) - chosen) ** 2)
+    errors = (jax.lax.stop_gradient(targets) - chosen) ** 2
+    return jnp.mean(errors) if batch.active is None else jnp.mean(jnp.where(batch.active, errors, 0.0))
 
 
 def update(

@@ -39,7 +39,7 @@ class LearnerConfig:
     games: int = 512
     """Games played at a time."""
     replay_capacity: int = 524_288
-    """Transitions kept."""
+    """Transitions kept, of teams those of each robot."""
     learning_starts: int = 40_000
     """Env steps before the first update."""
 

@@ -1,6 +1,6 @@
 """The stages of a run by name: the plan of each, and the agents that they go on from."""
 
-from apollonius.agents.network import Network
+from apollonius.agents.network import Network, widened
 from apollonius.agents.trained import load_network
 from apollonius.game.types import Role
 from apollonius.learn.algorithm import require_fitting
@@ -8,6 +8,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.devices import share
 from apollonius.learn.stage_config import StageConfig
 from apollonius.learn.train_state import Plan
+from apollonius.observe.registry import find_observation
 
 FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
 
@@ -36,6 +37,8 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     name = config.first[role]
     if name is None:
         return None
-    network = load_network(name, role)
-    require_fitting(network, config.self_play.learner_of(role, config.learner), role.name.lower(), name)
+    network, learner = load_network(name, role), config.self_play.learner_of(role, config.learner)
+    if (reads := find_observation(learner.observation)).extends == network.observation.name:
+        network = widened(network, reads)
+    require_fitting(network, learner, role.name.lower(), name)
     return network

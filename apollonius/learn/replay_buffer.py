@@ -1,7 +1,8 @@
 """Experience replay: the latest transitions of one side, in the order they were played.
 
 The ring is time-major, `[rows, games]`, so a game's next transition is one row below and n-step returns are read
-off at sampling time. Adding is one contiguous slice, written in place where the ring is donated.
+off at sampling time. Adding is one contiguous slice, written in place where the ring is donated. Robots of a team, who
+learn as one, have columns of their own, next to each other for every game.
 """
 
 import equinox as eqx
@@ -24,6 +25,8 @@ class Row(eqx.Module):
     next_observation: Float[Array, "*steps games size"]
     terminated: Bool[Array, "*steps games"]
     truncated: Bool[Array, "*steps games"]
+    active: Bool[Array, "*steps games"] | None = None
+    """Of teams whether the robot was in play: what is there of one that was not is nothing to learn from."""
 
 
 class ReplayBuffer(eqx.Module):
@@ -38,7 +41,8 @@ class Batch(eqx.Module):
     """n-step transitions: where they begin, what they are paid, and where they are valued.
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` what the value of
-    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game.
+    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game. `active` says of
+    teams which of them count.
     """
 
     observation: Float[Array, "batch size"]
@@ -46,10 +50,15 @@ class Batch(eqx.Module):
     reward: Float[Array, " batch"]
     next_observation: Float[Array, "batch size"]
     discount: Float[Array, " batch"]
+    active: Bool[Array, " batch"] | None = None
 
 
-def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> ReplayBuffer:
-    """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one."""
+def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer:
+    """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one.
+
+    Args:
+        of_teams: whether robots can be out of play.
+    """
 
     def observations() -> Float[Array, "rows games size"]:
         return jnp.zeros((rows, games, size), jnp.float32)
@@ -64,6 +73,7 @@ def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct) -> Repl
         next_observation=observations(),
         terminated=flags(),
         truncated=flags(),
+        active=flags() if of_teams else None,
     )
     return ReplayBuffer(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
@@ -79,8 +89,9 @@ def add(buffer: ReplayBuffer, new: Row) -> ReplayBuffer:
 
 def cut(buffer: ReplayBuffer, games: Bool[Array, " games"]) -> ReplayBuffer:
     """The ring after some games were broken off: their latest transitions are truncated, unless they ended them."""
-    latest = (buffer.head - 1) % buffer.rows.reward.shape[0]
-    truncated = buffer.rows.truncated[latest] | (games & ~buffer.rows.terminated[latest])
+    rows, columns = buffer.rows.reward.shape
+    latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
+    truncated = buffer.rows.truncated[latest] | (broken_off & ~buffer.rows.terminated[latest])
     return eqx.tree_at(lambda ring: ring.rows.truncated, buffer, buffer.rows.truncated.at[latest].set(truncated))
 
 
@@ -120,6 +131,7 @@ def sample(
         reward=reward,
         next_observation=buffer.rows.next_observation[last, game],
         discount=discount,
+        active=None if buffer.rows.active is None else buffer.rows.active[first, game],
     )
 
 

@@ -119,7 +119,10 @@ def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None
         start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
         seated = has_seat(config, games)
         bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-        fresh = ROLES.map(lambda role: fresh_player(state.games.sides[role].member, bits[role], plan.stage.disturbance))
+        disturbance, robots = plan.stage.disturbance, state.games.state.robots
+        fresh = ROLES.map(
+            lambda role: fresh_player(state.games.sides[role].member, bits[role], disturbance, len(robots[role]))
+        )
         old = state.past.archives
 
         def cut_short(side: LearnerState) -> LearnerState:

@@ -130,8 +130,9 @@ def start(
     algorithm = algorithm_of(plan.learner)
 
     def memory(role: Role) -> replay_buffer.ReplayBuffer:
-        size = find_observation(plan.learner_of(role).observation).size
-        return replay_buffer.init(plan.learner.rows, games, size, algorithm.action)
+        size, robots = find_observation(plan.learner_of(role).observation).size, len(game.bodies[role])
+        of_teams = game.teams is not None
+        return replay_buffer.init(plan.learner.rows, games * robots, size, algorithm.action, of_teams)
 
     past = None
     if plan.opponents.share > 0:

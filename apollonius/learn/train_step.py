@@ -12,7 +12,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.pool import PersistentNoise, Pool
 from apollonius.game.by_side import BySide
@@ -34,7 +34,7 @@ _STARTS_IN_ARENAS = 1024
 class Metrics(eqx.Module):
     """Sums over a chunk: finished games by outcome, returns of both sides, losses of the updates made by each learner.
 
-    `updates` is how many each of them made.
+    The return of a team is the mean of its robots'. `updates` is how many each of them made.
     """
 
     outcomes: Int[Array, " outcomes"]
@@ -111,7 +111,7 @@ def _iterate(
     first = min(state.learners)
     return after, Metrics(
         outcomes=jnp.stack([jnp.sum((ended & (transitions.outcome == o)).astype(jnp.int32)) for o in Outcome]),
-        returns=transitions.sides.map(lambda side: jnp.sum(jnp.where(ended, side.episode_return, 0.0))),
+        returns=transitions.sides.map(lambda side: jnp.sum(jnp.where(ended, _of_side(side.episode_return), 0.0))),
         losses=ROLES.map(lambda role: learned[role][1] if role in learned else jnp.zeros(())),
         updates=after.learners[first].learner.updates - state.learners[first].learner.updates,
     )
@@ -134,11 +134,9 @@ def _learn(
     plan: Plan, side: LearnerState, transitions: Transition, role: Role, env_steps: Int[Array, ""], key: PRNGKeyArray
 ) -> tuple[LearnerState, Scalar]:
     """Store one side's transitions and make its updates; their losses, added up."""
-    config, algorithm, part = plan.learner, algorithm_of(plan.learner), transitions.sides[role]
-    flags = transitions.terminated, transitions.truncated
-    row = replay_buffer.Row(part.observation, part.action, part.reward, part.next_observation, *flags)
+    config, algorithm = plan.learner, algorithm_of(plan.learner)
     assert isinstance(side.buffer, replay_buffer.ReplayBuffer)
-    buffer = replay_buffer.add(side.buffer, row)
+    buffer = replay_buffer.add(side.buffer, _row(transitions, role))
     context = UpdateContext(env_steps, plan.stage.env_steps, plan.across)
     n_step = jnp.round(context.between(config.n_step, config.final_n_step)).astype(jnp.int32)
 
@@ -153,6 +151,25 @@ def _learn(
     enough = (env_steps >= config.learning_starts) & (buffer.filled > config.n_step)
     learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner)
     return LearnerState(algorithm.after_updates(learner, config, env_steps), buffer), loss
+
+
+def _row(transitions: Transition, role: Role) -> replay_buffer.Row:
+    """One side's transitions, those of each robot of a team. A robot's game is over when it is out of play."""
+    part, flags = transitions.sides[role], (transitions.terminated, transitions.truncated)
+    made = part.observation, part.action, part.reward, part.next_observation
+    if part.active is None or part.lost is None:
+        return replay_buffer.Row(*made, *flags)
+    robots = part.reward.size // transitions.terminated.size
+    terminated, truncated = (jnp.repeat(flag, robots, axis=1).reshape(part.lost.shape) for flag in flags)
+    row = replay_buffer.Row(*made, terminated | part.lost, truncated & ~part.lost, part.active)
+    steps, games = transitions.terminated.shape
+    after = part.reward.ndim
+    return jax.tree.map(lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[after:]), row)
+
+
+def _of_side(values: Float[Array, "steps games *robots"]) -> Float[Array, "steps games"]:
+    """What a side has in each game: of a team the mean over its robots."""
+    return values if values.ndim == 2 else jnp.mean(values, axis=2)
 
 
 def _recorded(
