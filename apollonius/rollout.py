@@ -40,8 +40,8 @@ class Experience(eqx.Module):
     next_observation: Float[Array, "*rows size"]
     episode_return: Float[Array, "*rows"]
     member: Int[Array, "*batch"]
-    active: Bool[Array, "*batch"] | None = None
-    lost: Bool[Array, "*batch"] | None = None
+    active: Bool[Array, "*rows"] | None = None
+    lost: Bool[Array, "*rows"] | None = None
 
 
 class Transition(eqx.Module):

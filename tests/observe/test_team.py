@@ -1,5 +1,6 @@
 """What is seen of teams: as in a game of two, and the other robots in order of their distance."""
 
+import functools
 import math
 
 import jax
@@ -36,18 +37,16 @@ def state(pursuers, evaders, out=()):
     return GameState(robots, jnp.asarray(0), status=sides if len(pursuers) + len(evaders) > 2 else None)
 
 
-@jax.jit
-def look_together(game, states):
-    return [
-        observation.together(Views.of_all(game, states, role)) for role in Role for observation in (TEAM, EGOCENTRIC)
-    ]
+@functools.partial(jax.jit, static_argnames=("role", "observation"))
+def look_together(game, states, role, observation):
+    return observation.together(Views.of_all(game, states, role))
 
 
-def seen(pursuers, evaders, out=()):
-    """What each pursuer and each evader sees, and its egocentric part as that observation says it."""
+def seen(pursuers, evaders, out=(), role=Role.PURSUER, observation=TEAM):
+    """What each robot of a side sees."""
     game = in_teams(GAME, len(pursuers), len(evaders)) if len(pursuers) + len(evaders) > 2 else GAME
-    numbers = look_together(game, jax.tree.map(lambda leaf: leaf[None], state(pursuers, evaders, out)))
-    return [np.asarray(one) for one in numbers]
+    states = jax.tree.map(lambda leaf: leaf[None], state(pursuers, evaders, out))
+    return np.asarray(look_together(game, states, role, observation))
 
 
 def slots(numbers):
@@ -60,16 +59,15 @@ PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 
 
 def test_in_a_game_of_two_it_is_egocentric_and_nothing_else():
-    ours, egocentric, theirs, their_egocentric = seen([ME], [PREY])
-    for numbers, first in ((ours, egocentric), (theirs, their_egocentric)):
-        assert numbers.shape == (1, TEAM.size)
-        np.testing.assert_array_equal(numbers[:, :FIRST], first)
-        assert not numbers[:, FIRST:].any()
+    numbers = seen([ME], [PREY])
+    assert numbers.shape == (1, TEAM.size)
+    np.testing.assert_array_equal(numbers[:, :FIRST], seen([ME], [PREY], observation=EGOCENTRIC))
+    assert not numbers[:, FIRST:].any()
 
 
 def test_a_mate_number_by_number():
     """The mate is 2 m to the left and drives away; the evader is behind the wall, 4.47 m and 4.12 m from them."""
-    ours = seen([ME, MATE], [PREY])[0][0]
+    ours = seen([ME, MATE], [PREY])[0]
     there, mate, none = slots(ours)[0, 0], slots(ours)[0, 1:], slots(ours)[1:]
     assert there == 1
     assert not none.any()
@@ -83,16 +81,16 @@ def test_a_mate_number_by_number():
 
 
 def test_an_opponent_between_two_pursuers_is_seen_as_such():
-    pincer = seen([(1.0, 7.0, 0.0, 0.0), (7.0, 7.0, 0.0, 0.0)], [(4.0, 7.0, 0.0, 0.0)])[0]
+    pincer = seen([(1.0, 7.0, 0.0, 0.0), (7.0, 7.0, 0.0, 0.0)], [(4.0, 7.0, 0.0, 0.0)])
     assert (pincer[:, FIRST + 12] < 0.1).all()
     np.testing.assert_allclose(pincer[:, FIRST + 7], -1.0, atol=1e-5)
 
 
 def test_robots_come_by_distance_whatever_their_numbers():
     """And of an opponent more the nearest is that of `egocentric`, the other one comes after the mates."""
-    ours, egocentric, theirs, _ = seen([ME, MATE, THIRD], [PREY, OTHER])
-    again, _, theirs_again, _ = seen([ME, THIRD, MATE], [OTHER, PREY])
-    np.testing.assert_array_equal(ours[:, :FIRST], egocentric)
+    robots, others = ([ME, MATE, THIRD], [PREY, OTHER]), ([ME, THIRD, MATE], [OTHER, PREY])
+    ours, again = (seen(*both) for both in (robots, others))
+    theirs, theirs_again = (seen(*both, role=Role.EVADER) for both in (robots, others))
     np.testing.assert_allclose(ours[[0, 2, 1]], again, atol=1e-6)
     np.testing.assert_allclose(theirs[[1, 0]], theirs_again, atol=1e-6)
     np.testing.assert_array_equal(slots(ours[0])[:, 0], [1, 1, 0, 1, 0])
@@ -102,14 +100,14 @@ def test_robots_come_by_distance_whatever_their_numbers():
 
 
 def test_who_is_out_is_not_seen():
-    some = seen([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4))[0][0]
-    same = seen([ME, THIRD], [PREY])[0][0]
+    some = seen([ME, MATE, THIRD], [PREY, OTHER], out=(1, 4))[0]
+    same = seen([ME, THIRD], [PREY])[0]
     np.testing.assert_allclose(some, same, atol=1e-6)
 
 
 def test_of_many_mates_the_nearest_are_seen():
     crowd = [ME, *((2.0, 4.5 + away, 0.0, 0.0) for away in (2.5, 1.0, 2.0, 0.5))]
-    distances = 1 / slots(seen(crowd, [PREY])[0][0])[:MATES, 3] - 1
+    distances = 1 / slots(seen(crowd, [PREY])[0])[:MATES, 3] - 1
     np.testing.assert_allclose(distances, [1.0, 1.5, 2.5], atol=1e-4)
 
 
