@@ -22,18 +22,35 @@ gc.freeze()
 gc.set_threshold(100_000, 50, 100)  # tracing makes many objects, of which hardly any go in circles
 MOST_MAPS = 20_000
 """Memory maps of a process at which it forgets its compilations; Linux allows 65,530."""
+MOST_GROWTH = 1 << 30
+"""Bytes of memory by which it has grown since it last did so, at which it does so again."""
 
 hypothesis.settings.register_profile("apollonius", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("apollonius")
 
 
+@pytest.fixture(scope="session")
+def remembered():
+    """What this process held when it last forgot its compilations."""
+    return {"bytes": resident()}
+
+
+def resident() -> int:
+    """The memory that this process holds [bytes]; 0 where the system does not tell."""
+    told = Path("/proc/self/statm")
+    return int(told.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if told.exists() else 0
+
+
 @pytest.fixture(scope="module", autouse=True)
-def forget_compilations():
-    """A process that keeps the compilations of a thousand tests comes to the end of its memory maps, and crashes."""
+def forget_compilations(remembered):
+    """A process that keeps the compilations of a thousand tests comes to the end of its maps or of the memory."""
     yield
     maps = Path("/proc/self/maps")
-    if not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS:
+    many = not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS
+    if many or resident() - remembered["bytes"] > MOST_GROWTH:
         jax.clear_caches()
+        gc.collect()
+        remembered["bytes"] = resident()
 
 
 RUNNING = ("test_attackers.py", "test_guarantee.py", "test_response.py")

@@ -13,7 +13,9 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.store import load_agent
 from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
 from apollonius.game.game import reset_batch
+from apollonius.game.scenario import in_arenas
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.learn.config import DISTILLATIONS, RunConfig
 from apollonius.learn.learner_config import DQNConfig, SACConfig
@@ -120,6 +122,21 @@ def uninterrupted(tmp_path_factory):
     folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted", RUN)
     assert Run(RUN, folder).execute()
     return folder
+
+
+@pytest.mark.slow
+def test_each_of_several_arenas_has_a_school_that_teaches_what_it_would_alone(school, visited, monkeypatch):
+    """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
+    arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
+    monkeypatch.setattr("apollonius.learn.school.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas])
+    schools = open_schools(RUN, in_arenas(GAME, arenas), None)
+    assert len(schools) == 2
+    assert len({jax.tree.structure(one) for one in schools}) == 1
+    assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in schools}) == 1
+    here, there = (one.teacher.worths(Views(one.game, visited, Role.EVADER)) for one in schools)
+    alone = school.teacher.worths(Views(GAME, visited, Role.EVADER))
+    np.testing.assert_allclose(here, alone, atol=1e-4)
+    assert np.abs(there - here).max() > 0.01
 
 
 def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, school, visited):
