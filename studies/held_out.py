@@ -2,8 +2,9 @@
 
     python -m studies.held_out --out runs/held_out
 
-solves the game in some held-out arenas of `suite-v1`, trains a pursuer and an evader in each, finds the best classical
-player there, and lets attackers try to beat each of them, and the solved game's own player, and `P_any` and `E_any`.
+solves the game in some held-out arenas of `suite-v1`, trains a pursuer and an evader in each, finds the classical
+player that is best in them, and lets attackers try to beat each of them, and the solved game's own player, and `P_any`
+and `E_any`.
 Written are `held_out.json` and `held_out.md`. Stopped or killed at any point, the same command goes on where it was.
 """
 
@@ -21,7 +22,7 @@ from apollonius.agents.trained import ANY
 from apollonius.arenas.charting import charted
 from apollonius.arenas.scenarios import each_alone, scenario_game
 from apollonius.arenas.suite import suite_entries
-from apollonius.catalogue import find_player
+from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import exit_status
 from apollonius.evaluate.match_cache import cached_result
 from apollonius.exploit.attack import Attack
@@ -44,9 +45,11 @@ CLASSICAL = BySide(
     ("pure-pursuit", "proportional-navigation", "intercept", "potential-field"),
     ("flee", "flee-aware", "circle", "potential-field"),
 )
-"""Of whom each arena's best is taken, behind a shield."""
-KINDS = ("table", "zoo", "foresight-0.5", "foresight-1")
+"""Of whom the best is taken, behind a shield."""
+KINDS = ("table", "foresight-0.5", "foresight-1")
 """Attackers, by their names in `apollonius.exploit.attackers`; `foresight-2` takes as long as all else together."""
+IGNORANT = 1
+"""Those of them that do not ask the player what it would do. A shield takes too long to answer the others."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ class HeldOut(driver.AbstractStudy):
         }
 
     def jobs(self) -> Iterator[Sequence[Job]]:
-        """The attacks in each arena."""
+        """The matches of the classical players in all arenas, then the attacks in each."""
+        yield [Job(f"the classical players, {role.name.lower()}s", best_classical, (self, role)) for role in Role]
         yield [Job(f"the attacks in {name}", judge, (self, number)) for number, name in enumerate(self.chosen)]
 
     def kept(self, arena: str) -> Path:
@@ -145,7 +149,7 @@ def judge(study: HeldOut, number: int, should_stop: ShouldStop) -> bool:
 def _players(study: HeldOut, arena: str, game: Game, tables: BySide[SaddlePolicy], role: Role) -> Iterator[Named]:
     yield find_player(ANY[role], role, game)
     yield _specialist(study, arena, game, role)
-    yield _best_classical(study, arena, game, role)
+    yield find_player(_classical(study, role), role, game)
     yield Named(SOLVED, tables[role])
 
 
@@ -153,22 +157,38 @@ def _specialist(study: HeldOut, arena: str, game: Game, role: Role) -> Named:
     return Named(SPECIALIST, find_player(str(agent_file(study.out / arena, driver.LAST[role])), role, game).policy)
 
 
-def _best_classical(study: HeldOut, arena: str, game: Game, role: Role) -> Named:
+def best_classical(study: HeldOut, role: Role, should_stop: ShouldStop) -> bool:
+    """Play each of the classical players in all arenas; what was done is kept. Returns False if it was stopped."""
+    del should_stop  # some minutes
+    _classical(study, role)
+    return True
+
+
+def _classical(study: HeldOut, role: Role) -> str:
     """The one that comes off best against the other side's player of any arena, behind a shield."""
     found: dict[str, float] = {}
-    players = {name: find_player(f"shielded:{name}", role, game) for name in CLASSICAL[role]}
-    against = Attacker(f"zoo/{ANY[role.other]}", find_player(ANY[role.other], role.other, game).policy)
-    for name, player in players.items():
-        losses = _kept_losses(study, arena, Siege(role, name, named=player, played=game), against)
+    for name in (f"shielded:{name}" for name in CLASSICAL[role]):
+        kept = study.out / "classical" / f"{role.name.lower()}--{name}.json".replace(":", "-")
+        asked = {"role": role.name.lower(), "player": name, "arenas": study.chosen, "games": study.games}
+
+        def play(name: str = name) -> Losses:
+            game = charted(study.together)
+            attack = Siege(role, name, named=find_player(name, role, game), played=game)
+            against = Attacker(ANY[role.other], find_player(ANY[role.other], role.other, game).policy)
+            return against.measure(attack, study.games, study.seed)
+
+        losses = cached_result(kept, asked, Losses, play)
         found[name] = losses.wins - losses.loses
-    return players[max(found, key=lambda name: found[name])]
+    return max(found, key=lambda name: found[name])
 
 
 def _attackers(study: HeldOut, arena: str, attack: Siege, tables: BySide[SaddlePolicy]) -> Iterator[Attacker]:
     means = Means(tables, study.out / arena / "responses")
-    for kind in KINDS:
+    asks = not attack.player.name.startswith(SHIELDED)
+    for kind in KINDS if asks else KINDS[:IGNORANT]:
         yield from QUICK[kind](attack, means)
     other = attack.role.other
+    yield Attacker(ANY[other], find_player(ANY[other], other, attack.rules).policy)
     yield Attacker(SPECIALIST, _specialist(study, arena, attack.rules, other).policy)
 
 

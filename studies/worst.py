@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from apollonius.agents.trained import ANY
+from apollonius.catalogue import SHIELDED
 from apollonius.exploit.losses import Losses
 from apollonius.game.types import Role
 from apollonius.show.markdown import markdown_table
@@ -49,9 +50,7 @@ def worst(attacks: Attacks, role: Role, player: str) -> Worst:
 
 def arena_players(attacks: Attacks, role: Role) -> dict[str, str]:
     """Who is compared in an arena: by what each is there, its name."""
-    tried = attacks[role.name.lower()]
-    # The best of the classical players is the one that was attacked by all.
-    classical = max((name for name in tried if name.startswith("shielded:")), key=lambda name: len(tried[name]))
+    classical = next(name for name in attacks[role.name.lower()] if name.startswith(SHIELDED))
     return {"any arena": ANY[role], SPECIALIST: SPECIALIST, "classical": classical, SOLVED: SOLVED}
 
 
@@ -62,11 +61,10 @@ def arena_table(found: Mapping[str, Attacks], role: Role) -> str:
         players = arena_players(attacks, role)
         worsts = [worst(attacks, role, name) for name in players.values()]
         cells = [f"{100 * one.loses:.0f} ({100 * one.sure:+.0f})" for one in worsts]
-        lines.append([arena, *cells, players["classical"].removeprefix("shielded:")])
+        lines.append([arena, *cells])
     means = [[worst(one, role, arena_players(one, role)[kind]) for one in found.values()] for kind in _COMPARED]
     mean = [f"{_mean([one.loses for one in kind]):.1f} ({_mean([one.sure for one in kind]):+.1f})" for kind in means]
-    head = [role.name.lower(), *_COMPARED, "which classical"]
-    return markdown_table(head, [*lines, ["mean", *mean, ""]])
+    return markdown_table([role.name.lower(), *_COMPARED], [*lines, ["mean", *mean]])
 
 
 def verdict(found: Mapping[str, Attacks], role: Role) -> str:
