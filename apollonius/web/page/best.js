@@ -1,5 +1,7 @@
 // What a person has reached, kept in this browser alone: what is won, and the best time at it. Lost where nothing is kept.
 
+import { PURSUER } from "./rules.js";
+
 const KEY = "apollonius.best";
 
 function read() {
@@ -23,10 +25,14 @@ function isBetter(result, before, wantsShort) {
   return result.isWon && wantsShort ? result.seconds < before.seconds : result.seconds > before.seconds;
 }
 
-/** Keep a result if it is the best so far; returns whether it is. */
-export function keepBest(name, result, wantsShort) {
-  const isBest = isBetter(result, bestOf(name), wantsShort);
-  if (!isBest) return false;
+/** What a choice is called as a challenge: its level, or the players, the arena and how hard. */
+export const challengeOf = ({ level, pursuer, evader, game, difficulty }) =>
+  level?.key ?? [pursuer, evader, game, difficulty].join(" ");
+
+/** Keep how a match has ended for the person who played a side if it is the best so far; returns whether it is. */
+export function keepBest(name, match, side) {
+  const result = { isWon: match.winner === side, seconds: Number(match.seconds.toFixed(1)) };
+  if (!isBetter(result, bestOf(name), side === PURSUER)) return false;
   try {
     localStorage.setItem(KEY, JSON.stringify({ ...read(), [name]: result }));
   } catch {

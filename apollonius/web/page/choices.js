@@ -93,11 +93,11 @@ export class Choices {
     return { pursuer: named(said.pursuer), evader: named(said.evader), game, difficulty, seed: Number(seed), level: null };
   }
 
-  /** What an address asks for: a level, or what the form then says. */
-  fromAddress(query) {
+  /** What an address asks for: a level, or what the form then says. `linked` is the game that a link brings, if one does. */
+  fromAddress(query, linked = null) {
     const values = Object.fromEntries(new URLSearchParams(query));
-    const number = values.level ?? (query ? null : this.chosen.level);
-    this.fill(values);
+    const number = values.level ?? (query || linked ? null : this.chosen.level);
+    this.fill(linked ? { ...values, game: linked } : values);
     const level = levelOf(number);
     return level ? asChoice(level) : this.read();
   }

@@ -128,16 +128,18 @@ export function toObstacles(arena, x, y) {
 /** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
 export const clearance = (arena, x, y) => Math.min(toWalls(arena, x, y), toObstacles(arena, x, y));
 
-/** The same, to each of the four walls and to each obstacle. */
+/** Distance [m] from a point to the nearest edge of one polygon; negative inside. */
+export function toPolygon(polygon, x, y) {
+  if (!edgesByPolygons.has(polygon)) edgesByPolygons.set(polygon, edges(polygon.vertices));
+  return toPolygons(edgesByPolygons.get(polygon), x, y);
+}
+
+/** The same as `clearance`, to each of the four walls and to each obstacle. */
 export function clearances(arena, x, y) {
-  const alone = (polygon) => {
-    if (!edgesByPolygons.has(polygon)) edgesByPolygons.set(polygon, edges(polygon.vertices));
-    return toPolygons(edgesByPolygons.get(polygon), x, y);
-  };
   return [
     ...[x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y],
     ...arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius),
-    ...(arena.polygons ?? []).map(alone),
+    ...(arena.polygons ?? []).map((polygon) => toPolygon(polygon, x, y)),
     ...(arena.map ? [toMap(arena.map, x, y)] : []),
   ];
 }

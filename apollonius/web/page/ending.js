@@ -1,5 +1,6 @@
 // What a person is told: who they are and what to do, and how a game ended.
 
+import { levelWonBy } from "./levels.js";
 import { EVADER, PURSUER } from "./rules.js";
 
 const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
@@ -46,4 +47,11 @@ export function describeEnd(match, me) {
   if (winner === null) return `${what} ${when}: nobody wins.`;
   if (!me) return `${what} ${when}: ${COLOUR[winner]} wins.`;
   return winner === me ? `${what} ${when}. You win!` : `${what} ${when}. You lose.`;
+}
+
+/** What the button that goes on says. */
+export function describeGo(phase, page, me) {
+  if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Go on" }[phase] ?? "Start";
+  if (levelWonBy(page, me)) return "Next level";
+  return me && page.match.winner !== me ? "Try again" : "Next game";
 }

@@ -39,3 +39,8 @@ export function saveAs(name, content, type) {
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
+
+/** The game in a link's fragment, or null; what reads it is loaded for those that have one. */
+export async function inLink(fragment) {
+  return fragment.startsWith("#game=") ? (await import("./gamefile.js")).fromFragment(fragment) : null;
+}

@@ -19,8 +19,10 @@ export const LEVELS = [
 /** The level of a number in an address, or null. */
 export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 
-/** The level after another, or null. */
-export const levelAfter = (level) => LEVELS[level.number] ?? null;
+/** The level after the one of a match that `me` has won, or null. */
+export function levelWonBy({ choice, match }, me) {
+  return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
+}
 
 /** A game that lasts so many seconds. */
 export const lasting = (game, seconds) => ({ ...game, max_steps: Math.round(seconds / game.dt) });

@@ -1,16 +1,17 @@
 // The page: choices, buttons and keys in, frames out. A match runs at the rules' own clock, drawing at the screen's.
 
-import { keepBest } from "./best.js";
+import { challengeOf, keepBest } from "./best.js";
 import { Choices, asChoice, asQuery, levelButtons } from "./choices.js";
 import { Coach } from "./coach.js";
-import { describeEnd, describeGoal } from "./ending.js";
+import { Drawing } from "./drawing.js";
+import { describeEnd, describeGo, describeGoal } from "./ending.js";
 import { findGame, saveAs } from "./files.js";
 import { Controllers } from "./gamepad.js";
 import { Alarm, isTooFast, nearness } from "./hints.js";
-import { lasting, levelAfter, withOpenFloor } from "./levels.js";
+import { lasting, levelWonBy, withOpenFloor } from "./levels.js";
 import { Match } from "./match.js";
 import { YOU } from "./names.js";
-import { findPlayer } from "./players.js";
+import { findPlayer, rehearse } from "./players.js";
 import { SlowReplay } from "./replaying.js";
 import { EVADER, PURSUER } from "./rules.js";
 import { Stage } from "./stage.js";
@@ -19,8 +20,8 @@ import { Timing } from "./timing.js";
 
 const ROLES = [PURSUER, EVADER];
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
-const REHEARSALS = 60; // moves before the first that counts, so that the browser has compiled them
 const COUNTDOWN = 1.5; // before a person's game goes on [s]
+const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of it [s]
 
 const element = (id) => document.getElementById(id);
@@ -29,7 +30,7 @@ const steering = new Steering(controllers);
 const alarm = new Alarm();
 const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
 const page = { catalogue: null, choices: null, choice: null, match: null, phase: "loading", time: 0, last: null };
-Object.assign(page, { stage: new Stage(element, steering), counted: 0, pace: 1, coach: null, ending: null });
+Object.assign(page, { stage: new Stage(element, steering), counted: 0, pace: 1, coach: null, ending: null, complaint: null });
 globalThis.apollonius = { page, timing }; // for the console, and for tests
 
 // ---- who plays
@@ -45,15 +46,9 @@ function steer(role) {
   return action;
 }
 
-function rehearse({ game, state, states, players }) {
-  for (const role of ROLES) {
-    for (let move = 0; move < REHEARSALS; move++) players[role].rank?.(game, state, role, states, HOLD);
-  }
-}
-
 /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
 async function beginMatch(choice) {
-  history.replaceState(null, "", asQuery(choice));
+  history.replaceState(null, "", asQuery(choice) + location.hash);
   page.choice = choice;
   enter("loading", "Loading…");
   try {
@@ -66,23 +61,25 @@ async function beginMatch(choice) {
     const game = choice.level ? lasting(found, choice.level.seconds) : found;
     page.match = new Match(game, { pursuer, evader }, choice.seed);
     page.coach = choice.level?.number === 1 ? new Coach() : null;
-    rehearse(page.match);
+    rehearse(page.match, HOLD);
     makeReady();
   } catch (error) {
     if (page.choice === choice) enter("loading", `${error.message}. Choose another player under Games.`);
+    return;
+  }
+  if (page.complaint) {
+    element("message").textContent = page.complaint;
+    page.complaint = null;
   }
 }
 
-// ---- phases: loading, ready, counting, playing, paused, over
+// ---- phases: loading, ready, counting, playing, paused, over; drawing
 
 function enter(phase, message = "") {
   page.phase = phase;
-  const { level } = page.choice ?? {};
-  const won = phase === "over" && page.match.winner === me();
-  const after = level && won && levelAfter(level) ? "Next level" : me() && !won ? "Try again" : "Next game";
   Object.assign(document.body.dataset, { phase, people: people().length, me: me() ?? "" });
   element("message").textContent = message;
-  element("go").textContent = { counting: "Pause", playing: "Pause", paused: "Go on", over: after }[phase] ?? "Start";
+  element("go").textContent = describeGo(phase, page, me());
   element("go").disabled = phase === "loading";
   element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
@@ -99,22 +96,18 @@ function makeReady() {
 function finish() {
   const { match, choice } = page;
   let message = describeEnd(match, me());
-  if (me()) {
-    const result = { isWon: match.winner === me(), seconds: Number(match.seconds.toFixed(1)) };
-    const key = choice.level?.key ?? ["pursuer", "evader", "game", "difficulty"].map((name) => choice[name]).join(" ");
-    if (keepBest(key, result, me() === PURSUER)) message += " Your best so far.";
-  }
+  if (me() && keepBest(challengeOf(choice), match, me())) message += " Your best so far.";
   page.ending = new SlowReplay(match, performance.now() / 1000);
   enter("over", message);
 }
 
 const actions = {
   go() {
-    const { phase, choice } = page;
+    const { phase } = page;
     if (phase === "loading") return;
     if (phase === "playing" || phase === "counting") return enter("paused", "Paused");
     if (phase === "over") {
-      const after = choice.level && page.match.winner === me() ? levelAfter(choice.level) : null;
+      const after = levelWonBy(page, me());
       if (after) return beginMatch(asChoice(after));
       page.match.next();
       Object.assign(page, { time: 0, ending: null });
@@ -142,6 +135,15 @@ const actions = {
   sound() {
     alarm.mute(!alarm.isMuted);
     element("sound").setAttribute("aria-pressed", String(!alarm.isMuted));
+  },
+  draw() {
+    page.drawing.open();
+  },
+  "play-here"() {
+    page.drawing.play();
+  },
+  back() {
+    actions.again();
   },
   download() {
     const { match } = page;
@@ -172,6 +174,7 @@ function frame(now) {
   const passed = page.last === null ? 0 : (now - page.last) / 1000;
   page.last = now;
   if (!page.match) return;
+  if (page.phase === "drawing") return page.drawing.workshop.draw(page.stage.colours);
   if (controllers.starts() && !element("games").open) actions.go();
   if (page.phase === "playing") timing.interval.add(1000 * passed);
   timing.frame.measure(() => {
@@ -197,6 +200,7 @@ function warn(now) {
 function advance(passed) {
   const { match } = page;
   page.time += passed;
+  page.time = Math.min(page.time, MOST_STEPS * match.game.dt); // where steps are short, time passes more slowly
   while (page.time >= match.game.dt && !match.isOver) {
     match.step();
     page.time -= match.game.dt;
@@ -209,7 +213,8 @@ function advance(passed) {
 function onKey(event) {
   const isDown = event.type === "keydown";
   const on = (elements) => event.target.closest?.(elements) !== null;
-  if (event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
+  if (page.phase === "drawing" && isDown && !on("input") && page.drawing.workshop.key(event)) event.preventDefault();
+  if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
   const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound }[event.code];
   if (steering.key(event.code, isDown) || pressed) event.preventDefault();
@@ -242,8 +247,11 @@ async function main() {
   const catalogue = await (await fetch("catalogue.json")).json();
   page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
   page.choices = new Choices(element("choices"), catalogue, page.catalogue.games);
+  page.drawing = new Drawing(element, page, () => enter("drawing"), beginMatch);
   requestAnimationFrame(frame);
-  await beginMatch(page.choices.fromAddress(location.search));
+  globalThis.addEventListener("hashchange", () => location.reload());
+  page.complaint = await page.drawing.offerLinked(location.hash);
+  await beginMatch(page.choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn"));
 }
 
 main().catch((error) => enter("loading", `This page cannot start: ${error.message}`));

@@ -6,6 +6,15 @@ import { DIFFICULTIES, asHardAs } from "./difficulty.js";
 import { findAgent } from "./files.js";
 import { SHIELDED, YOU, bare, inWords } from "./names.js";
 
+const REHEARSALS = 60; // moves before the first that counts, so that the browser has compiled them
+
+/** Have a match's players think about its start, against an action of the other. */
+export function rehearse({ game, state, states, players }, action) {
+  for (const [role, { rank }] of Object.entries(players)) {
+    for (let move = 0; rank && move < REHEARSALS; move++) rank(game, state, role, states, action);
+  }
+}
+
 /** The names of a side's players that need no file and can play in a game. */
 export function ruleNames(side, game) {
   return [...Object.keys(CLASSICAL[side]).filter((name) => fits(name, game)), ...Object.keys(BUILT_IN)];

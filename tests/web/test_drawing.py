@@ -1,0 +1,236 @@
+"""Arenas drawn on the page are the package's: their files, their rules, what a survey says of them, links to them."""
+
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+
+from apollonius.agents.trained import ZOO
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game, load_game
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import to_dict
+from apollonius.arenas.survey import survey
+from apollonius.catalogue import find_player
+from apollonius.errors import InvalidInput
+from apollonius.game.game import reset_batch
+from apollonius.game.starts import Starts
+from apollonius.game.types import Outcome, Role
+from apollonius.observe.registry import observe
+from apollonius.replay import as_rows, as_state, play_actions
+from apollonius.web.site import PAGE
+from tests.web.test_rules_in_javascript import TOLERANCE, any_actions, apart
+from tests.web.test_rules_in_javascript import ask as ask_rules
+
+pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+STEPS = 10
+
+
+def ask(**question):
+    program = ["node", str(Path(__file__).with_name("check_drawing.mjs"))]
+    question = json.dumps({"page": str(PAGE)} | question)
+    answer = subprocess.run(program, input=question, capture_output=True, text=True, check=True, timeout=500)
+    return json.loads(answer.stdout)
+
+
+def drawn_games(count, seed, folder):
+    """Games drawn by a fuzzer on the page, as the page has them and as the package reads the files that it saves."""
+    pairs = []
+    for number, drawing in enumerate(ask(fuzz={"count": count, "seed": seed})["fuzz"]):
+        assert drawing["isSame"], "a link brings the same game"
+        path = folder / f"drawn-{number}.toml"
+        path.write_text(drawing["toml"])
+        pairs.append((drawing["game"], load_game(path)))
+    return pairs
+
+
+def play_alike(pairs, seed):
+    """Random play in drawn arenas from starts close to obstacles comes out the same; returns where it was."""
+    play = jax.jit(lambda game, row, taken: play_actions(game, as_state(row, jnp.asarray(0)), taken))
+    random, told, expected = np.random.default_rng(seed), [], []
+    for number, (record, game) in enumerate(pairs):
+        starts = replace(game, starts=Starts(speed="moving", clearance=0.02))
+        row = as_rows(reset_batch(starts, jax.random.key(number), 1))[0]
+        actions = any_actions(random, (2,)).repeat(STEPS // 2, axis=0)
+        states, outcomes = (
+            jax.tree.map(np.asarray, leaf) for leaf in play(game, jnp.asarray(row), jnp.asarray(actions))
+        )
+        told.append({"game": record, "states": [np.asarray(row).tolist()], "actions": actions.tolist()})
+        expected.append((np.asarray(as_rows(states)), outcomes))
+    for (states, outcomes), game in zip(expected, ask_rules(games=told)["games"], strict=True):
+        length = int(np.argmax(outcomes != Outcome.ONGOING)) + 1 if outcomes.any() else STEPS
+        assert apart(game["rows"][: length + 1], states[: length + 1]) <= TOLERANCE
+        assert game["outcomes"][length - 1] == Outcome(int(outcomes[length - 1])).name.lower()
+    return [states[0] for states, _ in expected]
+
+
+def test_what_is_drawn_is_what_is_saved_and_played(tmp_path):
+    pairs = drawn_games(2, 1, tmp_path)
+    for record, game in pairs:
+        assert json.loads(json.dumps(to_dict(game))) == json.loads(json.dumps(record))
+    play_alike(pairs, 1)
+
+
+@pytest.mark.slow
+def test_a_thousand_drawn_arenas(tmp_path):
+    """10,000 states; what `P_any` sees and does in some of them; what a survey says of others."""
+    pairs = drawn_games(1000, 100, tmp_path)
+    rows = play_alike(pairs, 2)
+    agent = find_player("P_any", Role.PURSUER)
+    for number in range(0, 1000, 50):
+        record, game = pairs[number]
+        there = replace(charted(game), starts=Starts(speed="moving", clearance=0.1))
+        states = np.concatenate(
+            [np.asarray(as_rows(reset_batch(there, jax.random.key(number), 20))), rows[number][None]]
+        )
+        seen = np.asarray(looked(jnp.asarray(states), there))
+        asked = {"path": str(ZOO / "P_any.safetensors"), "game": record, "role": "pursuer"}
+        answer = ask_rules(agent=asked, observations=seen.tolist(), positions=states.tolist())
+        is_alike = np.abs(np.asarray(answer["observed"]) - seen).max(axis=1) <= 1e-3
+        assert np.mean(is_alike) >= 0.9
+        values = np.asarray(jax.vmap(agent.policy.network)(jnp.asarray(seen)))
+        best, second = np.sort(values, axis=1)[:, :-3:-1].T
+        clear = is_alike & (best - second > 1e-3)
+        chosen = np.argmax(values, axis=1)[clear]
+        np.testing.assert_array_equal(
+            np.asarray(answer["gears"])[clear], np.stack([chosen // 3, chosen % 3], axis=1) - 1
+        )
+    some = [pairs[number] for number in range(0, 1000, 100)]
+    for found, (_, game) in zip(ask(surveys=[record for record, _ in some])["surveys"], some, strict=True):
+        assert_said_alike(found, survey(game))
+
+
+@jax.jit
+def looked(rows, game):
+    """What the pursuer sees."""
+    return jax.vmap(lambda row: observe(game, as_state(row, jnp.asarray(0)), Role.PURSUER, "egocentric"))(rows)
+
+
+def assert_said_alike(found, ours):
+    """The same sentences; areas may differ by a cell's rounding in their last digit."""
+    for theirs, own in ((found["wrong"], ours.wrong), (found["notes"], ours.notes)):
+        assert [words(line) for line in theirs] == [words(line) for line in own]
+        for line, other in zip(theirs, own, strict=True):
+            np.testing.assert_allclose(numbers(line), numbers(other), rtol=0.02, atol=0.02)
+
+
+def words(line):
+    return " ".join(word for word in line.replace(",", "").split() if not word[0].isdigit())
+
+
+def numbers(line):
+    return [float(word.rstrip("%")) for word in line.replace(",", "").replace(":", "").split() if word[0].isdigit()]
+
+
+WRONG = """
+capture_distance = 0.3
+[arena]
+x_max = 8
+y_max = 6
+discs = [{ x = 6.9, y = 5, radius = 0.5 }, { x = 7.4, y = 5, radius = 0.7 }]
+polygons = [
+    { vertices = [[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]] },
+    { vertices = [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]] },
+    { vertices = [[4, 1], [5, 1], [5, 2], [4, 2]] },
+    { vertices = [[4.5, 1.5], [5.5, 1.5], [5.5, 2.5], [4.5, 2.5]] },
+]
+[pursuer]
+radius = 0.45
+[evader]
+radius = 0.2
+"""
+
+
+def test_the_page_says_what_arena_check_says(tmp_path):
+    """A passage too narrow for one robot, a haven, overlaps, a disc beyond a wall, bodies larger than the capture."""
+    (tmp_path / "wrong.toml").write_text(WRONG)
+    game = load_game(tmp_path / "wrong.toml")
+    (read,) = ask(read=[WRONG])["read"]
+    assert read["answer"] == json.loads(json.dumps(to_dict(game)))
+    (found,) = ask(surveys=[read["answer"]])["surveys"]
+    assert len(found["wrong"]) == 2
+    assert len(found["notes"]) == 4
+    assert_said_alike(found, survey(game))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "arena = 3",
+        "[arena]\nx_max = -1",
+        "[arena]\ncolour = 'red'",
+        "[[arena.discs]]\nx = 1\ny = 2",
+        "[[arena.discs]]\nx = 1\ny = 2\nradius = 0",
+        "[[arena.discs]]\nx = 11\ny = 2\nradius = 1",
+        "[[arena.polygons]]\nvertices = [[1, 1], [2, 2], [2, 1], [1, 2]]",
+        "[[arena.polygons]]\nvertices = [[1, 1], [2, 2]]",
+        "max_steps = 1.5",
+        "dt = true",
+        "capture_distance = nan",
+        "capture_distance = 2",
+        "[pursuer]\nu2_max = 30",
+        "[evader]\nv_min = 2",
+        "[starts]\nspeed = 'fast'",
+        "[starts]\nclearance = 9",
+        "[reward]\nprofile = '__proto__'",
+        "__proto__ = {}",
+        "[arena",
+    ],
+)
+def test_what_the_package_refuses_the_page_refuses(text, tmp_path):
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises(InvalidInput):
+        load_game(tmp_path / "bad.toml")
+    (read,) = ask(read=[text])["read"]
+    assert "\n" not in read["complaint"].strip().split("\n\n")[0]
+
+
+def test_games_that_ship_are_read():
+    files = sorted((PAGE.parents[1] / "arenas" / "gallery").glob("*.toml"))
+    for path, read in zip(files, ask(read=[path.read_text() for path in files])["read"], strict=True):
+        assert read["answer"] == json.loads(json.dumps(to_dict(find_game(path.stem))))
+
+
+def test_a_hostile_link_is_refused_in_a_line():
+    said = ask(links={"count": 400, "seed": 5})["links"]
+    assert {"played", "none"} < {*said}
+    assert all(len(line) < 400 for line in said)
+
+
+def test_shapes_stay_shapes():
+    moves = ask(moves=1)["moves"]
+    assert moves["door"] == [
+        [[1, 0.9], [2.4, 0.9], [2.4, 1.1], [1, 1.1]],
+        [[3.6, 0.9], [6, 0.9], [6, 1.1], [3.6, 1.1]],
+    ]
+    assert moves["room"] == 5
+    assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
+    assert moves["small"] == 0
+    assert len({x for x, _ in moves["crossed"]}) == 2
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_a_ros_map_has_the_same_field(tmp_path, plain):
+    shades = np.where(np.random.default_rng(3).random((30, 40)) < 0.1, 0, 254).astype(np.uint8)
+    shades[10:14, 5:20] = 205
+    if plain:
+        rows = "\n".join(" ".join(str(shade) for shade in row) for row in shades)
+        (tmp_path / "floor.pgm").write_text(f"P2\n# made by hand\n40 30\n255\n{rows}\n")
+    else:
+        Image.fromarray(shades).save(tmp_path / "floor.pgm")
+    (tmp_path / "floor.yaml").write_text(
+        "image: floor.pgm\nresolution: 0.05\norigin: [-1.5, 2.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196 # as usual\n"
+    )
+    ours = load_map(tmp_path / "floor.yaml")
+    theirs = ask(map=[str(tmp_path / "floor.yaml"), str(tmp_path / "floor.pgm")])["map"]
+    np.testing.assert_allclose(np.reshape(theirs["field"], ours.field.shape), ours.field, atol=1e-6)
+    assert (theirs["x"], theirs["y"], theirs["cell"]) == (ours.x, ours.y, ours.cell)
+    assert theirs["digest"] == ours.digest
