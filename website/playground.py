@@ -11,7 +11,8 @@ from apollonius.web.site import write_site
 _SCRIPTS = Path(__file__).parent / "scripts"
 """What leads to `offline.html`, and what loads the page there."""
 _MODULE = re.compile(r'<script type="module" src="([^"]+)"></script>')
-_IMPORT = re.compile(r'((?:from|import)\s*)"\./([^"]+)"')
+_IMPORT = re.compile(r'(?:(?:from|import)\s*\(?|new URL\()"\./([^"]+\.js)"')
+"""What a module needs: at once, when it is first wanted, and as a worker."""
 _DATA = (".json", ".safetensors", ".f32")
 
 
@@ -49,7 +50,7 @@ def in_order(folder: Path, entry: str) -> list[list[str]]:
     def visit(name: str) -> None:
         if name not in found:
             source = (folder / name).read_text()
-            for _, imported in _IMPORT.findall(source):
+            for imported in _IMPORT.findall(source):
                 visit(imported)
             found[name] = source
 

@@ -39,6 +39,9 @@ def test_links_are_those_of_the_site(document, link, there):
 def test_a_module_comes_after_those_that_it_imports(tmp_path):
     (tmp_path / "page.js").write_text('import { a } from "./a.js";\nimport {\n  b,\n} from "./b.js";\n')
     (tmp_path / "a.js").write_text('import { b } from "./b.js";\n')
-    (tmp_path / "b.js").write_text("export const b = 1;\n")
+    (tmp_path / "b.js").write_text('export const later = import("./later.js");\n')
+    (tmp_path / "later.js").write_text('new Worker(new URL("./worker.js", import.meta.url), { type: "module" });\n')
+    (tmp_path / "worker.js").write_text("")
     (tmp_path / "unused.js").write_text("")
-    assert [name for name, _ in in_order(tmp_path, "page.js")] == ["b.js", "a.js", "page.js"]
+    order = ["worker.js", "later.js", "b.js", "a.js", "page.js"]
+    assert [name for name, _ in in_order(tmp_path, "page.js")] == order

@@ -7,12 +7,11 @@ const DRAWN = "drawn"; // what the arena of this page's person is called among t
 export class Drawing {
   /**
    * @param element finds a part of the page by its id
-   * @param page {catalogue, choices, match}
-   * @param onOpen called when the workshop opens
-   * @param onPlay called with the choice of a game in the drawn arena
+   * @param session that is interrupted, and whose catalogue gets the drawn game
+   * @param choices offer it
    */
-  constructor(element, page, onOpen, onPlay) {
-    Object.assign(this, { element, page, onOpen, onPlay, workshop: null });
+  constructor(element, session, choices) {
+    Object.assign(this, { element, session, choices, workshop: null });
     for (const type of ["dragover", "drop"]) document.addEventListener(type, (event) => event.preventDefault());
     document.addEventListener("drop", ({ dataTransfer }) => dataTransfer?.files.length && this.openFiles(dataTransfer.files));
   }
@@ -20,7 +19,7 @@ export class Drawing {
   /** Open the workshop with the arena of the game that is played. */
   async open() {
     await this.#begin();
-    this.workshop.open(this.page.match?.game ?? this.page.catalogue.games.paper, this.workshop.files);
+    this.workshop.open(this.session.match?.game ?? this.session.catalogue.games.paper, this.workshop.files);
   }
 
   async openFiles(files) {
@@ -31,13 +30,23 @@ export class Drawing {
 
   async #begin() {
     this.workshop ??= new (await import("./workshop.js")).Workshop(this.element);
-    this.onOpen();
+    this.session.enter("drawing");
+  }
+
+  /** Draw the workshop's frame. */
+  draw(colours) {
+    this.workshop.draw(colours);
+  }
+
+  /** Hear a key; returns whether it was one of the workshop's. */
+  key(event) {
+    return this.workshop.key(event);
   }
 
   /** Play in the arena as it is drawn, with players that know any. */
   play() {
     this.offer(this.workshop.game);
-    this.onPlay({ ...this.page.choices.read(), level: null });
+    this.session.begin(this.choices.read());
   }
 
   /** Put a drawn game among the others, and choose it. */
@@ -45,8 +54,9 @@ export class Drawing {
     const { map, ...arena } = game.arena;
     const record = { ...game, arena: { ...arena, map: map && { file: map.file, sha256: map.digest || null } } };
     const named = map ? { ...game, record } : game;
-    this.page.catalogue = { ...this.page.catalogue, games: { ...this.page.catalogue.games, [DRAWN]: named } };
-    this.page.choices.addGame(DRAWN, named);
+    const { catalogue } = this.session;
+    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: named } };
+    this.choices.addGame(DRAWN, named);
   }
 
   /** Offer the game of a link's fragment, if it has one; returns what is wrong with it, or null. */

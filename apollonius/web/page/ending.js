@@ -49,9 +49,17 @@ export function describeEnd(match, me) {
   return winner === me ? `${what} ${when}. You win!` : `${what} ${when}. You lose.`;
 }
 
-/** What the button that goes on says. */
-export function describeGo(phase, page, me) {
+/** How a game is begun and steered by so many people. */
+export function describeReady(people) {
+  const touch = matchMedia("(pointer: coarse)").matches;
+  const how = people ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "two agents play";
+  return `${touch ? "Start" : "Space"} to begin; ${how}`;
+}
+
+/** What the button that goes on says in a session. */
+export function describeGo(session) {
+  const { phase, match, me } = session;
   if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Go on" }[phase] ?? "Start";
-  if (levelWonBy(page, me)) return "Next level";
-  return me && page.match.winner !== me ? "Try again" : "Next game";
+  if (levelWonBy(session, me)) return "Next level";
+  return me && match.winner !== me ? "Try again" : "Next game";
 }

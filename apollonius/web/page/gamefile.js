@@ -1,6 +1,6 @@
 // Games as the TOML that `--game` reads, and the same in a link: text in, a checked game out, and back.
 
-import { parse, stringify } from "./toml/index.js";
+import { parse, stringify } from "./toml/smol-toml.js";
 import { gameFrom } from "./validation.js";
 
 const MARK = "#game=";

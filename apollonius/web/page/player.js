@@ -1,150 +1,72 @@
-// The page: choices, buttons and keys in, frames out. A match runs at the rules' own clock, drawing at the screen's.
+// The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
-import { challengeOf, keepBest } from "./best.js";
-import { Choices, asChoice, asQuery, levelButtons } from "./choices.js";
-import { Coach } from "./coach.js";
+import { Choices, asChoice, levelButtons } from "./choices.js";
 import { Drawing } from "./drawing.js";
-import { describeEnd, describeGo, describeGoal } from "./ending.js";
-import { findGame, saveAs } from "./files.js";
+import { describeGo, describeGoal } from "./ending.js";
+import { saveAs } from "./files.js";
 import { Controllers } from "./gamepad.js";
 import { Alarm, isTooFast, nearness } from "./hints.js";
-import { lasting, levelWonBy, withOpenFloor } from "./levels.js";
-import { Match } from "./match.js";
-import { YOU } from "./names.js";
-import { findPlayer, rehearse } from "./players.js";
-import { SlowReplay } from "./replaying.js";
+import { withOpenFloor } from "./levels.js";
 import { EVADER, PURSUER } from "./rules.js";
+import { Session } from "./session.js";
 import { Stage } from "./stage.js";
-import { HOLD, Steering } from "./steering.js";
+import { Steering } from "./steering.js";
 import { Timing } from "./timing.js";
-
-const ROLES = [PURSUER, EVADER];
-const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
-const COUNTDOWN = 1.5; // before a person's game goes on [s]
-const MOST_STEPS = 30; // in a frame
-const BEAT = 0.5; // of it [s]
 
 const element = (id) => document.getElementById(id);
 const controllers = new Controllers();
 const steering = new Steering(controllers);
 const alarm = new Alarm();
+const stage = new Stage(element, steering);
 const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
-const page = { catalogue: null, choices: null, choice: null, match: null, phase: "loading", time: 0, last: null };
-Object.assign(page, { stage: new Stage(element, steering), counted: 0, pace: 1, coach: null, ending: null, complaint: null });
+const measure = (work) => timing.move.measure(work);
+const page = new Session((role, together) => steering.action(role, together), measure, showPhase);
+let choices, drawing;
 globalThis.apollonius = { page, timing }; // for the console, and for tests
 
-// ---- who plays
+// ---- what is said of the session
 
-const isPerson = (role) => page.match?.players[role].name === YOU;
-const people = () => ROLES.filter(isPerson);
-/** The side of the one person who plays, or null. */
-const me = () => (people().length === 1 ? people()[0] : null);
-
-function steer(role) {
-  const action = steering.action(role, people().length === 2);
-  if (role === me()) page.coach?.see(action);
-  return action;
-}
-
-/** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
-async function beginMatch(choice) {
-  history.replaceState(null, "", asQuery(choice) + location.hash);
-  page.choice = choice;
-  enter("loading", "Loading…");
-  try {
-    const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
-    const difficulty = hasPerson ? choice.difficulty : "sharp";
-    const measure = (work) => timing.move.measure(work);
-    const players = ROLES.map((role) => findPlayer(page.catalogue, choice[role], role, difficulty, steer, measure));
-    const [found, pursuer, evader] = await Promise.all([findGame(page.catalogue, choice.game), ...players]);
-    if (page.choice !== choice) return;
-    const game = choice.level ? lasting(found, choice.level.seconds) : found;
-    page.match = new Match(game, { pursuer, evader }, choice.seed);
-    page.coach = choice.level?.number === 1 ? new Coach() : null;
-    rehearse(page.match, HOLD);
-    makeReady();
-  } catch (error) {
-    if (page.choice === choice) enter("loading", `${error.message}. Choose another player under Games.`);
-    return;
-  }
-  if (page.complaint) {
-    element("message").textContent = page.complaint;
-    page.complaint = null;
-  }
-}
-
-// ---- phases: loading, ready, counting, playing, paused, over; drawing
-
-function enter(phase, message = "") {
-  page.phase = phase;
-  Object.assign(document.body.dataset, { phase, people: people().length, me: me() ?? "" });
+function showPhase(message) {
+  const { phase } = page;
+  Object.assign(document.body.dataset, { phase, people: page.people.length, me: page.me ?? "" });
   element("message").textContent = message;
-  element("go").textContent = describeGo(phase, page, me());
-  element("go").disabled = phase === "loading";
-  element("again").disabled = element("next").disabled = phase === "loading";
+  element("go").textContent = describeGo(page);
+  element("go").disabled = element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
-  showScore();
+  if (page.match) showScore(page);
 }
 
-function makeReady() {
-  Object.assign(page, { time: 0, ending: null, counted: 0 });
-  const touch = matchMedia("(pointer: coarse)").matches;
-  const how = people().length ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "two agents play";
-  enter("ready", `${touch ? "Start" : "Space"} to begin; ${how}`);
+function showScore({ match, choice, me }) {
+  const number = choice.level ? `${choice.level.number}. ` : "";
+  element("goal").textContent = number + describeGoal(match, me);
+  for (const role of [PURSUER, EVADER]) {
+    element(`${role}-name`).textContent = match.players[role].words;
+    element(`${role}-score`).textContent = match.score[role];
+  }
 }
 
-function finish() {
-  const { match, choice } = page;
-  let message = describeEnd(match, me());
-  if (me() && keepBest(challengeOf(choice), match, me())) message += " Your best so far.";
-  page.ending = new SlowReplay(match, performance.now() / 1000);
-  enter("over", message);
-}
+// ---- what can be done: each of these is a button
 
 const actions = {
-  go() {
-    const { phase } = page;
-    if (phase === "loading") return;
-    if (phase === "playing" || phase === "counting") return enter("paused", "Paused");
-    if (phase === "over") {
-      const after = levelWonBy(page, me());
-      if (after) return beginMatch(asChoice(after));
-      page.match.next();
-      Object.assign(page, { time: 0, ending: null });
-    }
-    page.counted = people().length ? COUNTDOWN : 0;
-    enter("counting");
-  },
-  again() {
-    page.match?.again();
-    if (page.match) makeReady();
-  },
-  next() {
-    page.match?.next();
-    if (page.match) makeReady();
-  },
+  go: () => page.go(),
+  again: () => page.again(),
+  next: () => page.next(),
   menu() {
-    if (page.phase === "playing" || page.phase === "counting") actions.go();
+    page.pause();
     element("levels").replaceChildren(...levelButtons(page.choice?.level ?? null, (level) => choose(asChoice(level))));
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
     element("games").showModal();
   },
   play() {
-    if (element("choices").reportValidity()) choose(page.choices.read());
+    if (element("choices").reportValidity()) choose(choices.read());
   },
   sound() {
     alarm.mute(!alarm.isMuted);
     element("sound").setAttribute("aria-pressed", String(!alarm.isMuted));
   },
-  draw() {
-    page.drawing.open();
-  },
-  "play-here"() {
-    page.drawing.play();
-  },
-  back() {
-    actions.again();
-  },
+  draw: () => drawing.open(),
+  "play-here": () => drawing.play(),
+  back: () => page.again(),
   download() {
     const { match } = page;
     saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");
@@ -153,59 +75,30 @@ const actions = {
 
 function choose(choice) {
   element("games").close();
-  beginMatch(choice);
-}
-
-function showScore() {
-  const { match, choice } = page;
-  if (!match) return;
-  const number = choice.level ? `${choice.level.number}. ` : "";
-  element("goal").textContent = number + describeGoal(match, me());
-  for (const role of ROLES) {
-    element(`${role}-name`).textContent = match.players[role].words;
-    element(`${role}-score`).textContent = match.score[role];
-  }
+  page.begin(choice);
 }
 
 // ---- frames
 
+let last = null;
+
 function frame(now) {
   requestAnimationFrame(frame);
-  const passed = page.last === null ? 0 : (now - page.last) / 1000;
-  page.last = now;
+  const passed = last === null ? 0 : (now - last) / 1000;
+  last = now;
   if (!page.match) return;
-  if (page.phase === "drawing") return page.drawing.workshop.draw(page.stage.colours);
-  if (controllers.starts() && !element("games").open) actions.go();
+  if (page.phase === "drawing") return drawing.draw(stage.colours);
+  if (controllers.starts() && !element("games").open) page.go();
   if (page.phase === "playing") timing.interval.add(1000 * passed);
   timing.frame.measure(() => {
-    if (page.phase === "counting") countDown(passed);
-    else if (page.phase === "playing") advance(Math.min(passed, LONGEST_PAUSE) * (people().length ? 1 : page.pace));
-    page.stage.show(page, { people: people(), me: me() }, now / 1000);
-    if (page.phase === "playing") warn(now / 1000);
+    page.pass(passed);
+    stage.show(page, now / 1000);
+    if (page.phase === "playing" && page.me) warn(page, now / 1000);
   });
 }
 
-function countDown(passed) {
-  page.counted -= passed;
-  if (page.counted <= 0) return enter("playing");
-  element("message").textContent = `${Math.ceil(page.counted / BEAT)}`;
-}
-
-function warn(now) {
-  const { game, state } = page.match;
-  if (me()) alarm.tell(nearness(game, state, me()), isTooFast(game, me(), state[me()]), now);
-}
-
-/** The match, as many steps on as fit into the time that has passed [s]. */
-function advance(passed) {
-  const { match } = page;
-  page.time += passed;
-  page.time = Math.min(page.time, MOST_STEPS * match.game.dt); // where steps are short, time passes more slowly
-  while (page.time >= match.game.dt && !match.isOver) {
-    match.step();
-    page.time -= match.game.dt;
-  }
-  if (match.isOver) finish();
+function warn({ me, match: { game, state } }, now) {
+  alarm.tell(nearness(game, state, me), isTooFast(game, me, state[me]), now);
 }
 
 // ---- wiring
@@ -213,7 +106,7 @@ function advance(passed) {
 function onKey(event) {
   const isDown = event.type === "keydown";
   const on = (elements) => event.target.closest?.(elements) !== null;
-  if (page.phase === "drawing" && isDown && !on("input") && page.drawing.workshop.key(event)) event.preventDefault();
+  if (page.phase === "drawing" && isDown && !on("input") && drawing.key(event)) event.preventDefault();
   if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
   const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound }[event.code];
@@ -221,7 +114,7 @@ function onKey(event) {
   if (isDown && !event.repeat) pressed?.();
 }
 
-async function main() {
+function wire() {
   for (const [id, action] of Object.entries(actions)) {
     element(id).addEventListener("click", (event) => {
       action();
@@ -230,9 +123,8 @@ async function main() {
   }
   for (const type of ["keydown", "keyup"]) document.addEventListener(type, onKey);
   globalThis.addEventListener("blur", () => steering.release());
-  document.addEventListener("visibilitychange", () => {
-    if (document.hidden && ["playing", "counting"].includes(page.phase)) actions.go();
-  });
+  globalThis.addEventListener("hashchange", () => location.reload());
+  document.addEventListener("visibilitychange", () => document.hidden && page.pause());
   element("games").addEventListener("close", () => document.activeElement?.blur());
   element("choices").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -242,16 +134,20 @@ async function main() {
     page.pace = Number(target.value);
     target.blur();
   });
-  for (const role of ROLES) steering.attach(element(`pad-${role}`), role);
-  enter("loading", "Loading…");
-  const catalogue = await (await fetch("catalogue.json")).json();
-  page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
-  page.choices = new Choices(element("choices"), catalogue, page.catalogue.games);
-  page.drawing = new Drawing(element, page, () => enter("drawing"), beginMatch);
-  requestAnimationFrame(frame);
-  globalThis.addEventListener("hashchange", () => location.reload());
-  page.complaint = await page.drawing.offerLinked(location.hash);
-  await beginMatch(page.choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn"));
+  for (const role of [PURSUER, EVADER]) steering.attach(element(`pad-${role}`), role);
 }
 
-main().catch((error) => enter("loading", `This page cannot start: ${error.message}`));
+async function main() {
+  page.enter("loading", "Loading…");
+  const catalogue = await (await fetch("catalogue.json")).json();
+  page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
+  choices = new Choices(element("choices"), catalogue, page.catalogue.games);
+  drawing = new Drawing(element, page, choices);
+  wire();
+  requestAnimationFrame(frame);
+  const complaint = await drawing.offerLinked(location.hash);
+  await page.begin(choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn"));
+  if (complaint) element("message").textContent = complaint;
+}
+
+main().catch((error) => page.enter("loading", `This page cannot start: ${error.message}`));

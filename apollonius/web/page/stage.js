@@ -22,8 +22,8 @@ export class Stage {
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
   }
 
-  /** Draw a match as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
-  show({ match, phase, time, coach, ending }, { people, me }, now) {
+  /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
+  show({ match, phase, time, coach, ending, people, me }, now) {
     const { element, colours } = this;
     const [before, after] = match.states.slice(-2);
     const share = match.isOver ? 1 : time / match.game.dt;

@@ -26,7 +26,7 @@ export class Workshop {
   constructor(element) {
     this.element = element;
     this.editor = new Editor(element("canvas"), (game) => this.#changed(game));
-    this.surveyor = new Worker(new URL("surveyor.js", import.meta.url), { type: "module" });
+    this.surveyor = new Worker(new URL("./surveyor.js", import.meta.url), { type: "module" });
     this.surveyor.addEventListener("message", ({ data }) => this.#hear(data));
     Object.assign(this, { asked: 0, isBusy: false, found: null, checked: null, problem: null, files: [] });
     this.#makeTools();

@@ -1,0 +1,145 @@
+// A person's games: what is chosen, who plays, the phase that a game is in, and how much of its clock has passed.
+
+import { challengeOf, keepBest } from "./best.js";
+import { asChoice, asQuery } from "./choices.js";
+import { Coach } from "./coach.js";
+import { describeEnd, describeReady } from "./ending.js";
+import { findGame } from "./files.js";
+import { lasting, levelWonBy } from "./levels.js";
+import { Match } from "./match.js";
+import { YOU } from "./names.js";
+import { findPlayer, rehearse } from "./players.js";
+import { SlowReplay } from "./replaying.js";
+import { EVADER, PURSUER } from "./rules.js";
+import { HOLD } from "./steering.js";
+
+const ROLES = [PURSUER, EVADER];
+const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
+const COUNTDOWN = 1.5; // before a person's game goes on [s]
+const MOST_STEPS = 30; // in a frame
+const BEAT = 0.5; // of the countdown [s]
+
+export class Session {
+  /**
+   * @param steer what a person does: from a side, and whether two people play, to an action
+   * @param measure calls a function and keeps how long it took
+   * @param onChange called with what is to be said when another phase begins, and when a countdown goes on
+   */
+  constructor(steer, measure, onChange) {
+    Object.assign(this, { steer, measure, onChange, catalogue: null, choice: null, match: null, phase: "loading" });
+    Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, ending: null });
+  }
+
+  /** The sides that people play. */
+  get people() {
+    return ROLES.filter((role) => this.match?.players[role].name === YOU);
+  }
+
+  /** The side of the one person who plays, or null. */
+  get me() {
+    const { people } = this;
+    return people.length === 1 ? people[0] : null;
+  }
+
+  /** Go to a phase: loading, ready, counting, playing, paused, over; drawing. */
+  enter(phase, message = "") {
+    this.phase = phase;
+    this.onChange(message);
+  }
+
+  /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
+  async begin(choice) {
+    this.choice = choice;
+    history.replaceState(null, "", asQuery(choice) + location.hash);
+    this.enter("loading", "Loading…");
+    try {
+      const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
+      const difficulty = hasPerson ? choice.difficulty : "sharp";
+      const steer = (role) => this.#steer(role);
+      const players = ROLES.map((role) => findPlayer(this.catalogue, choice[role], role, difficulty, steer, this.measure));
+      const [found, pursuer, evader] = await Promise.all([findGame(this.catalogue, choice.game), ...players]);
+      if (this.choice !== choice) return;
+      const game = choice.level ? lasting(found, choice.level.seconds) : found;
+      this.match = new Match(game, { pursuer, evader }, choice.seed);
+      this.coach = choice.level?.number === 1 ? new Coach() : null;
+      rehearse(this.match, HOLD);
+      this.#makeReady();
+    } catch (error) {
+      if (this.choice === choice) this.enter("loading", `${error.message}. Choose another player under Games.`);
+    }
+  }
+
+  #steer(role) {
+    const action = this.steer(role, this.people.length === 2);
+    if (role === this.me) this.coach?.see(action);
+    return action;
+  }
+
+  #makeReady() {
+    Object.assign(this, { time: 0, ending: null, counted: 0 });
+    this.enter("ready", describeReady(this.people.length));
+  }
+
+  /** The one button: start, pause, go on, the next game or level. */
+  go() {
+    const { phase } = this;
+    if (phase === "loading") return;
+    if (phase === "playing" || phase === "counting") return this.enter("paused", "Paused");
+    if (phase === "over") {
+      const after = levelWonBy(this, this.me);
+      if (after) return this.begin(asChoice(after));
+      this.match.next();
+      Object.assign(this, { time: 0, ending: null });
+    }
+    this.counted = this.people.length ? COUNTDOWN : 0;
+    this.enter("counting");
+  }
+
+  /** Pause, if a game is under way. */
+  pause() {
+    if (this.phase === "playing" || this.phase === "counting") this.go();
+  }
+
+  /** The same start again. */
+  again() {
+    this.match?.again();
+    if (this.match) this.#makeReady();
+  }
+
+  /** Another start. */
+  next() {
+    this.match?.next();
+    if (this.match) this.#makeReady();
+  }
+
+  /** Some time [s] has passed: the countdown or the match goes on. */
+  pass(seconds) {
+    if (this.phase === "counting") this.#countDown(seconds);
+    else if (this.phase === "playing") this.#advance(Math.min(seconds, LONGEST_PAUSE) * (this.people.length ? 1 : this.pace));
+  }
+
+  #countDown(passed) {
+    this.counted -= passed;
+    if (this.counted <= 0) this.enter("playing");
+    else this.onChange(`${Math.ceil(this.counted / BEAT)}`);
+  }
+
+  /** As many steps as fit into the time. */
+  #advance(passed) {
+    const { match } = this;
+    const { dt } = match.game;
+    this.time = Math.min(this.time + passed, MOST_STEPS * dt); // where steps are short, time passes more slowly
+    while (this.time >= dt && !match.isOver) {
+      match.step();
+      this.time -= dt;
+    }
+    if (match.isOver) this.#finish();
+  }
+
+  #finish() {
+    const { match, me } = this;
+    const isBest = me && keepBest(challengeOf(this.choice), match, me);
+    this.ending = new SlowReplay(match, performance.now() / 1000);
+    this.enter("over", describeEnd(match, me) + (isBest ? " Your best so far." : ""));
+  }
+}

@@ -1,0 +1,63 @@
+"""The page in headless Chromium, by a clock that tests turn: a second of a game takes no longer than it takes to play."""
+
+import shutil
+
+import pytest
+
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+CHROMIUM = shutil.which("chromium")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+FLAGS = (
+    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync"
+)
+DESK = {"viewport": {"width": 840, "height": 560}}
+PHONE = {"viewport": {"width": 375, "height": 667}, "is_mobile": True, "has_touch": True}
+LONGEST_FRAME = 250
+"""Time [ms] that the page takes at most for one frame."""
+
+
+class Tab:
+    """One tab in which pages are opened one after the other; `complaints` are those of the page that is open."""
+
+    def __init__(self, browser, address, **screen):
+        self.address, self.complaints = address, []
+        self.page = browser.new_context(**screen).new_page()
+        self.page.on("console", lambda message: message.type == "error" and self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.clock.install(time=0)
+        self.page.clock.pause_at(1)
+
+    def open(self, query=""):
+        """The page, loaded anew, ready to be started, and with nothing remembered."""
+        self.page.goto("about:blank")  # where only the fragment differs, nothing would be loaded
+        self.page.goto(self.address + query)
+        self.page.wait_for_selector("#go:enabled")
+        self.page.evaluate("localStorage.clear()")
+        self.complaints.clear()
+        return self.page
+
+    def let_pass(self, seconds):
+        """So much time of the page's clock."""
+        for _ in range(round(1000 * seconds / LONGEST_FRAME)):
+            self.page.clock.fast_forward(LONGEST_FRAME)
+
+    def play(self, seconds):
+        """Press the button, and see a person's game to so many seconds."""
+        self.page.click("#go")
+        self.let_pass(1.5 + seconds)
+
+    def end_after(self, steps):
+        """The game with a limit of so few steps, played to it."""
+        self.page.evaluate(f"apollonius.page.match.game.max_steps = {steps}")
+        self.play(0.5)
+        self.page.wait_for_selector("body[data-phase=over]")
+
+    def match(self, what):
+        """Something of the match, such as `state.evader`."""
+        return self.page.evaluate(f"apollonius.page.match.{what}")
+
+
+def launched(driver):
+    """A browser, to be closed."""
+    return driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
