@@ -1,4 +1,4 @@
-"""The page in headless Chromium, by a clock that tests turn: a second of a game takes no longer than it takes to play."""
+"""The page in headless Chromium, by a clock that tests turn: seconds of a game take no longer than its steps."""
 
 import shutil
 
@@ -50,7 +50,7 @@ class Tab:
     def end_after(self, steps):
         """The game with a limit of so few steps, played to it."""
         self.page.evaluate(f"apollonius.page.match.game.max_steps = {steps}")
-        self.play(0.5)
+        self.play(1)
         self.page.wait_for_selector("body[data-phase=over]")
 
     def match(self, what):

@@ -60,12 +60,18 @@ class Case:
     role: Role
 
 
-@pytest.fixture(scope="module", params=GAMES)
+MORE = ("office", "courtyard")
+"""Games of which one more like them is compared in every run."""
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.slow if name in MORE else ()) for name in GAMES]
+)
 def case(request):
     """One game of many kinds; robots are fast and close to obstacles."""
     game = GAMES[request.param]()
     starts = replace(game, starts=Starts(speed="moving", clearance=0.05))
-    role = Role.EVADER if request.param in ("office", "map") else Role.PURSUER
+    role = Role.EVADER if request.param in ("office", "random maze", "map") else Role.PURSUER
     states = np.asarray(as_rows(reset_batch(starts, jax.random.key(1), 500)))
     return Case(game, charted(game).arena.chart, states, role)
 

@@ -175,7 +175,12 @@ def as_on_the_page(game):
 
 
 @pytest.mark.parametrize(
-    ("arena", "draw"), [(among_polygons, any_actions), (among_polygons, any_gears), (on_a_floor, any_gears)]
+    ("arena", "draw"),
+    [
+        (among_polygons, any_actions),
+        pytest.param(among_polygons, any_gears, marks=pytest.mark.slow),
+        (on_a_floor, any_gears),
+    ],
 )
 def test_games_among_obstacles_come_out_the_same(arena, draw):
     """Random play: states, outcomes, clearances."""

@@ -1,6 +1,5 @@
 """The whole site, built and opened in a real browser: from a folder, and below a path of a web host."""
 
-import shutil
 import subprocess
 import sys
 import threading
@@ -11,16 +10,10 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from tests.documents import REPOSITORY
+from tests.web.browser import PHONE, launched, needs_chromium, playwright
 
 pytest.importorskip("sphinx", reason="needs what make site installs")
-playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")]
-FLAGS = (
-    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-)
-PHONE = {"viewport": {"width": 375, "height": 667}, "is_mobile": True, "has_touch": True}
+pytestmark = [pytest.mark.slow, needs_chromium]
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +44,7 @@ def address(request, site):
 @pytest.fixture(scope="module")
 def browser():
     with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
+        chromium = launched(driver)
         yield chromium
         chromium.close()
 

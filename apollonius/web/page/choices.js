@@ -98,6 +98,7 @@ export class Choices {
     const values = Object.fromEntries(new URLSearchParams(query));
     const number = values.level ?? (query || linked ? null : this.chosen.level);
     this.fill(linked ? { ...values, game: linked } : values);
+    if (linked && !query) this.refit(); // nobody is asked for who knows another arena only
     const level = levelOf(number);
     return level ? asChoice(level) : this.read();
   }

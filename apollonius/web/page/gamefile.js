@@ -8,11 +8,20 @@ const LONGEST = 100_000; // characters of a link's game, decoded
 
 /** The game of a TOML text; `map` is the one it names, loaded. Throws an Error in one line. */
 export function readGame(text, map = null) {
-  const said = parse(text);
+  const said = parsed(text);
   if (said.arena?.map !== undefined && !map) {
     throw new Error(`this game is on the map ${String(said.arena.map).slice(0, 60)}: drop its .yaml and its image together with it`);
   }
   return gameFrom(said, map);
+}
+
+function parsed(text) {
+  try {
+    return parse(text);
+  } catch (error) {
+    const [what] = error.message.split("\n");
+    throw new Error(`${what.slice(0, 120)} (line ${error.line})`);
+  }
 }
 
 /** A game as TOML; a map by the name of its YAML file, which lies beside it. */

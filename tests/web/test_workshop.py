@@ -1,0 +1,188 @@
+"""Arenas drawn in a real browser: by pointers and fingers, saved, loaded, shared, dropped, and played in."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from apollonius.arenas.file import load_game
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import to_dict
+from apollonius.replay import load_replay
+from tests.web.browser import needs_chromium, playwright
+
+pytestmark = needs_chromium
+PLACING = """async arena => {
+  const canvas = document.getElementById("canvas");
+  const { placing } = await import("./draw.js");
+  const { left, top } = canvas.getBoundingClientRect();
+  return { ...placing(canvas, arena), left, top, ratio: devicePixelRatio };
+}"""
+DROP = """files => {
+  const dataTransfer = new DataTransfer();
+  for (const [name, base64] of files) {
+    dataTransfer.items.add(new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name));
+  }
+  document.body.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+}"""
+FLOOR = """
+image: floor.pgm
+resolution: 0.1
+origin: [-1.0, 2.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+class Hand:
+    """A person's hand on the arena of a tab, which is ten metres wide and high."""
+
+    def __init__(self, tab):
+        self.tab, self.page = tab, tab.page
+        self.page.click("#draw")
+        self.page.wait_for_selector("#tools button[data-tool=disc]")
+        self.page.click("#clear")
+        tab.let_pass(0.25)
+        walls = {"x_min": 0, "x_max": 10, "y_min": 0, "y_max": 10}
+        self.placing = self.page.evaluate(PLACING, walls)
+
+    def at(self, x, y):
+        """The place [px] of a place in the arena [m]."""
+        to = self.placing
+        right, down = to["x"] + to["scale"] * x, to["y"] - to["scale"] * y
+        return to["left"] + right / to["ratio"], to["top"] + down / to["ratio"]
+
+    def use(self, tool, start, end=None):
+        self.page.click(f"#tools [data-tool={tool}]")
+        self.page.mouse.move(*self.at(*start))
+        self.page.mouse.down()
+        if end:
+            self.page.mouse.move(*self.at(*end), steps=3)
+        self.page.mouse.up()
+
+    def save(self, path):
+        with self.page.expect_download() as download:
+            self.page.click("#save")
+        download.value.save_as(path)
+        return load_game(path)
+
+
+def corners(polygon):
+    return [[round(float(length), 2) for length in corner] for corner in polygon.vertices]
+
+
+def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
+    page = desk.open("?pursuer=P_any&evader=you")
+    hand = Hand(desk)
+    hand.use("disc", (2, 8), (2.6, 8))
+    hand.use("block", (6, 6), (7, 8))
+    hand.use("wall", (1, 3), (7, 3))
+    hand.use("door", (4, 3.05))
+    hand.use("room", (8, 1))
+    page.click("#undo")
+    hand.use("select", (6.5, 7), (7.5, 7))
+    hand.use("select", (8, 8), (8.5, 9))
+    game = hand.save(tmp_path / "arena.toml")
+    (disc,) = game.arena.discs
+    np.testing.assert_allclose([disc.x, disc.y, disc.radius], [2, 8, 0.6], atol=0.051)
+    block, *walls = map(corners, game.arena.polygons)
+    assert block == [[7, 6], [8.5, 6], [8.5, 9], [7, 9]]
+    assert [wall[0][0] for wall in walls] == [1, 4.6]
+    page.click("#share")
+    link = page.evaluate("location.hash")
+    page.click("#clear")
+    page.set_input_files("#file", tmp_path / "arena.toml")
+    again = hand.save(tmp_path / "again.toml")
+    assert to_dict(again) == to_dict(game)
+    page = desk.open(link)
+    assert desk.match("players.pursuer.name") == "shielded:P_any"
+    assert desk.match("game") == json.loads(json.dumps(to_dict(game)))
+    desk.play(60)
+    page.wait_for_selector("body[data-phase=over]")
+    assert page.inner_text("#message").startswith("You were caught")
+    with page.expect_download() as download:
+        page.click("#download")
+    download.value.save_as(tmp_path / "game.json")
+    replay = load_replay(tmp_path / "game.json")
+    assert replay.pursuer == "shielded:P_any"
+    assert replay.first_difference() is None
+
+
+def test_what_is_wrong_is_said_while_it_is_drawn(desk):
+    page = desk.open()
+    hand = Hand(desk)
+    hand.use("wall", (0, 5), (10, 5))
+    playwright.expect(page.locator("#findings")).to_contain_text("free space falls into 2 parts")
+    hand.use("door", (5, 5))
+    playwright.expect(page.locator("#findings")).not_to_contain_text("falls into", timeout=20_000)
+    page.click("#back")
+    assert page.get_attribute("body", "data-phase") == "ready"
+
+
+@pytest.fixture
+def floor(tmp_path):
+    """The two files of a ROS map."""
+    shades = np.full((60, 80), 254, np.uint8)
+    shades[20:24, :50] = 0
+    Image.fromarray(shades).save(tmp_path / "floor.pgm")
+    (tmp_path / "floor.yaml").write_text(FLOOR)
+    return tmp_path / "floor.yaml", tmp_path / "floor.pgm"
+
+
+def test_a_map_is_dropped_and_played_on(desk, floor):
+    page = desk.open("?pursuer=small&evader=still")
+    page.evaluate(DROP, [(path.name, base64.b64encode(path.read_bytes()).decode()) for path in floor])
+    page.wait_for_selector("#play-here:enabled")
+    page.click("#play-here")
+    page.wait_for_selector("#go:enabled")
+    desk.play(1)
+    ours, field = load_map(floor[0]), page.evaluate("[...apollonius.page.match.game.arena.map.field]")
+    np.testing.assert_allclose(np.reshape(field, ours.field.shape), ours.field, atol=1e-6)
+    record = desk.match("replay().game.arena")
+    assert record["map"] == {"file": "floor.yaml", "sha256": ours.digest}
+    assert (record["x_min"], record["x_max"]) == (-1, 7)
+
+
+def test_fingers_draw_on_a_phone(phone, tmp_path):
+    page = phone.open()
+    page.set_viewport_size({"width": 375, "height": 667})
+    hand = Hand(phone)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 375
+    screen = page.context.new_cdp_session(page)
+    for tool, ways in (("corridor", [(2, 4), (5, 4), (8, 4)]), ("disc", [(5, 8)])):
+        page.tap(f"#tools [data-tool={tool}]")
+        for kind, (x, y) in zip(["touchStart", *["touchMove"] * 2], ways, strict=False):
+            right, down = hand.at(x, y)
+            screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": right, "y": down}]})
+        screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    game = hand.save(tmp_path / "arena.toml")
+    upper, lower = map(corners, game.arena.polygons)
+    assert min(y for _, y in upper) - max(y for _, y in lower) == pytest.approx(1.2)
+    assert [disc.radius for disc in game.arena.discs] == pytest.approx([0.5])
+
+
+def as_link(text):
+    return f"#game={base64.urlsafe_b64encode(text.encode()).decode().rstrip('=')}"
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        "#game=%3Cimg%20src=x%20onerror=hacked=1%3E",
+        as_link("capture_distance = '<img src=x onerror=hacked=1>'"),
+        as_link("[arena]\n'<svg onload=hacked=1>' = 1"),
+        as_link("[arena]\nmap = '//evil.example/<script>hacked=1</script>'"),
+        as_link("x" * 90_000),
+    ],
+)
+def test_a_hostile_link_runs_nothing_and_is_refused_in_a_line(desk, link):
+    page = desk.open(link)
+    said = page.inner_text("#message")
+    assert said.startswith("The arena in this link cannot be played: ")
+    assert "\n" not in said
+    assert len(said) < 300
+    assert page.evaluate("globalThis.hacked === undefined && ({}).hacked === undefined")
+    assert page.locator("#message *").count() == 0
