@@ -4,6 +4,7 @@ import { clearance, toPolygon } from "./clearance.js";
 import { connected, euclidean } from "./distances.js";
 
 const CELLS = 500; // along the arena's longer side
+export const QUICK = 120; // where a person waits
 const LEAST_PART = 1e-4; // parts smaller than this share of the arena are specks of the grid
 const LEAST_ROOM = 0.02; // share of the arena from which on there is room enough to start
 

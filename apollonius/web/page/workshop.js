@@ -5,6 +5,7 @@ import { saveAs } from "./files.js";
 import { asFragment, readGame, writeGame } from "./gamefile.js";
 import { mapOf, mapOfPicture, readYaml } from "./mapfile.js";
 import { cleared, withSize } from "./plan.js";
+import { Surveying } from "./surveying.js";
 import { DEFAULT, gameFrom } from "./validation.js";
 
 const HINTS = {
@@ -26,9 +27,8 @@ export class Workshop {
   constructor(element) {
     this.element = element;
     this.editor = new Editor(element("canvas"), (game) => this.#changed(game));
-    this.surveyor = new Worker(new URL("./surveyor.js", import.meta.url), { type: "module" });
-    this.surveyor.addEventListener("message", ({ data }) => this.#hear(data));
-    Object.assign(this, { asked: 0, isBusy: false, found: null, checked: null, problem: null, files: [] });
+    this.surveying = new Surveying((found) => this.#hear(found));
+    Object.assign(this, { found: null, checked: null, problem: null, files: [] });
     this.#makeTools();
     this.#makeSliders();
     this.#wire();
@@ -72,29 +72,20 @@ export class Workshop {
   #changed(game) {
     const { element } = this;
     const { map, ...arena } = game.arena;
-    [this.asked, this.found, this.problem, this.checked] = [this.asked + 1, null, null, null];
+    [this.found, this.problem, this.checked] = [null, null, null];
     this.#show(game);
     try {
       this.checked = gameFrom({ ...game, arena }, map ?? null);
       this.#list(["Looking…"]);
-      this.#ask();
     } catch (error) {
       this.problem = error;
       this.#list([`✗ ${error.message}.`]);
     }
+    this.surveying.ask(this.checked);
     element("play-here").disabled = this.problem !== null;
   }
 
-  /** Have the latest arena surveyed, once the one before is done. */
-  #ask() {
-    if (this.isBusy || !this.checked) return;
-    this.isBusy = true;
-    this.surveyor.postMessage({ number: this.asked, game: this.checked });
-  }
-
-  #hear({ number, isWhole, found }) {
-    this.isBusy = !isWhole;
-    if (number !== this.asked) return this.#ask();
+  #hear(found) {
     this.found = found;
     const lines = [...found.wrong.map((line) => `✗ ${line}`), ...found.notes.map((line) => `· ${line}`)];
     this.#list(found.wrong.length ? lines : ["✓ Nothing is wrong with this arena.", ...lines]);
@@ -200,7 +191,9 @@ export class Workshop {
 
   #save() {
     saveAs("arena.toml", writeGame(this.game), "application/toml");
-    if (this.game.arena.map) for (const { name, bytes } of this.files) saveAs(name, bytes, "application/octet-stream");
+    const { map } = this.game.arena;
+    const isShown = this.files.some(({ name }) => name === map?.file);
+    if (isShown) for (const { name, bytes } of this.files) saveAs(name, bytes, "application/octet-stream");
     this.#say("Saved: apollonius play --game arena.toml plays it, apollonius train --game arena.toml learns it.");
   }
 
