@@ -46,8 +46,8 @@ CLASSICAL = BySide(
     ("flee", "flee-aware", "circle", "potential-field"),
 )
 """Of whom the best is taken, behind a shield."""
-KINDS = ("table", "foresight-0.5", "foresight-1")
-"""Attackers, by their names in `apollonius.exploit.attackers`; `foresight-2` takes as long as all else together."""
+KINDS = ("table", "foresight-1")
+"""Attackers, by their names in `apollonius.exploit.attackers`; those with more foresight take longer than all else."""
 IGNORANT = 1
 """Those of them that do not ask the player what it would do. A shield takes too long to answer the others."""
 
@@ -80,7 +80,7 @@ class HeldOut(driver.AbstractStudy):
     games: int = driver.option(100, help="games with each attacker (default: %(default)s)")
     arenas: int = driver.option(20, help="how many: kinds take turns (default: %(default)s)")
     longest: float = driver.option(12.0, help="their longer side at most, for the grid is coarse [m]")
-    grid: str = driver.option("13x13x5x8", help="nodes along x, y, v and heading (default: %(default)s)")
+    grid: str = driver.option("11x11x5x8", help="nodes along x, y, v and heading (default: %(default)s)")
     preset: str = driver.option("standard", help="how the specialists train (default: %(default)s)")
     seed: int = driver.option(0, help="of the starts")
 
