@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.network import GaussianActor, Network, QNetwork
+from apollonius.agents.network import GaussianActor, Network, QNetwork, widened
 from apollonius.errors import require
 from apollonius.game.types import Real, Scalar
 from apollonius.learn import dqn, sac
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.replay_buffer import CONTINUOUS, DISCRETE, Batch
+from apollonius.observe.registry import find_observation
 
 Learner = dqn.DQNLearner | sac.SACLearner
 """One side's networks and optimisers. All have `network`, which plays while it learns, `average`, which plays when it
@@ -81,8 +82,9 @@ def shape_of(network: Network) -> tuple[str, int, int]:
     return network.observation.name, len(network.layers) - 1, int(network.layers[0].out_features)
 
 
-def require_fitting(network: Network, config: LearnerConfig, name: str, value: object) -> None:
-    """Refuse a network that is not of the kind a configuration trains.
+def fitted(network: Network, config: LearnerConfig, name: str, value: object) -> Network:
+    """A network as a configuration trains it: itself or, if what is to be read begins with what it reads, the same with
+    weights of 0 for what is new.
 
     Args:
         name, value: what the user gave, for the message.
@@ -90,12 +92,15 @@ def require_fitting(network: Network, config: LearnerConfig, name: str, value: o
     Raises:
         InvalidInput: naming both kinds.
     """
+    if (reads := find_observation(config.observation)).extends == network.observation.name:
+        network = widened(network, reads)
     made_for = shape_of(network)
     wanted = (config.observation, config.depth, config.width)
     bound = f"an agent with (observation, depth, width) = {wanted} as this config trains, not {made_for}"
     require(made_for == wanted, name, value, bound)
     kind = algorithm_of(config).network
     require(isinstance(network, kind), name, value, f"a {kind.__name__} as this config trains")
+    return network
 
 
 def _update_values(

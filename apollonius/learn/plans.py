@@ -1,14 +1,13 @@
 """The stages of a run by name: the plan of each, and the agents that they go on from."""
 
-from apollonius.agents.network import Network, widened
+from apollonius.agents.network import Network
 from apollonius.agents.trained import load_network
 from apollonius.game.types import Role
-from apollonius.learn.algorithm import require_fitting
+from apollonius.learn.algorithm import fitted
 from apollonius.learn.config import RunConfig
 from apollonius.learn.devices import share
 from apollonius.learn.stage_config import StageConfig
 from apollonius.learn.train_state import Plan
-from apollonius.observe.registry import find_observation
 
 FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
 
@@ -37,8 +36,4 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     name = config.first[role]
     if name is None:
         return None
-    network, learner = load_network(name, role), config.self_play.learner_of(role, config.learner)
-    if (reads := find_observation(learner.observation)).extends == network.observation.name:
-        network = widened(network, reads)
-    require_fitting(network, learner, role.name.lower(), name)
-    return network
+    return fitted(load_network(name, role), config.self_play.learner_of(role, config.learner), role.name.lower(), name)
