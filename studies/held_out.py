@@ -43,9 +43,9 @@ from studies.worst import SOLVED, SPECIALIST, arena_table, read_attacks, verdict
 SUITE = "suite-v1"
 CLASSICAL = BySide(
     ("pure-pursuit", "proportional-navigation", "intercept", "potential-field"),
-    ("flee", "flee-aware", "circle", "potential-field"),
+    ("flee", "flee-aware", "potential-field"),
 )
-"""Of whom the best is taken, behind a shield."""
+"""Of whom the best is taken, behind a shield; `circle` wants a disc to drive around."""
 KINDS = ("table", "foresight-1")
 """Attackers, by their names in `apollonius.exploit.attackers`; those with more foresight take longer than all else."""
 IGNORANT = 1
