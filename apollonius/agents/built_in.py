@@ -9,6 +9,7 @@ from apollonius.agents.guarding import Territory
 from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.potential import PotentialField
+from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game
@@ -21,6 +22,8 @@ PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
     "pure-pursuit": (PurePursuit, (Role.PURSUER,)),
     "proportional-navigation": (ProportionalNavigation, (Role.PURSUER,)),
     "intercept": (Intercept, (Role.PURSUER,)),
+    "voronoi-pursuit": (VoronoiPursuit, (Role.PURSUER,)),
+    "encirclement": (Encirclement, (Role.PURSUER,)),
     "potential-field": (PotentialField, EITHER),
     "flee": (Flee, (Role.EVADER,)),
     "flee-aware": (FleeAware, (Role.EVADER,)),

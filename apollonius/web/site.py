@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.built_in import PLAYERS, BuiltIn
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_names
@@ -83,7 +83,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     bare = name.removeprefix(SHIELDED)
     found = find_player(name, side, rules)
     playable = found.header is not None or bare in PLAYERS
-    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(PLAYERS)}")
+    rule_players = [rule for rule in PLAYERS if BuiltIn().fits(rule, side, rules)]
+    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(rule_players)}")
     agents = {}
     if found.header is not None:
         require(found.header.observation in READS, "observation", found.header.observation, _MADE)

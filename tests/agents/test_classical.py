@@ -26,6 +26,7 @@ from apollonius.observe.view import Views, look
 from tests.matches import a_match
 
 PAPER = make_game("paper")
+TEAM = make_game("team-2v1")
 OPEN = Game(
     pursuer=Unicycle(v_max=1.5, u2_max=1.0), evader=Unicycle(v_max=1.0), arena=Arena(0.0, 20.0, 0.0, 20.0), dt=0.1
 )
@@ -231,7 +232,7 @@ def test_chasers_catch_whoever_stands_still():
 
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
-    game = make_game("territory") if name == "territory" else PAPER
+    game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(name, PAPER)
     player = find_player(name, role, game).policy
     seen = look(game, game.reset(jax.random.key(1)), role)
     own = int(player(seen, jnp.uint32(0)))

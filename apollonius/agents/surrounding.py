@@ -1,0 +1,184 @@
+"""Pursuers that surround the evader as a team: by the area that is left to it, and by their bearings around it.
+
+Each decides for itself, by what it sees of its mates. Ways and places are those of the arena's chart, so that obstacles
+count; without a chart they are straight lines.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from apollonius.agents.chasing import arc_speed
+from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
+from apollonius.errors import require
+from apollonius.game.chart import NO_WAY, STOPS
+from apollonius.game.game import Game
+from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.observe.view import Robot, View
+
+_DIRECTIONS = 16
+"""Directions in which it is looked ahead."""
+_SHARPNESS = 8
+"""How much the best direction counts more than the others."""
+_STRIDE = 2
+"""Of the chart's stops every so many along a row and along a column are places whose owner is asked for."""
+_BESIDE = 0.2
+"""Weight of the way to the evader beside the area [m]: it decides where nothing can be done about the area."""
+
+Cost = Callable[[Scalar, Scalar], Scalar]
+
+
+class AbstractSurrounding(AbstractSteering):
+    """A pursuer of a team that goes where its cost falls, and close to the evader straight at it.
+
+    Attributes:
+        ahead: how far ahead it looks [m].
+        near: length of the way to the evader [m] from which on it heads straight for it.
+    """
+
+    ahead: Real = 0.75
+    near: Real = 1.6
+
+    @property
+    def charted(self) -> bool:
+        """It plays by the arena's chart."""
+        return True
+
+    @classmethod
+    def fits(cls, game: Game) -> bool:
+        """Whether there are several pursuers."""
+        return len(game.bodies.pursuer) > 1
+
+    @classmethod
+    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
+        """The player of one side of a game.
+
+        Raises:
+            InvalidInput: when there is one pursuer only.
+        """
+        require(cls.fits(game), "pursuers", len(game.bodies.pursuer), "2 at least, who surround an evader: as team-2v1")
+        return super().for_side(game, role, **rule)
+
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+        """Down the cost, as fast as the turn still to be made allows."""
+        own, body, opponent = seen.own.state, seen.own.body, seen.opponent.state
+        angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
+        cos, sin = jnp.cos(angles), jnp.sin(angles)
+        along = jnp.full(_DIRECTIONS, self.ahead, jnp.float32)
+        if (chart := seen.arena.chart) is not None:
+            free = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin) - body.radius
+            along = jnp.clip(free, 0.0, along)
+        costs = jax.vmap(self.cost(seen))(own.x + along * cos, own.y + along * sin)
+        # A mean of the directions: of a cost that falls evenly it is just the direction in which it falls.
+        worst, best = jnp.max(costs), jnp.min(costs)
+        weights = ((worst - costs) / jnp.maximum(worst - best, 1e-6)) ** _SHARPNESS
+        downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
+        close = way_to(seen, opponent)(own.x, own.y) < self.near
+        heading = jnp.where(close, direction(own, opponent), downwards)
+        return heading, jnp.where(close, arc_speed(body, own, opponent), facing_speed(body, own, heading))
+
+    @abstractmethod
+    def cost(self, seen: View) -> Cost:
+        """What it would cost to be at a place x, y [m]."""
+
+
+class VoronoiPursuit(AbstractSurrounding):
+    """Shrinks the part of the arena that the nearest evader reaches first: its cell among the pursuers' Voronoi cells.
+
+    Each pursuer goes where that area falls most, taking the others to stand. Without obstacles and between equally fast
+    robots that is straight to the middle of the edge between its cell and the evader's, and the evader cannot but be
+    caught (Huang, Zhang, Ding, Stipanovic and Tomlin, "Guaranteed decentralized pursuit-evasion in the plane with
+    multiple pursuers", CDC 2011). A pursuer whose cell is not beside the evader's goes to it (Pierson, Wang and
+    Schwager, "Intercepting rogue robots", RA-L 2017). Here cells are of the shortest ways, over the robots' top speeds.
+    """
+
+    def cost(self, seen: View) -> Cost:
+        """The area [m^2], and a little of the way to the evader [m]."""
+        evader, mates = seen.opponent, seen.mates
+        theirs = to_all(seen, evader)
+        there = theirs < NO_WAY / 100
+        cell = (_side(seen) * _STRIDE / STOPS) ** 2
+        blur = jnp.sqrt(cell) / seen.own.body.v_max
+        deadline = jnp.full(theirs.shape, jnp.inf)
+        for mate in mates:
+            deadline = jnp.minimum(deadline, jnp.where(mate.active, to_all(seen, mate) / mate.body.v_max, jnp.inf))
+        way = way_to(seen, evader.state)
+
+        def cost(x: Scalar, y: Scalar) -> Scalar:
+            state = seen.own.state
+            own = Robot(seen.own.body, RobotState(x, y, state.v, state.heading))
+            first = jnp.minimum(deadline, to_all(seen, own) / own.body.v_max) - theirs / evader.body.v_max
+            area = cell * jnp.sum(jnp.where(there, jax.nn.sigmoid(first / blur), 0.0))
+            return area + _BESIDE * way(x, y)
+
+        return cost
+
+
+class Encirclement(AbstractSurrounding):
+    """Takes its own bearing around the nearest evader, evenly apart from its mates', and closes in on it.
+
+    The formation of target capturing by cyclic pursuit (Kim and Sugie, "Cooperative control for target-capturing task
+    based on a cyclic pursuit strategy", Automatica 2007), around an evader that moves: bearings keep their order and
+    are turned together, so that all together have as little to turn as can be.
+
+    Attributes:
+        closing: radius of the circle to be on, as a share of the pursuers' mean distance from the evader.
+    """
+
+    closing: Real = 0.7
+
+    def cost(self, seen: View) -> Cost:
+        """The way to its place [m]."""
+        evader = seen.opponent.state
+        team = [seen.own, *seen.mates]
+        active = jnp.stack([jnp.asarray(robot.active) for robot in team])
+        bearings = jnp.stack([direction(evader, robot.state) for robot in team])
+        distances = jnp.stack([separation(evader, robot.state) for robot in team])
+        count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
+        bearing = even_bearings(bearings, active)[0]
+        radius = self.closing * jnp.sum(jnp.where(active, distances, 0.0)) / count
+        arena = seen.arena
+        x = jnp.clip(evader.x + radius * jnp.cos(bearing), arena.x_min, arena.x_max)
+        y = jnp.clip(evader.y + radius * jnp.sin(bearing), arena.y_min, arena.y_max)
+        return way_to(seen, RobotState(x, y, evader.v, evader.heading))
+
+
+def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robots"]) -> Float[Array, " robots"]:
+    """The bearings [rad] evenly apart, in the same order, that are nearest to those of the active robots."""
+    count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
+    before = active[None, :] & (bearings[None, :] < bearings[:, None])
+    slots = jnp.sum(before.astype(jnp.float32), axis=1) * (2 * jnp.pi / count)
+    turned = bearings - slots
+    sin, cos = (jnp.sum(jnp.where(active, part, 0.0)) for part in (jnp.sin(turned), jnp.cos(turned)))
+    return slots + jnp.arctan2(sin, cos)
+
+
+def way_to(seen: View, end: RobotState) -> Cost:
+    """Length [m] of the way from a place to a robot's."""
+    if (chart := seen.arena.chart) is None:
+        return lambda x, y: jnp.hypot(end.x - x, end.y - y)
+    there = chart.places(end.x, end.y)
+    return lambda x, y: chart.way(chart.places(x, y), there)
+
+
+def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
+    """Lengths [m] of the ways from a robot to places all over the arena; where it cannot be, as long as none is."""
+    state, numbers = robot.state, jnp.arange(0, STOPS, _STRIDE)
+    if (chart := seen.arena.chart) is not None:
+        stops, weights = chart.places(state.x, state.y)
+        places = (numbers[:, None] * STOPS + numbers[None, :]).ravel()
+        return weights @ (chart.ways[chart.member, stops[:, None], places[None, :]].astype(jnp.float32) / 100)
+    arena, middles = seen.arena, (numbers.astype(jnp.float32) + 0.5) * (_side(seen) / STOPS)
+    x, y = (jnp.ravel(one) for one in jnp.meshgrid(arena.x_min + middles, arena.y_min + middles))
+    free = jax.vmap(arena.clearance)(x, y) > robot.body.radius
+    return jnp.where(free, jnp.hypot(x - state.x, y - state.y), NO_WAY / 100)
+
+
+def _side(seen: View) -> Scalar:
+    """The arena's longer side [m]."""
+    arena = seen.arena
+    return jnp.maximum(jnp.asarray(arena.x_max - arena.x_min, jnp.float32), arena.y_max - arena.y_min)
