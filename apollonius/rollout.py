@@ -120,7 +120,7 @@ def step_games(
     def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> tuple[Actions, ...]:
         """The actions of each of a side's robots."""
         robots, playing, member = len(games.state.robots[role]), players[role], games.sides[role].member
-        own_bits = _bits_of_team(bits[role], robots)
+        own_bits = bits_of_team(bits[role], robots)
         if isinstance(playing, Pool):
             return tuple(jnp.split(playing.act(jnp.tile(member, robots), seen, own_bits), robots))
         rows = zip(jnp.split(seen, robots), jnp.split(own_bits, robots), strict=True)
@@ -163,7 +163,7 @@ def step_games(
     return Games(after.state, sides), transition
 
 
-def _bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
+def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
     """Random bits for each robot of a team in many games, from those of its side: the first robot's are just these."""
     return jnp.concatenate([bits, *(_mixed(bits, number) for number in range(1, robots))])
 

@@ -84,7 +84,7 @@ def asked(words, monkeypatch):
         case ["python", "-m", module, *arguments]:
             program = importlib.import_module(module).main
         case ["python", script, *arguments]:
-            if "stable_baselines" in script:
+            if "stable_baselines3" in (REPOSITORY / script).read_text():
                 pytest.importorskip("stable_baselines3")
             program = runpy.run_path(str(REPOSITORY / script))["main"]
         case _:

@@ -1,4 +1,4 @@
-"""Gymnasium's interface: one side acts from outside, a player of the package acts on the other."""
+"""Gymnasium's interface: one robot acts from outside, a player of the package plays the other side."""
 
 from typing import Any
 
@@ -10,12 +10,13 @@ from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
+from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 
 
 class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
-    """A game seen from one side.
+    """A game seen from one side, of one robot; on the other there may be a team.
 
     Actions are the 9 of Eq. 5, or two gears. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the
     game stands: `ongoing`, or the name of a row of Tables II and III.
@@ -30,7 +31,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
             acts as it does.
 
     Raises:
-        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions.
+        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, and a side of several
+            robots.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
@@ -49,9 +51,13 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space(actions)
-        other = role.other
-        self._role = role
+        other, count = role.other, len(game.bodies[role])
+        name = role.name.lower()
+        require(
+            count == 1, f"{name}s", count, f"1, who alone acts from outside: of a team play all {name}s by PettingZoo"
+        )
         self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
+        self._robot = self._live.places.index((role, 0))
         self._view = View(self._live, render_mode)
 
     def reset(
@@ -61,10 +67,10 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         super().reset(seed=seed)
         self._live.reset(self._bits())
         self._view.begin()
-        return self._live.observation(self._role), {"outcome": self._live.outcome}
+        return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Both sides hold their actions for one step.
+        """All robots hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
@@ -73,12 +79,12 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         live = self._live
         if not live.begun:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        actions: list[Any] = [live.idle, live.idle]
-        actions[self._role] = action
+        actions: list[Any] = [live.idle] * len(live.places)
+        actions[self._robot] = action
         live.step(actions, self._bits())
         self._view.follow()
-        reward = live.rewards[self._role]
-        return live.observation(self._role), reward, live.terminated, live.truncated, {"outcome": live.outcome}
+        reward = live.rewards[self._robot]
+        return live.observation(self._robot), reward, live.terminated, live.truncated, {"outcome": live.outcome}
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""

@@ -1,6 +1,8 @@
 """One game under way behind one compiled call: what the interfaces to a single game share."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import jax
@@ -12,28 +14,31 @@ from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.arenas.charting import charted
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Action, GameState, Outcome, RobotState, Role, Timestep
-from apollonius.observe.registry import find_observation, observe
+from apollonius.game.types import Action, GameState, Outcome, RobotStatus, Role, Timestep
+from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
+from apollonius.replay import as_state
+from apollonius.rollout import bits_of_team
 
-_ROBOTS = slice(0, 8)
-"""In what a step tells: x, y, v, heading of the pursuer, then of the evader. Both observations follow, then ..."""
-_REWARDS = slice(-5, -3)
 _TERMINATED, _TRUNCATED, _OUTCOME = -3, -2, -1
+"""The last numbers of what a step tells, after those of each robot: x, y, v, heading; in teams its status; its reward;
+what it sees."""
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
+_STATUSES = [status.name.lower() for status in RobotStatus]
 _NO_BITS = np.uint32(0)
 
 
 class LiveGame:
-    """One game, one step at a time, either side's action from outside or from a player of the package.
+    """One game, one step at a time, either side's actions from outside or from a player of the package.
 
     It pickles, before its first reset as well as under way. All that a step needs and tells is one array each: passing
     a game's many numbers costs several times the step.
 
     Args:
         game: the rules.
-        observation: name of what both sides see (`apollonius.observe.registry`).
+        observation: name of what all robots see (`apollonius.observe.registry`).
         inside: the player of each side that is not played from outside.
         actions: kind of the actions from outside, `discrete` or `continuous`.
     """
@@ -50,12 +55,18 @@ class LiveGame:
         """What stands for the action of a side that is played from inside."""
         reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
-        game.require_two("an environment")
-        self.game = game = charted(game) if reads.charted else game
-        self._seen = {role: slice(8 + role * reads.size, 8 + (role + 1) * reads.size) for role in Role}
+        inside = inside or {}
+        self.game = game = charted(game) if reads.charted or any(one.charted for one in inside.values()) else game
+        self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
+        """Side and number of each robot, in the order of a game's robots."""
+        count, statuses = len(self.places), len(self.places) if game.teams else 0
+        self._rewards = slice(4 * count + statuses, 5 * count + statuses)
+        self._statuses = slice(4 * count, 4 * count + statuses)
+        ends = [self._rewards.stop + index * reads.size for index in range(count + 1)]
+        self._seen = [slice(*both) for both in pairwise(ends)]
         # The game is a constant of both functions.
         self._begin = Compiled(_begin, game, observation)
-        self._step = Compiled(_step, game, observation, inside or {}, self.idle.shape)
+        self._step = Compiled(_step, game, observation, inside, self.idle.shape)
         self._told: Array | None = None
         self._read = np.zeros(0, np.float32)
         self._steps = 0
@@ -70,31 +81,42 @@ class LiveGame:
         self._take(self._begin(bits), 0)
 
     def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:
-        """Both sides hold their actions for one step; that of a side played from inside is not looked at.
+        """All robots hold their actions for one step; those of a side played from inside are not looked at.
 
         Args:
-            actions: of the pursuer and the evader, both of the kind of this game's actions.
+            actions: of each pursuer and each evader, all of the kind of this game's actions.
             bits: random bits for a player inside.
 
         Raises:
             InvalidInput: for an action that is none.
         """
-        pursuer, evader = (as_actions(action, self._space) for action in actions)
-        given = np.empty(1 + 2 * pursuer.size, pursuer.dtype)
-        given[0], given[1 : 1 + pursuer.size], given[1 + pursuer.size :] = self._steps, pursuer, evader
+        checked = [as_actions(action, self._space) for action in actions]
+        given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
+        given[0], given[1:] = self._steps, np.ravel(checked)
         self._take(self._step(self._told, given, bits), self._steps + 1)
 
     def _take(self, told: Array, steps: int) -> None:
         self._told, self._read, self._steps = told, np.asarray(told), steps
 
-    def observation(self, role: Role) -> Float[np.ndarray, " size"]:
-        """What a side sees now."""
-        return self._read[self._seen[role]].copy()
+    def observation(self, robot: int) -> Float[np.ndarray, " size"]:
+        """What a robot sees now, by its place in the order of a game's robots."""
+        return self._read[self._seen[robot]].copy()
 
     @property
     def rewards(self) -> list[float]:
-        """Of the pursuer and the evader, for the last step."""
-        return self._read[_REWARDS].tolist()
+        """Of each robot, for the last step."""
+        return self._read[self._rewards].tolist()
+
+    @property
+    def statuses(self) -> list[str]:
+        """How each robot of a game of teams stands, the name of a `RobotStatus`; nothing in a game of two."""
+        return [_STATUSES[int(status)] for status in self._read[self._statuses]]
+
+    @property
+    def active(self) -> list[bool]:
+        """Whether each robot is in play."""
+        statuses = self._read[self._statuses]
+        return [status == RobotStatus.ACTIVE for status in statuses.tolist()] or [True] * len(self.places)
 
     @property
     def terminated(self) -> bool:
@@ -113,28 +135,41 @@ class LiveGame:
 
     @property
     def robots(self) -> list[float]:
-        """x [m], y [m], v [m/s], heading [rad] of the pursuer, then of the evader."""
-        return self._read[_ROBOTS].tolist()
+        """x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader."""
+        return self._read[: 4 * len(self.places)].tolist()
 
 
 def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array, " told"]:
-    return _tell(game, observation, game.reset(jax.random.key(bits)), [jnp.zeros(())] * 5)
+    state = game.reset(jax.random.key(bits))
+    nothing = jnp.zeros(())
+    return _tell(game, observation, state, state.robots.map(lambda side: (nothing,) * len(side)), [nothing] * 3)
 
 
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
-    told: Float[Array, " told"], given: Int[Array, "3"] | Float[Array, "5"], bits: UInt32[Array, ""],
+    told: Float[Array, " told"], given: Int[Array, " numbers"] | Float[Array, " numbers"], bits: UInt32[Array, ""],
 ) -> Float[Array, " told"]:  # fmt: skip
-    actions: list[Action] = list(given[1:].reshape(2, *shape))
-    state = GameState.of_two(RobotState(*told[:4]), RobotState(*told[4:8]), given[0].astype(jnp.int32))
+    counts = game.bodies.map(len)
+    state, robots = as_state(told[: 4 * sum(counts)], given[0].astype(jnp.int32), counts.pursuer), sum(counts)
+    if state.status is not None:
+        statuses = tuple(told[4 * robots : 5 * robots].astype(jnp.int32))
+        state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
+    asked = list(given[1:].reshape(robots, *shape))
+    actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
     for role, player in players.items():
-        actions[role] = player(player.observation(look(game, state, role)), bits)
-    after: Timestep = game.step(state, *actions)
-    flags = [after.terminated, after.truncated, after.outcome]
-    return _tell(game, observation, after.state, [*after.reward, *flags])
+        own_bits = bits_of_team(bits[None], counts[role])
+        views = [look(game, state, role, number) for number in range(counts[role])]
+        actions[role] = [player(player.observation(view), own) for view, own in zip(views, own_bits, strict=True)]
+    after: Timestep = game.step(state, actions[Role.PURSUER], actions[Role.EVADER])
+    return _tell(game, observation, after.state, after.rewards, [after.terminated, after.truncated, after.outcome])
 
 
-def _tell(game: Game, observation: str, state: GameState, rest: list[Array]) -> Float[Array, " told"]:
-    robots = jnp.stack(jax.tree.leaves(state.robots))
-    seen = [observe(game, state, role, observation) for role in Role]
-    return jnp.concatenate([robots, *seen, jnp.stack([number.astype(jnp.float32) for number in rest])])
+def _tell(
+    game: Game, observation: str, state: GameState, rewards: BySide[tuple[Array, ...]], rest: list[Array]
+) -> Float[Array, " told"]:
+    sees = find_observation(observation)
+    seen = [sees(look(game, state, role, number)) for role in Role for number in range(len(state.robots[role]))]
+    status = [] if state.status is None else [one for side in state.status for one in side]
+    numbers = [*jax.tree.leaves(state.robots), *status, *(one for side in rewards for one in side)]
+    parts = [jnp.stack([number.astype(jnp.float32) for number in some]) for some in (numbers, rest)]
+    return jnp.concatenate([parts[0], *seen, parts[1]])

@@ -1,4 +1,4 @@
-"""PettingZoo's parallel interface: both sides act from outside, at the same time."""
+"""PettingZoo's parallel interface: all robots act from outside, at the same time."""
 
 from typing import Any
 
@@ -12,18 +12,18 @@ from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.arenas.file import find_game
 from apollonius.game.game import Game
-from apollonius.game.types import Role
-
-AGENTS = {f"{role.name.lower()}_0": role for role in Role}
-"""What PettingZoo calls the sides: `pursuer_0` and `evader_0`."""
 
 
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
-    """A game between `pursuer_0` and `evader_0`, who act at the same time and leave together.
+    """A game between `pursuer_0` and `evader_0`, or all robots of teams up to `pursuer_2` or so, who act together.
 
     Actions are the 9 of Eq. 5, or two gears; rewards are those of Eq. 8 and 9. `terminations`: the rules ended the
     game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name
     of a row of Tables II and III.
+
+    In a game of teams a robot that is captured or fails leaves before the others: its termination is true in that step,
+    and from then on it is not among `agents`, has no action and is told nothing. `infos[agent]["status"]` is how the
+    robot stands: `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
 
     Args:
         game: the game, the name of one, or its `.toml` file.
@@ -52,20 +52,20 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
-        self.possible_agents = list(AGENTS)
-        self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(observation) for agent in AGENTS}
-        self.action_spaces = {agent: action_space(actions) for agent in AGENTS}
         self._live = LiveGame(game, observation, actions=actions)
+        self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in self._live.places]
+        self.agents: list[str] = []
+        self.observation_spaces = {agent: observation_space(observation) for agent in self.possible_agents}
+        self.action_spaces = {agent: action_space(actions) for agent in self.possible_agents}
         self._view = View(self._live, render_mode)
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
-        """What an agent can see; the same for both."""
+        """What an agent can see; the same for all."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> gymnasium.spaces.Space[Any]:
-        """What an agent can do; the same for both."""
+        """What an agent can do; the same for all."""
         return self.action_spaces[agent]
 
     def reset(
@@ -76,7 +76,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
             self._random, _ = np_random(seed)
         self._live.reset(np.uint32(self._random.integers(2**32, dtype=np.uint64)))
         self._view.begin()
-        self.agents = list(AGENTS)
+        self.agents = list(self.possible_agents)
         return self._observations(), self._infos()
 
     def step(
@@ -84,7 +84,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
-        """Both sides hold their actions for one step.
+        """All agents hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
@@ -92,27 +92,36 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         """
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
-        live = self._live
-        live.step((actions["pursuer_0"], actions["evader_0"]))
+        live, acting = self._live, set(self.agents)
+        live.step([actions[agent] if agent in acting else live.idle for agent in self.possible_agents])
         self._view.follow()
-        terminated, truncated = live.terminated, live.truncated
-        if terminated or truncated:
-            self.agents = []
-        rewards = dict(zip(AGENTS, live.rewards, strict=True))
-        return (
-            self._observations(), rewards, dict.fromkeys(AGENTS, terminated), dict.fromkeys(AGENTS, truncated),
+        over = live.terminated or live.truncated
+        stays = dict(zip(self.possible_agents, live.active, strict=True))
+        rewards = dict(zip(self.possible_agents, live.rewards, strict=True))
+        told = (
+            self._observations(),
+            {agent: rewards[agent] for agent in self.agents},
+            {agent: live.terminated or not stays[agent] for agent in self.agents},
+            {agent: live.truncated and stays[agent] for agent in self.agents},
             self._infos(),
-        )  # fmt: skip
+        )
+        self.agents = [] if over else [agent for agent in self.agents if stays[agent]]
+        return told
 
     def render(self) -> np.ndarray | None:
         """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
         return self._view.render()
 
     def _observations(self) -> dict[str, np.ndarray]:
-        return {agent: self._live.observation(role) for agent, role in AGENTS.items()}
+        places = enumerate(self.possible_agents)
+        return {agent: self._live.observation(place) for place, agent in places if agent in self.agents}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        return {agent: {"outcome": self._live.outcome} for agent in AGENTS}
+        infos: dict[str, dict[str, Any]] = {agent: {"outcome": self._live.outcome} for agent in self.agents}
+        for agent, status in zip(self.possible_agents, self._live.statuses, strict=False):
+            if agent in infos:
+                infos[agent]["status"] = status
+        return infos
 
 
 def parallel_env(

@@ -41,7 +41,7 @@ class View:
     def follow(self) -> None:
         """A step has been played."""
         if self._canvas:
-            self._canvas.move(self._live.robots)
+            self._canvas.move(self._live.robots, self._live.active)
             if self.mode == "human":
                 self._print(self._canvas)
 

@@ -11,13 +11,13 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, ren
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import apollonius
-from apollonius.adapters.pettingzoo import AGENTS
 from apollonius.errors import InvalidInput
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.observe.registry import observe
 
+AGENTS = {"pursuer_0": Role.PURSUER, "evader_0": Role.EVADER}
 PAPER = make_game("paper")
 SHORT = Game(arena=PAPER.arena, max_steps=3)
 
@@ -111,4 +111,4 @@ def test_bad_input_is_refused(env):
     for bad in ({"game": "chess"}, {"observation": "eyes"}, {"render_mode": "hologram"}):
         with pytest.raises(InvalidInput, match=next(iter(bad.values()))):
             apollonius.parallel_env(**bad)
-    assert list(AGENTS.values()) == list(Role)
+    assert env.possible_agents == list(AGENTS)
