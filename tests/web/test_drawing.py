@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -51,17 +52,28 @@ def drawn_games(count, seed, folder):
     return pairs
 
 
+@partial(jax.jit, static_argnums=2)
+def begin(game, key, count):
+    return reset_batch(replace(game, starts=Starts(speed="moving", clearance=0.02)), key, count)
+
+
+def starts_close_by(game, key, count):
+    """States of robots that move, close to obstacles, as rows."""
+    return np.asarray(as_rows(begin(game, key, count)))
+
+
+@jax.jit
+def play(game, row, actions):
+    return play_actions(game, as_state(row, jnp.asarray(0)), actions)
+
+
 def play_alike(pairs, seed):
     """Random play in drawn arenas from starts close to obstacles comes out the same; returns where it was."""
-    play = jax.jit(lambda game, row, taken: play_actions(game, as_state(row, jnp.asarray(0)), taken))
     random, told, expected = np.random.default_rng(seed), [], []
     for number, (record, game) in enumerate(pairs):
-        starts = replace(game, starts=Starts(speed="moving", clearance=0.02))
-        row = as_rows(reset_batch(starts, jax.random.key(number), 1))[0]
         actions = any_actions(random, (2,)).repeat(STEPS // 2, axis=0)
-        states, outcomes = (
-            jax.tree.map(np.asarray, leaf) for leaf in play(game, jnp.asarray(row), jnp.asarray(actions))
-        )
+        (row,) = starts_close_by(game, jax.random.key(number), 1)
+        states, outcomes = jax.tree.map(np.asarray, play(game, jnp.asarray(row), jnp.asarray(actions)))
         told.append({"game": record, "states": [np.asarray(row).tolist()], "actions": actions.tolist()})
         expected.append((np.asarray(as_rows(states)), outcomes))
     for (states, outcomes), game in zip(expected, ask_rules(games=told)["games"], strict=True):
@@ -79,6 +91,7 @@ def test_what_is_drawn_is_what_is_saved_and_played(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3000)
 def test_a_thousand_drawn_arenas(tmp_path):
     """10,000 states; what `P_any` sees and does in some of them; what a survey says of others."""
     pairs = drawn_games(1000, 100, tmp_path)
@@ -86,11 +99,8 @@ def test_a_thousand_drawn_arenas(tmp_path):
     agent = find_player("P_any", Role.PURSUER)
     for number in range(0, 1000, 50):
         record, game = pairs[number]
-        there = replace(charted(game), starts=Starts(speed="moving", clearance=0.1))
-        states = np.concatenate(
-            [np.asarray(as_rows(reset_batch(there, jax.random.key(number), 20))), rows[number][None]]
-        )
-        seen = np.asarray(looked(jnp.asarray(states), there))
+        states = np.concatenate([starts_close_by(game, jax.random.key(number), 20), rows[number][None]])
+        seen = np.asarray(looked(jnp.asarray(states), charted(game)))
         asked = {"path": str(ZOO / "P_any.safetensors"), "game": record, "role": "pursuer"}
         answer = ask_rules(agent=asked, observations=seen.tolist(), positions=states.tolist())
         is_alike = np.abs(np.asarray(answer["observed"]) - seen).max(axis=1) <= 1e-3

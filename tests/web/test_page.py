@@ -29,8 +29,11 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     page.keyboard.up("ArrowLeft")
     assert desk.match("state.evader.heading") != before["heading"]
     desk.let_pass(20)
-    said = f"You ran into a wall after {desk.match('seconds'):.1f}\u00a0s. You lose. Your best so far."
+    ended, last = desk.match("seconds"), page.evaluate("apollonius.page.lostAt") / 10
+    could = f"Until {last:.1f}\u00a0s you could have braked in time."
+    said = f"You ran into a wall after {ended:.1f}\u00a0s. You lose. {could} Your best so far."
     assert page.inner_text("#message") == said
+    assert ended - 3 < last < ended
     assert page.inner_text("#go") == "Try again"
     assert page.inner_text("#pursuer-score") == "1"
     with page.expect_download() as download:
@@ -133,7 +136,7 @@ def test_a_game_is_on_one_phone_screen(phone, people):
     pads = ["#pad-pursuer", "#pad-evader"][2 - people :]
     sizes = [(375, 667), (667, 375)]
     for size in sizes:
-        within(page, size, ["#clock", "#message", "#go", "#again", "#next", "#menu", *pads])
+        within(page, size, ["#clock", "#message", "#go", "#again", "#next", "#why", "#menu", "#draw", *pads])
     phone.end_after(3)
     for size in sizes[::-1]:
         within(page, size, ["#clock", "#message", "#go", "#download", "#replay"])
@@ -216,6 +219,32 @@ def test_an_agent_that_knows_no_arena_plays_in_any(desk, game, tmp_path):
     else:
         (tmp_path / "game.json").write_text(json.dumps(replay))
         assert load_replay(tmp_path / "game.json").first_difference() is None
+
+
+def test_why_shows_what_comes(desk):
+    """What agents are expected to do is what they then do; what they think best is what they do."""
+    page = desk.open("?pursuer=P_any&evader=E_any&game=office&seed=3")
+    page.keyboard.press("KeyV")
+    assert page.get_attribute("#why", "aria-pressed") == "true"
+    page.click("#go")
+    desk.let_pass(1)
+    now, known = page.evaluate(
+        """() => {
+          const { insight, match } = apollonius.page;
+          const { course, leads, robots } = insight.of(["values", "brakes", "regions", "course"]);
+          return [match.states.length, { course, robots, leads: [...leads].map((lead) => lead ?? null) }];
+        }"""
+    )
+    desk.let_pass(2.5)
+    first = known["course"][0]["steps"]
+    assert first < now
+    assert len(known["course"]) == 21
+    assert known["course"] == desk.match(f"states.slice({first}, {first + 21})")
+    taken = desk.match(f"actions[{now - 1}]")
+    assert [robot["values"].index(max(robot["values"])) for robot in known["robots"]] == taken
+    assert all(robot["stops"][1] for robot in known["robots"]), "at rest or nearly so, they can brake"
+    leads = [lead for lead in known["leads"] if lead is not None and lead == lead]
+    assert min(leads) < 0 < max(leads)
 
 
 def test_an_agent_that_cannot_be_loaded_is_said(desk):

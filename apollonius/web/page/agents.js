@@ -6,7 +6,7 @@ import { observe } from "./observation.js";
 import { gears, move } from "./rules.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-const MARGIN = 1e-3;
+export const MARGIN = 1e-3; // room [m] that the shield wants
 const ESCAPES = [0, 1, 2];
 
 /** A trained network from the bytes of its safetensors file: {header, layers}. */
@@ -33,19 +33,33 @@ export function readAgent(buffer) {
 
 /** What a network says: fully connected layers with ReLU between them (Fig. 3). */
 export function outputs(agent, observation) {
-  let hidden = Float32Array.from(observation);
-  agent.layers.forEach(({ weight, bias }, index) => {
-    const last = index === agent.layers.length - 1;
-    const width = hidden.length;
-    const next = new Float32Array(bias.length);
-    for (let row = 0, at = 0; row < bias.length; row++, at += width) {
-      let sum = bias[row];
-      for (let column = 0; column < width; column++) sum += weight[at + column] * hidden[column];
-      next[row] = last ? sum : Math.max(sum, 0);
+  const last = agent.layers.length - 1;
+  return agent.layers.reduce((hidden, layer, index) => through(layer, hidden, index === last), Float32Array.from(observation));
+}
+
+/** One layer. Four rows at a time, as their sums do not wait for one another: it takes half as long. */
+function through({ weight, bias }, hidden, isLast) {
+  const width = hidden.length;
+  const next = new Float32Array(bias.length);
+  let row = 0;
+  for (; row + 4 <= bias.length; row += 4) {
+    const [one, two, three, four] = [row * width, (row + 1) * width, (row + 2) * width, (row + 3) * width];
+    let [a, b, c, d] = [bias[row], bias[row + 1], bias[row + 2], bias[row + 3]];
+    for (let column = 0; column < width; column++) {
+      const value = hidden[column];
+      a += weight[one + column] * value;
+      b += weight[two + column] * value;
+      c += weight[three + column] * value;
+      d += weight[four + column] * value;
     }
-    hidden = next;
-  });
-  return hidden;
+    [next[row], next[row + 1], next[row + 2], next[row + 3]] = [a, b, c, d];
+  }
+  for (; row < bias.length; row++) {
+    let sum = bias[row];
+    for (let column = 0; column < width; column++) sum += weight[row * width + column] * hidden[column];
+    next[row] = sum;
+  }
+  return isLast ? next : next.map((sum) => Math.max(sum, 0));
 }
 
 /** Actions by falling value; among equals, the lowest comes first. */
@@ -67,11 +81,10 @@ export function atBest(agent) {
   return (game, state, role) => PREFERENCES[network](outputs(agent, observe(observation, game, state, role)));
 }
 
-/** What a state is worth to a trained agent, if it values actions: what its best one is worth. */
-export function worthTo(agent) {
+/** What the nine actions are worth to a trained agent, if it values them: from (game, state, role) to numbers. */
+export function valuesOf(agent) {
   const { observation, network = "values" } = agent.header;
-  if (network !== "values") return null;
-  return (game, state, role) => Math.max(...outputs(agent, observe(observation, game, state, role)));
+  return network === "values" ? (game, state, role) => outputs(agent, observe(observation, game, state, role)) : null;
 }
 
 /** A player that takes the best of the actions by some values: from (game, state, role) to the nine of them. */
@@ -84,7 +97,7 @@ export const BUILT_IN = {
 };
 
 /** Least clearance [m] during an action and the best of three ways to brake to rest after it (agents/shield.py). */
-function roomAfter(game, body, robot, action) {
+export function roomAfter(game, body, robot, action) {
   const after = move(body, robot, action, game.dt);
   const room = clearanceAlong(game.arena, robot, after);
   const steps = Math.ceil(body.v_max / (body.u1_max * game.dt));

@@ -13,6 +13,9 @@ export function chartOf(game) {
   return charts.get(game);
 }
 
+/** Use some time [ms] in which nothing else is to be done for a game's chart, if it has one. */
+export const prepareChart = (game, milliseconds) => charts.get(game)?.ways.prepare(performance.now() + milliseconds);
+
 function drawn(arena, radius) {
   const { x_min: x, y_min: y } = arena;
   const side = Math.max(arena.x_max - x, arena.y_max - y);

@@ -49,10 +49,11 @@ export function begin(canvas, seen) {
   return context;
 }
 
-/** The ground of an arena and what stands on it. */
-export function drawGround(context, arena, colours) {
+/** The ground of an arena and what stands on it; `beneath` draws on the bare ground. */
+export function drawGround(context, arena, colours, beneath = null) {
   context.fillStyle = colours.paper;
   context.fillRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
+  beneath?.(context);
   if (arena.map) drawMap(context, arena.map, colours.obstacle);
   drawArena(context, arena, METRES, colours, 0.05);
 }
@@ -64,15 +65,16 @@ export function drawGround(context, arena, colours) {
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
  *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, roles whose way to rest is
  *   drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them, `seen`, the
- *   part of the arena to show
+ *   part of the arena to show, `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots
  */
-export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, seen = game.arena }) {
+export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, seen = game.arena, layers = null }) {
   const context = begin(canvas, seen);
-  drawGround(context, game.arena, colours);
+  drawGround(context, game.arena, colours, layers?.beneath);
   for (const role of [PURSUER, EVADER]) {
     const trail = states.map((state) => [state[role].x, state[role].y]);
     drawTrail(context, trail, colours[role], 0.035, 0.08);
   }
+  layers?.above(context);
   const least = Math.max(ROBOT, SMALLEST * Math.max(seen.x_max - seen.x_min, seen.y_max - seen.y_min));
   for (const role of steered) {
     drawWayToRest(context, game, role, now[role], colours);

@@ -49,6 +49,11 @@ export function describeEnd(match, me) {
   return winner === me ? `${what} ${when}. You win!` : `${what} ${when}. You lose.`;
 }
 
+/** Until when a person who crashed could still have braked; nothing where that is not known. */
+export function describeLoss({ game }, last) {
+  return last === null ? "" : `Until ${(last * game.dt).toFixed(1)}\u00a0s you could have braked in time.`;
+}
+
 /** How a game is begun and steered by so many people. */
 export function describeReady(people) {
   const touch = matchMedia("(pointer: coarse)").matches;

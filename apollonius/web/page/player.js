@@ -1,11 +1,13 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
+import { prepareChart } from "./charting.js";
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { Drawing } from "./drawing.js";
 import { describeGo, describeGoal } from "./ending.js";
 import { saveAs } from "./files.js";
 import { Controllers } from "./gamepad.js";
 import { Alarm, isTooFast, nearness } from "./hints.js";
+import { LAYERS } from "./insight.js";
 import { withOpenFloor } from "./levels.js";
 import { EVADER, PURSUER } from "./rules.js";
 import { Session } from "./session.js";
@@ -22,6 +24,7 @@ const timing = { frame: new Timing(), interval: new Timing(), move: new Timing()
 const measure = (work) => timing.move.measure(work);
 const page = new Session((role, together) => steering.action(role, together), measure, showPhase);
 let choices, drawing;
+let isWhyShown = false;
 globalThis.apollonius = { page, timing }; // for the console, and for tests
 
 // ---- what is said of the session
@@ -64,6 +67,11 @@ const actions = {
     alarm.mute(!alarm.isMuted);
     element("sound").setAttribute("aria-pressed", String(!alarm.isMuted));
   },
+  why() {
+    isWhyShown = !isWhyShown;
+    element("why").setAttribute("aria-pressed", String(isWhyShown));
+    showLayers();
+  },
   draw: () => drawing.open(),
   "play-here": () => drawing.play(),
   back: () => page.again(),
@@ -78,8 +86,13 @@ function choose(choice) {
   page.begin(choice);
 }
 
+function showLayers() {
+  stage.layers = isWhyShown ? [...element("layers").querySelectorAll(":checked")].map(({ name }) => name) : [];
+}
+
 // ---- frames
 
+const SPARE = 4; // of a frame in which nobody plays [ms]
 let last = null;
 
 function frame(now) {
@@ -91,6 +104,7 @@ function frame(now) {
   if (controllers.starts() && !element("games").open) page.go();
   if (page.phase === "playing") timing.interval.add(1000 * passed);
   timing.frame.measure(() => {
+    if (page.phase !== "playing") prepareChart(page.match.game, SPARE);
     page.pass(passed);
     stage.show(page, now / 1000);
     if (page.phase === "playing" && page.me) warn(page, now / 1000);
@@ -109,12 +123,26 @@ function onKey(event) {
   if (page.phase === "drawing" && isDown && !on("input") && drawing.key(event)) event.preventDefault();
   if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
-  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound }[event.code];
+  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound, KeyV: actions.why }[event.code];
   if (steering.key(event.code, isDown) || pressed) event.preventDefault();
   if (isDown && !event.repeat) pressed?.();
 }
 
+/** A box to tick for each layer. */
+function offerLayers() {
+  const boxes = Object.entries(LAYERS).map(([name, words]) => {
+    const [label, box] = ["label", "input"].map((kind) => document.createElement(kind));
+    Object.assign(box, { type: "checkbox", name, checked: true });
+    label.className = "check";
+    label.append(box, words);
+    return label;
+  });
+  element("layers").append(...boxes);
+  element("layers").addEventListener("change", showLayers);
+}
+
 function wire() {
+  offerLayers();
   for (const [id, action] of Object.entries(actions)) {
     element(id).addEventListener("click", (event) => {
       action();

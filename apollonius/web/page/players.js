@@ -1,6 +1,6 @@
 // Players by name, as hard as wanted: people, trained agents, rules, and the shield before any of them.
 
-import { BUILT_IN, atBest, byValues, shielded, worthTo } from "./agents.js";
+import { BUILT_IN, atBest, byValues, shielded, valuesOf } from "./agents.js";
 import { CLASSICAL, fits } from "./classical.js";
 import { DIFFICULTIES, asHardAs } from "./difficulty.js";
 import { findAgent } from "./files.js";
@@ -29,23 +29,25 @@ export function ruleNames(side, game) {
  * @param difficulty a name in `DIFFICULTIES`
  * @param steer what a person does: from a side to an action
  * @param measure calls a function and keeps how long it took
- * @returns {name, words, isTold, act, rank}: `rank` is the player without being measured, of people null
+ * @returns {name, words, isTold, act, rank, values}: `rank` is the player without being measured, and `values` what it
+ *   thinks of the nine actions; null of people, and of who has no opinion
  */
 export async function findPlayer(catalogue, name, role, difficulty, steer, measure) {
-  if (name === YOU) return { name, words: inWords(name), isTold: false, rank: null, act: () => steer(role) };
+  if (name === YOU) return { name, words: inWords(name), isTold: false, rank: null, values: null, act: () => steer(role) };
   const known = bare(name);
-  const { player, worth } = await findBare(catalogue, known, role);
+  const { player, values, isLearned } = await findBare(catalogue, known, role);
+  const worth = isLearned && values ? (...seen) => Math.max(...values(...seen)) : null;
   const asHard = asHardAs(player, difficulty, worth);
   const rank = name.startsWith(SHIELDED) ? shielded(asHard) : asHard;
   const { isTold = false } = DIFFICULTIES[difficulty];
   const full = difficulty === "sharp" ? name : `${name} (${difficulty})`;
   const words = difficulty === "sharp" ? inWords(name) : `${inWords(name)}, ${DIFFICULTIES[difficulty].words.split(":")[0]}`;
-  return { name: full, words, isTold, rank, act: (...seen) => measure(() => rank(...seen)[0]) };
+  return { name: full, words, isTold, rank, values, act: (...seen) => measure(() => rank(...seen)[0]) };
 }
 
 async function findBare(catalogue, name, role) {
-  if (Object.hasOwn(BUILT_IN, name)) return { player: BUILT_IN[name], worth: null };
-  if (Object.hasOwn(CLASSICAL[role], name)) return { player: byValues(CLASSICAL[role][name]), worth: null };
+  if (Object.hasOwn(BUILT_IN, name)) return { player: BUILT_IN[name], values: null, isLearned: false };
+  if (Object.hasOwn(CLASSICAL[role], name)) return { player: byValues(CLASSICAL[role][name]), values: CLASSICAL[role][name], isLearned: false };
   const agent = await findAgent(catalogue, name);
-  return { player: atBest(agent), worth: worthTo(agent) };
+  return { player: atBest(agent), values: valuesOf(agent), isLearned: true };
 }

@@ -7,11 +7,12 @@ const LASTS = 3; // seconds of a person's time
 const SLOWER = 2; // times slower than it was
 const NEAREST = 1.6; // half of what is seen at least [m]
 
-/** The slow replay of a game that is over. `begun` is when it began [s]. */
+/** The slow replay of a game that is over. `begun` is when it began [s]; it shows the state of number `from` too, if any. */
 export class SlowReplay {
-  constructor(match, begun) {
+  constructor(match, begun, from) {
     const steps = Math.max(2, Math.round(LASTS / SLOWER / match.game.dt) + 1);
-    Object.assign(this, { match, begun, states: match.states.slice(-steps) });
+    const first = Math.min(from ?? Infinity, Math.max(match.states.length - steps, 0));
+    Object.assign(this, { match, begun, states: match.states.slice(first) });
   }
 
   /** Draw it as it is at a time [s]; the last picture stays. */

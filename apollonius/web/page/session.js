@@ -3,8 +3,9 @@
 import { challengeOf, keepBest } from "./best.js";
 import { asChoice, asQuery } from "./choices.js";
 import { Coach } from "./coach.js";
-import { describeEnd, describeReady } from "./ending.js";
+import { describeEnd, describeReady, describeLoss } from "./ending.js";
 import { findGame } from "./files.js";
+import { Insight, lastBrake } from "./insight.js";
 import { lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
 import { YOU } from "./names.js";
@@ -27,7 +28,7 @@ export class Session {
    */
   constructor(steer, measure, onChange) {
     Object.assign(this, { steer, measure, onChange, catalogue: null, choice: null, match: null, phase: "loading" });
-    Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, ending: null });
+    Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, ending: null, insight: null, lostAt: null });
   }
 
   /** The sides that people play. */
@@ -76,7 +77,8 @@ export class Session {
   }
 
   #makeReady() {
-    Object.assign(this, { time: 0, ending: null, counted: 0 });
+    this.insight = new Insight(this.match);
+    Object.assign(this, { time: 0, ending: null, counted: 0, lostAt: null });
     this.enter("ready", describeReady(this.people.length));
   }
 
@@ -89,7 +91,7 @@ export class Session {
       const after = levelWonBy(this, this.me);
       if (after) return this.begin(asChoice(after));
       this.match.next();
-      Object.assign(this, { time: 0, ending: null });
+      Object.assign(this, { time: 0, ending: null, lostAt: null, insight: new Insight(this.match) });
     }
     this.counted = this.people.length ? COUNTDOWN : 0;
     this.enter("counting");
@@ -139,7 +141,8 @@ export class Session {
   #finish() {
     const { match, me } = this;
     const isBest = me && keepBest(challengeOf(this.choice), match, me);
-    this.ending = new SlowReplay(match, performance.now() / 1000);
-    this.enter("over", describeEnd(match, me) + (isBest ? " Your best so far." : ""));
+    this.lostAt = me && lastBrake(match, me);
+    this.ending = new SlowReplay(match, performance.now() / 1000, this.lostAt);
+    this.enter("over", [describeEnd(match, me), describeLoss(match, this.lostAt), isBest ? "Your best so far." : ""].filter(Boolean).join(" "));
   }
 }

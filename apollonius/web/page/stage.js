@@ -1,6 +1,7 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
 import { between, draw } from "./draw.js";
+import { layersOf } from "./overlay.js";
 import { EVADER, PURSUER } from "./rules.js";
 
 const HALO = 1.2; // how long the ring around a person's robot takes to widen [s]
@@ -16,19 +17,20 @@ function readColours() {
 export class Stage {
   /** @param element finds a part of the page by its id; `steering` knows which cells of pads are pressed */
   constructor(element, steering) {
-    Object.assign(this, { element, steering, colours: readColours() });
+    Object.assign(this, { element, steering, colours: readColours(), layers: [] });
     const dark = matchMedia("(prefers-color-scheme: dark)");
     dark.addEventListener("change", () => (this.colours = readColours()));
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
   }
 
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
-  show({ match, phase, time, coach, ending, people, me }, now) {
+  show({ match, phase, time, coach, ending, insight, people, me }, now) {
     const { element, colours } = this;
     const [before, after] = match.states.slice(-2);
     const share = match.isOver ? 1 : time / match.game.dt;
     const isWaiting = phase === "ready" || phase === "counting";
     const halo = this.calm.matches ? STILL_HALO : (now / HALO) % 1;
+    const known = this.layers.length ? insight.of(this.layers) : null;
     draw(element("canvas"), {
       game: match.game,
       states: match.states,
@@ -37,6 +39,7 @@ export class Stage {
       steered: match.isOver ? [] : people,
       halo: isWaiting ? halo : null,
       advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me]) : null,
+      layers: known && layersOf(match, known, colours),
     });
     ending?.draw(element("replay"), now, colours);
     element("clock").textContent = Math.max(0, match.secondsLeft).toFixed(1);

@@ -38,6 +38,7 @@ export class Ways {
     this.ends = new Uint16Array(COUNT * MOST);
     this.lengths = new Float64Array(COUNT * MOST);
     this.rows = new Map();
+    this.prepared = 0; // stops that have been prepared
     for (const [right, up] of STEPS) {
       const length = (Math.hypot(right, up) * side) / STOPS;
       for (let stop = 0; stop < COUNT; stop++) {
@@ -66,6 +67,11 @@ export class Ways {
   from(stop) {
     if (!this.rows.has(stop)) this.rows.set(stop, Uint16Array.from(this.#search(stop), (way) => Math.min(rounded(100 * way), NO_WAY)));
     return this.rows.get(stop);
+  }
+
+  /** Look for some of the ways that will be asked for, until a time [ms] of the browser's clock. */
+  prepare(until) {
+    for (; this.prepared < COUNT && performance.now() < until; this.prepared++) if (this.leads(this.prepared)) this.from(this.prepared);
   }
 
   /**

@@ -1,0 +1,143 @@
+// Why a game goes as it goes, worked out beside it: what agents value, where robots can still stop, who is first where,
+// what is to be expected. Each is a layer that can be shown.
+
+import { MARGIN, roomAfter } from "./agents.js";
+import { STOPS } from "./chart.js";
+import { chartOf } from "./charting.js";
+import { EVADER, PURSUER, move, other, step } from "./rules.js";
+import { HOLD } from "./steering.js";
+
+const ROLES = [PURSUER, EVADER];
+const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+const HELD = 1; // for how long actions are held to show where they lead [s]
+const AHEAD = 2; // how far is looked ahead [s]
+const BUDGET = 2; // for looking ahead, in a frame [ms]
+const NO_WAY = 655; // what is at least as long is no way [m]
+
+/** What can be shown, by its key: what it means, in words. */
+export const LAYERS = {
+  values: "Values: the larger a dot, the better an agent thinks of going there",
+  brakes: "Brakes: crosses where it could then no longer stop in time",
+  regions: "Regions: blue where blue is first, by the shortest way at full thrust; turns are left out",
+  course: "Course: where both go within two seconds, if people go on as they do now",
+};
+
+/** Where each action leads a robot that holds it for a while. */
+function ends(game, role, robot) {
+  const held = Math.max(1, Math.round(HELD / game.dt));
+  return ACTIONS.map((action) => {
+    let end = robot;
+    for (let count = 0; count < held; count++) end = move(game[role], end, action, game.dt);
+    return end;
+  });
+}
+
+/** What an agent thinks of the nine actions, from 0, the worst, to 1, the best; null of one that says nothing. */
+function opinions({ values }, game, state, role) {
+  if (!values) return null;
+  const found = [...values(game, state, role)];
+  const [least, most] = [Math.min(...found), Math.max(...found)];
+  return found.map((value) => (value - least) / Math.max(most - least, 1e-9));
+}
+
+/** Which actions leave a robot room to stop: what the shield lets pass. */
+export const stoppable = (game, role, robot) => ACTIONS.map((action) => roomAfter(game, game[role], robot, action) > MARGIN);
+
+/**
+ * The last state of a game, as its number, from which a side that crashed could still have braked in time; null where it
+ * did not crash, or never could.
+ */
+export function lastBrake({ game, outcome, states }, role) {
+  if (outcome !== "both_failed" && !(outcome.startsWith(role) && /hit_obstacle|out_of_range/.test(outcome))) return null;
+  const last = states.findLastIndex((state, index) => index < states.length - 1 && stoppable(game, role, state[role]).includes(true));
+  return last < 0 ? null : last;
+}
+
+/** The time [s] that a body takes for a way [m] at full thrust from a speed. */
+export function timeFor(body, speed, way) {
+  const v = Math.max(speed, 0);
+  const thrust = Math.max(body.u1_max, 1e-6);
+  const ramp = (body.v_max ** 2 - v ** 2) / (2 * thrust); // until it is at its top speed [m]
+  if (way < ramp) return (Math.sqrt(v ** 2 + 2 * thrust * way) - v) / thrust;
+  return (body.v_max - v) / thrust + (way - ramp) / body.v_max;
+}
+
+/**
+ * Who is first at each stop of the arena's chart, row by row from the bottom: seconds by which the evader is earlier than
+ * the pursuer's reach; NaN where no way leads.
+ */
+export function leads(game, state) {
+  const chart = chartOf(game);
+  const [pursuer, evader] = ROLES.map((role) => {
+    const { stops, weights } = chart.places(state[role].x, state[role].y);
+    return stops.map((stop, index) => ({ lengths: weights[index] ? chart.ways.from(stop) : null, weight: weights[index] }));
+  });
+  const way = (from, stop) => from.reduce((sum, { lengths, weight }) => (lengths ? sum + (weight * lengths[stop]) / 100 : sum), 0);
+  return Float32Array.from({ length: STOPS ** 2 }, (_, stop) => {
+    const [theirs, own] = [way(pursuer, stop), way(evader, stop)];
+    if (Math.min(theirs, own) >= NO_WAY) return Number.NaN;
+    const reach = Math.max(theirs - game.capture_distance, 0);
+    return timeFor(game.pursuer, state.pursuer.v, reach) - timeFor(game.evader, state.evader.v, own);
+  });
+}
+
+/** Looks ahead a little in every frame; `course` is what it has last seen to its end: states, from where it began. */
+class Foresight {
+  constructor(match) {
+    Object.assign(this, { match, course: [], states: null, begins: 0 });
+  }
+
+  look() {
+    const { match } = this;
+    if (!this.states) [this.states, this.begins] = [[...match.states], match.states.length - 1];
+    const until = performance.now() + BUDGET;
+    const last = this.begins + Math.round(AHEAD / match.game.dt);
+    let isOver = match.isOver;
+    while (!isOver && this.states.length <= last && performance.now() < until) isOver = this.#step();
+    if (isOver || this.states.length > last) [this.course, this.states] = [this.states.slice(this.begins), null];
+  }
+
+  #step() {
+    const { game, players, actions } = this.match;
+    const state = this.states.at(-1);
+    const taken = {};
+    for (const role of players.pursuer.isTold ? [EVADER, PURSUER] : [PURSUER, EVADER]) {
+      const { rank } = players[role];
+      const held = actions.at(-1)?.[ROLES.indexOf(role)] ?? HOLD;
+      taken[role] = rank ? rank(game, state, role, this.states, taken[other(role)])[0] : held;
+    }
+    const after = step(game, state, taken);
+    this.states.push(after.state);
+    return after.outcome !== "ongoing";
+  }
+}
+
+/** What is known of a match beside its rules: worked out once for each of its states, by the layers that are wanted. */
+export class Insight {
+  constructor(match) {
+    Object.assign(this, { match, state: null, wanted: "", found: null, foresight: new Foresight(match) });
+  }
+
+  /**
+   * What the layers show now.
+   *
+   * @param shown keys of `LAYERS`
+   * @returns {robots, leads, course}: of each robot {role, ends, values, stops}, what is not shown or not known is null
+   */
+  of(shown) {
+    const { match } = this;
+    const { game, players, state } = match;
+    if (state !== this.state || shown.join() !== this.wanted) {
+      [this.state, this.wanted] = [state, shown.join()];
+      const robots = ROLES.map((role) => ({
+        role,
+        ends: ends(game, role, state[role]),
+        values: shown.includes("values") ? opinions(players[role], game, state, role) : null,
+        stops: shown.includes("brakes") ? stoppable(game, role, state[role]) : null,
+      }));
+      this.found = { robots, leads: shown.includes("regions") ? leads(game, state) : null };
+    }
+    if (shown.includes("course")) this.foresight.look();
+    return { ...this.found, course: shown.includes("course") ? this.foresight.course : null };
+  }
+}

@@ -1,0 +1,90 @@
+// The layers of a match on the canvas, beneath its robots: what `insight.js` has worked out. Lengths are in metres.
+
+import { circle, path } from "./arena.js";
+import { STOPS } from "./chart.js";
+import { EVADER, PURSUER } from "./rules.js";
+
+const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
+const CROSS = 0.06; // half of its width
+const FAINT = 0.22; // how opaque regions are
+
+/** What draws what is known of a match, {leads, robots, course}: on the bare ground, and above the trails. */
+export function layersOf({ game, state }, { leads, robots, course }, colours) {
+  const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
+  const above = (context) => {
+    context.save();
+    if (course?.length > 1) for (const role of [PURSUER, EVADER]) drawCourse(context, course, role, colours);
+    for (const robot of robots) drawActions(context, state[robot.role], robot, colours);
+    context.restore();
+  };
+  return { beneath, above };
+}
+
+const pictures = new WeakMap();
+
+function drawRegions(context, arena, leads, colours) {
+  if (!pictures.has(leads)) pictures.set(leads, paint(leads, colours));
+  const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
+  const side = Math.max(right - x, top - y);
+  context.save();
+  context.globalAlpha = FAINT;
+  context.beginPath();
+  context.rect(x, y, right - x, top - y);
+  context.clip();
+  context.drawImage(pictures.get(leads), x, y, side, side);
+  context.restore();
+}
+
+/** The same, where each stop without a way, as beside walls, takes the lead of one next to it. */
+function widened(leads) {
+  return leads.map((lead, stop) => {
+    if (!Number.isNaN(lead)) return lead;
+    const column = stop % STOPS;
+    const [left, right] = [column > 0 ? stop - 1 : stop, column < STOPS - 1 ? stop + 1 : stop];
+    const beside = [left, right, stop - STOPS, stop + STOPS].map((other) => leads[other]);
+    return beside.find((other) => other !== undefined && !Number.isNaN(other)) ?? lead;
+  });
+}
+
+/** A cell for each stop, in the colour of who is first there. */
+function paint(found, colours) {
+  const leads = widened(widened(found));
+  const canvas = new OffscreenCanvas(STOPS, STOPS);
+  const context = canvas.getContext("2d");
+  for (const [colour, isTheirs] of [[colours[PURSUER], (lead) => lead <= 0], [colours[EVADER], (lead) => lead > 0]]) {
+    context.fillStyle = colour;
+    context.beginPath();
+    leads.forEach((lead, stop) => isTheirs(lead) && context.rect(stop % STOPS, Math.floor(stop / STOPS), 1, 1));
+    context.fill();
+  }
+  return canvas;
+}
+
+function drawCourse(context, course, role, colours) {
+  context.strokeStyle = colours[role];
+  context.lineWidth = 0.05;
+  context.setLineDash([0.02, 0.12]);
+  path(context, course.map((state) => [state[role].x, state[role].y])).stroke();
+  context.setLineDash([]);
+  const { x, y } = course.at(-1)[role];
+  circle(context, x, y, 0.09).stroke();
+}
+
+/** Where each action leads: a dot as large as it is liked, a cross where a robot could then no longer stop. */
+function drawActions(context, from, { role, ends, values, stops }, colours) {
+  const best = values ? Math.max(...values) : null;
+  ends.forEach(({ x, y }, action) => {
+    const isBest = values && values[action] === best;
+    context.globalAlpha = isBest ? 1 : 0.55;
+    if (values) {
+      context.fillStyle = context.strokeStyle = colours[role];
+      context.lineWidth = 0.02;
+      if (isBest) path(context, [[from.x, from.y], [x, y]]).stroke();
+      circle(context, x, y, LEAST + (MOST - LEAST) * values[action]).fill();
+    }
+    if (!stops || stops[action]) return;
+    context.strokeStyle = colours.ink;
+    context.lineWidth = 0.03;
+    for (const tilt of [CROSS, -CROSS]) path(context, [[x - CROSS, y - tilt], [x + CROSS, y + tilt]]).stroke();
+  });
+}
