@@ -1,7 +1,8 @@
 """How long the browser page's frames and its agents' moves take: `python benchmarks/page.py [--seconds 30]`.
 
-Two shielded agents play in headless Chromium, found on the path; needs the extra `dev`. A frame is the page's own
-work for it: steps, drawing, figures. What else the machine does counts too, so run it on an idle one.
+In headless Chromium, found on the path: two shielded agents in the paper's arena, two in an office with all layers on,
+and pursuers that see which keys are held. Needs the extra `dev`. A frame is the page's own work for it: steps, drawing,
+figures. What else the machine does counts too, so run it on an idle one.
 """
 
 import argparse
@@ -10,37 +11,53 @@ import shutil
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 from apollonius.web.server import make_server
-from apollonius.web.site import Choice, write_site
+from apollonius.web.site import write_site
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
-CHOICE = Choice(pursuer="shielded:P_pool", evader="shielded:E_curriculum")
+CASES = {
+    "two agents": ("?pursuer=shielded:P_pool&evader=shielded:E_curriculum", False),
+    "all layers, office": ("?pursuer=shielded:P_any&evader=shielded:E_any&game=office", True),
+    "knows you, all layers, maze": ("?pursuer=shielded:P_any&evader=you&game=maze&difficulty=told", True),
+    "knows you, paper": ("?level=10", False),
+}
+"""What is opened, and whether all layers are on."""
 
 
-def measure(address: str, chromium: str, seconds: float) -> dict[str, float]:
+def measure(page: Page, seconds: float) -> dict[str, float]:
     """95th percentiles [ms] while games go on for so many seconds."""
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=[*FLAGS])
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.goto(address)
-        page.wait_for_selector("#go:enabled")
-        for _ in range(round(10 * seconds)):
-            if page.inner_text("#go") != "Pause":
-                page.click("#go")
-            page.wait_for_timeout(100)
-        timing = page.evaluate(
-            "Object.fromEntries(Object.entries(apollonius.timing).map(([what, timing]) => [what, timing.p95]))"
-        )
-        browser.close()
+    for _ in range(round(10 * seconds)):
+        if page.inner_text("#go") != "Pause":
+            page.click("#go")
+        page.wait_for_timeout(100)
+    timing = page.evaluate(
+        "Object.fromEntries(Object.entries(apollonius.timing).map(([what, timing]) => [what, timing.p95]))"
+    )
     return {
         "frame_ms_p95": timing["frame"],
         "between_frames_ms_p95": timing["interval"],
         "agent_move_ms_p95": timing["move"],
     }
+
+
+def measure_all(address: str, chromium: str, seconds: float) -> Iterator[dict[str, float | str]]:
+    """The figures of each case."""
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=[*FLAGS])
+        for name, (query, has_layers) in CASES.items():
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.goto(address + query)
+            page.wait_for_selector("#go:enabled")
+            if has_layers:
+                page.click("#why")
+            yield {"case": name} | measure(page, seconds)
+            page.close()
+        browser.close()
 
 
 def main() -> None:
@@ -52,10 +69,11 @@ def main() -> None:
     if chromium is None:
         sys.exit("needs chromium on the path: apt-get install chromium")
     with tempfile.TemporaryDirectory() as folder:
-        write_site(Path(folder), CHOICE)
+        write_site(Path(folder))
         with make_server(Path(folder)) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
-            print(json.dumps(measure(f"http://localhost:{server.server_port}/", chromium, options.seconds)))
+            for figures in measure_all(f"http://localhost:{server.server_port}/", chromium, options.seconds):
+                print(json.dumps(figures), flush=True)
             server.shutdown()
 
 

@@ -95,8 +95,8 @@ def test_what_is_drawn_is_what_is_saved_and_played(tmp_path):
 def test_a_thousand_drawn_arenas(tmp_path):
     """10,000 states; what `P_any` sees and does in some of them; what a survey says of others."""
     pairs = drawn_games(1000, 100, tmp_path)
+    agent = find_player("P_any", Role.PURSUER, pairs[0][1])
     rows = play_alike(pairs, 2)
-    agent = find_player("P_any", Role.PURSUER)
     for number in range(0, 1000, 50):
         record, game = pairs[number]
         states = np.concatenate([starts_close_by(game, jax.random.key(number), 20), rows[number][None]])

@@ -1,7 +1,7 @@
 // Why a game goes as it goes, worked out beside it: what agents value, where robots can still stop, who is first where,
 // what is to be expected. Each is a layer that can be shown.
 
-import { MARGIN, roomAfter } from "./agents.js";
+import { leavesRoom } from "./agents.js";
 import { STOPS } from "./chart.js";
 import { chartOf } from "./charting.js";
 import { EVADER, PURSUER, move, other, step } from "./rules.js";
@@ -11,7 +11,7 @@ const ROLES = [PURSUER, EVADER];
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const HELD = 1; // for how long actions are held to show where they lead [s]
 const AHEAD = 2; // how far is looked ahead [s]
-const BUDGET = 2; // for looking ahead, in a frame [ms]
+const BUDGET = 1; // for looking ahead, in a frame [ms]
 const NO_WAY = 655; // what is at least as long is no way [m]
 
 /** What can be shown, by its key: what it means, in words. */
@@ -41,7 +41,7 @@ function opinions({ values }, game, state, role) {
 }
 
 /** Which actions leave a robot room to stop: what the shield lets pass. */
-export const stoppable = (game, role, robot) => ACTIONS.map((action) => roomAfter(game, game[role], robot, action) > MARGIN);
+export const stoppable = (game, role, robot) => ACTIONS.map((action) => leavesRoom(game, game[role], robot, action));
 
 /**
  * The last state of a game, as its number, from which a side that crashed could still have braked in time; null where it

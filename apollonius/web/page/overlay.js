@@ -20,10 +20,10 @@ export function layersOf({ game, state }, { leads, robots, course }, colours) {
   return { beneath, above };
 }
 
-const pictures = new WeakMap();
+let picture, painted; // a cell for each stop, and the leads that it shows
 
 function drawRegions(context, arena, leads, colours) {
-  if (!pictures.has(leads)) pictures.set(leads, paint(leads, colours));
+  if (painted !== leads) paint(leads, colours);
   const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
   const side = Math.max(right - x, top - y);
   context.save();
@@ -31,7 +31,7 @@ function drawRegions(context, arena, leads, colours) {
   context.beginPath();
   context.rect(x, y, right - x, top - y);
   context.clip();
-  context.drawImage(pictures.get(leads), x, y, side, side);
+  context.drawImage(picture, x, y, side, side);
   context.restore();
 }
 
@@ -46,18 +46,19 @@ function widened(leads) {
   });
 }
 
-/** A cell for each stop, in the colour of who is first there. */
+/** Each cell in the colour of who is first there. */
 function paint(found, colours) {
+  painted = found;
+  picture ??= new OffscreenCanvas(STOPS, STOPS);
   const leads = widened(widened(found));
-  const canvas = new OffscreenCanvas(STOPS, STOPS);
-  const context = canvas.getContext("2d");
+  const context = picture.getContext("2d");
+  context.clearRect(0, 0, STOPS, STOPS);
   for (const [colour, isTheirs] of [[colours[PURSUER], (lead) => lead <= 0], [colours[EVADER], (lead) => lead > 0]]) {
     context.fillStyle = colour;
     context.beginPath();
     leads.forEach((lead, stop) => isTheirs(lead) && context.rect(stop % STOPS, Math.floor(stop / STOPS), 1, 1));
     context.fill();
   }
-  return canvas;
 }
 
 function drawCourse(context, course, role, colours) {
