@@ -94,6 +94,7 @@ if (moves) {
   const far = plan.moved(game, { kind: "polygons", index: 0 }, [100, -100]).arena.polygons[0].vertices;
   const crossed = plan.resized(game, { kind: "polygons", index: 0 }, 0, [8, 5]).arena.polygons[0].vertices;
   const small = plan.withSize(plan.withDisc(game, [8, 6], 0.5), 7, 7).arena.discs.length;
-  answer.moves = { door, room, far, crossed, small, random: random() };
+  const nothing = plan.withBlock(game, [2, 3], [2, 5]) === game;
+  answer.moves = { door, nothing, room, far, crossed, small, random: random() };
 }
 console.log(JSON.stringify(answer));

@@ -222,6 +222,7 @@ def test_shapes_stay_shapes():
         [[3.6, 0.9], [6, 0.9], [6, 1.1], [3.6, 1.1]],
     ]
     assert moves["room"] == 5
+    assert moves["nothing"], "a block without a width is no change"
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2

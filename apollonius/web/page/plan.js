@@ -15,8 +15,12 @@ export const snapped = ([x, y]) => [round(x, GRID), round(y, GRID)];
 const inside = ({ x_min, x_max, y_min, y_max }, [x, y]) => [round(clip(x, x_min, x_max)), round(clip(y, y_min, y_max))];
 
 const withArena = (game, changes) => ({ ...game, arena: { ...game.arena, ...changes } });
-const withPolygons = (game, corners) =>
-  withArena(game, { polygons: [...game.arena.polygons, ...corners.filter(isShape).map((vertices) => ({ vertices }))] });
+
+/** With more polygons; the same game where none of them is a shape. */
+function withPolygons(game, corners) {
+  const more = corners.filter(isShape).map((vertices) => ({ vertices }));
+  return more.length ? withArena(game, { polygons: [...game.arena.polygons, ...more] }) : game;
+}
 
 /** Whether corners make an obstacle: some room inside, and no edge that meets another. */
 function isShape(corners) {
