@@ -69,8 +69,9 @@ def test_the_game_at_home_can_be_played_without_scrolling(browser, address, scre
     with opened(browser, address, "index.html", **screen) as tab:
         game = tab.frame_locator("iframe")
         game.locator("#go:enabled").wait_for()
-        box, height = tab.locator("iframe").bounding_box(), tab.viewport_size["height"]
-        assert box["y"] + 0.7 * box["height"] < height
+        assert game.locator("#goal").inner_text().startswith("1. ")
+        box, height = game.locator("#pad-evader").bounding_box(), tab.viewport_size["height"]
+        assert box["y"] + box["height"] < height
         game.locator("#go").click()
         playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
 
