@@ -13,6 +13,7 @@ from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import Events, judge
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
@@ -163,12 +164,13 @@ class Game(eqx.Module):
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, events = judge(game, state, after)
+        pay = _paid_apart if self.teams else _paid
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
             state=replace(after, status=_status_after(state, events)),
             outcome=outcome,
-            rewards=self.reward(outcome, events, _leads(state, after)),
+            rewards=pay(self.reward, outcome, events, state, after),
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
@@ -205,6 +207,16 @@ def _leads(before: GameState, after: GameState) -> list[tuple[Scalar, Scalar]]:
         (lead(before, start), lead(after, end))
         for start, end in zip(before.robots.evader, after.robots.evader, strict=True)
     ]
+
+
+def _paid(
+    reward: Reward, outcome: Int[Array, ""], events: BySide[tuple[Events, ...]], before: GameState, after: GameState
+) -> BySide[tuple[Scalar, ...]]:
+    return reward(outcome, events, _leads(before, after))
+
+
+_paid_apart = fusion_barrier(_paid)
+"""In teams mates share what they are paid, which would be computed anew for each of them and each of its uses."""
 
 
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
