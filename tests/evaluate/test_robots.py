@@ -1,6 +1,7 @@
 """Robots of a match between teams are counted, and each has a shield made for its own limits."""
 
 import jax.numpy as jnp
+import pytest
 
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.robots import count_robots
@@ -34,3 +35,14 @@ def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
     assert result.robots.lost.pursuer == 0
     assert result.robots.lost.evader > 20
     assert result.to_dict()["robots"]["pursuers"] == {"active": 80, "captured": 0, "hit_obstacle": 0, "out_of_range": 0}
+
+
+@pytest.mark.slow
+def test_the_team_of_the_zoo_catches_who_gets_away_from_two_that_do_not_see_each_other():
+    """200 games from the same starts; the evader knows any arena, and the nearest pursuer only."""
+    caught = [
+        play_match(Match.of_names("team-2v1", f"shielded:{name}", "shielded:E_any", games=200)).outcomes["captured"]
+        for name in ("P_team", "P_any")
+    ]
+    assert caught[0] >= 194
+    assert caught[0] > caught[1]

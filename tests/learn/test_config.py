@@ -9,6 +9,7 @@ import tomli_w
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
+from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
@@ -97,6 +98,11 @@ def test_an_example_is_what_two_agents_of_the_zoo_were_trained_by(example, tmp_p
         assert record["self_play"]["opponents"]["margin"] == 0.05
         (tmp_path / "config.toml").write_text(tomli_w.dumps(record))
         assert load_config(tmp_path / "config.toml") == config
+
+
+def test_the_example_of_a_team_is_what_the_team_of_the_zoo_was_trained_by():
+    config = load_config(Path(__file__).parents[2] / "examples" / "team.toml")
+    assert to_dict(config) == find_trained("P_team")[0].header.training["config"]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from PIL import Image
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.store import describe, save_agent
+from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
@@ -31,7 +31,9 @@ def test_the_site_is_whole(tmp_path):
     write_site(tmp_path)
     catalogue = json.loads((tmp_path / "catalogue.json").read_text())
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in game_names()}
-    assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == zoo_names()
+    read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
+    assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == read
+    assert {*zoo_names()} - {*read} == {"P_team"}
     for name, file in catalogue["files"].items():
         assert (tmp_path / file).read_bytes() == (ZOO / f"{name}.safetensors").read_bytes()
     page = (tmp_path / "index.html").read_text()
