@@ -9,6 +9,7 @@ import tomli_w
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
+from apollonius.arenas.file import find_game
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
@@ -102,6 +103,7 @@ def test_an_example_is_what_two_agents_of_the_zoo_were_trained_by(example, tmp_p
 
 def test_the_example_of_a_team_is_what_the_team_of_the_zoo_was_trained_by():
     config = load_config(Path(__file__).parents[2] / "examples" / "team.toml")
+    assert config.game == find_game("team-2v1")
     assert to_dict(config) == find_trained("P_team")[0].header.training["config"]
 
 
