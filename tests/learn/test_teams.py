@@ -32,7 +32,7 @@ EVADER = solo(Still())
 
 
 @pytest.fixture(scope="module")
-def remembered():
+def memory():
     """What two pursuers remember of a chunk, columns `[games, robots]`, and the chunk's metrics."""
     plan = replace(PLAN, learner=replace(DQN, learning_starts=CHUNK // 2))
     first = start_fixed_target(plan, TEAM, jax.random.key(0), EVADER)
@@ -46,8 +46,8 @@ def remembered():
     return rows, jax.tree.map(np.asarray, metrics)
 
 
-def test_every_robot_of_a_team_is_remembered(remembered):
-    rows, _ = remembered
+def test_every_robot_of_a_team_is_remembered(memory):
+    rows, _ = memory
     assert rows.reward.shape == (CHUNK // DQN.games, DQN.games, PURSUERS)
     one, other = np.moveaxis(rows.observation, 2, 0)
     assert (one != other).any(axis=-1).mean() > 0.9
@@ -55,9 +55,9 @@ def test_every_robot_of_a_team_is_remembered(remembered):
     assert 0.05 < np.mean(rows.action[..., 0] == rows.action[..., 1]) < 0.95
 
 
-def test_a_robots_game_is_over_when_it_is_out_and_the_game_goes_on(remembered):
+def test_a_robots_game_is_over_when_it_is_out_and_the_game_goes_on(memory):
     """Then it is not active until the next game begins, which is when its mate's is over too."""
-    rows, metrics = remembered
+    rows, metrics = memory
     over = rows.terminated | rows.truncated
     together = over.all(axis=2)
     alone = over & ~together[..., None] & rows.active.all(axis=2, keepdims=True)
@@ -75,8 +75,8 @@ def test_a_robots_game_is_over_when_it_is_out_and_the_game_goes_on(remembered):
     assert ended == metrics.outcomes.sum()
 
 
-def test_mates_share_what_the_team_is_paid(remembered):
-    rows, metrics = remembered
+def test_mates_share_what_the_team_is_paid(memory):
+    rows, metrics = memory
     both = rows.active.all(axis=2) & ~rows.terminated.any(axis=2)
     np.testing.assert_array_equal(rows.reward[both][:, 0], rows.reward[both][:, 1])
     captures = (rows.reward == GAME.reward.capture) & rows.terminated
