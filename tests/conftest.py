@@ -30,7 +30,7 @@ hypothesis.settings.load_profile("apollonius")
 
 
 @pytest.fixture(scope="session")
-def remembered():
+def held_memory():
     """What this process held when it last forgot its compilations."""
     return {"bytes": resident()}
 
@@ -42,15 +42,15 @@ def resident() -> int:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def forget_compilations(remembered):
+def forget_compilations(held_memory):
     """A process that keeps the compilations of a thousand tests comes to the end of its maps or of the memory."""
     yield
     maps = Path("/proc/self/maps")
     many = not maps.exists() or maps.read_bytes().count(b"\n") > MOST_MAPS
-    if many or resident() - remembered["bytes"] > MOST_GROWTH:
+    if many or resident() - held_memory["bytes"] > MOST_GROWTH:
         jax.clear_caches()
         gc.collect()
-        remembered["bytes"] = resident()
+        held_memory["bytes"] = resident()
 
 
 RUNNING = ("test_attackers.py", "test_guarantee.py", "test_response.py")

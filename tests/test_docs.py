@@ -273,7 +273,7 @@ WALKED = (
     "pictures.md",
 )
 """Documents that a test follows from their first block to their last."""
-ELSEWHERE_RUN = {"jax.md", "interfaces.md", "own_arena.md", "extending.md"}
+ELSEWHERE_RUN = {"jax.md", "interfaces.md", "own_arena.md", "extending.md", "teams.md"}
 """Those whose Python has a test of its own: below, and in `tests/test_extending.py`."""
 
 
@@ -330,6 +330,14 @@ def test_interfaces():
     names = run("interfaces.md")
     assert names["infos"] == {}
     assert names["observations"].shape == (4096, 8)
+
+
+def test_teams():
+    pytest.importorskip("pettingzoo")
+    names = run("teams.md")
+    assert names["env"].agents == []
+    (outcome,) = {info["outcome"] for info in names["infos"].values()}
+    assert outcome != "ongoing"
 
 
 SHORTER = {
