@@ -194,8 +194,8 @@ def test_show_writes_one_game_in_every_form(capsys):
     assert "differs from step 5 on" in capsys.readouterr().err
 
 
-def test_slice_draws_an_agent_of_either_side(agent, capsys):
-    for name in ("P.safetensors", "E.safetensors"):
+def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, capsys):
+    for name in ("P.safetensors", "E.safetensors", "P_any"):
         assert run_main("slice", name, "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
         told = capsys.readouterr().err.splitlines()
         assert told[0].startswith("wrote new/s.png (")

@@ -37,6 +37,7 @@ def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
     from apollonius.agents.trained import find_action_value_policy
+    from apollonius.arenas.charting import charted
     from apollonius.arenas.file import find_game
     from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
@@ -55,6 +56,8 @@ def run_slice(options: argparse.Namespace) -> int:
     else:
         player, agent, path = find_action_value_policy(options.agent)
         role = Role[agent.header.role.upper()]
+    if player.charted:
+        game = charted(game)
     options.display.begin("asking the agent all over the arena", compiles=True)
     save_slice(player, role, path.stem, game, own, opponent, options.out)
     options.display.end()

@@ -103,6 +103,7 @@ def test_wins_are_counted_by_arenas(three):
     assert high == 1.0
 
 
+@pytest.mark.slow
 def test_a_shield_holds_in_every_arena():
     """Robots that drive at random crash, and behind their shields they do not."""
     game = replace(find_game("suite-v1/discs-01,racks-07"), max_steps=200)

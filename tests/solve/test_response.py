@@ -37,7 +37,7 @@ def zero_sum_game(role):
     [
         (Role.PURSUER, FleeAware.for_side(CRAMPED, Role.EVADER), 1),
         (Role.EVADER, CHASER, 1),
-        (Role.PURSUER, Uniform(), COURSES),
+        pytest.param(Role.PURSUER, Uniform(), COURSES, marks=pytest.mark.slow),
         (Role.EVADER, Uniform(), COURSES),
     ],
     ids=["pursuer", "evader", "pursuer, by chance", "evader, by chance"],

@@ -155,7 +155,8 @@ def test_fingers_draw_on_a_phone(phone, tmp_path):
     assert page.evaluate("document.documentElement.scrollWidth") <= 375
     screen = page.context.new_cdp_session(page)
     for tool, ways in (("corridor", [(2, 4), (5, 4), (8, 4)]), ("disc", [(5, 8)])):
-        page.tap(f"#tools [data-tool={tool}]")
+        page.click(f"#tools [data-tool={tool}]")
+        page.wait_for_selector(f"#tools [data-tool={tool}][aria-pressed=true]")
         for kind, (x, y) in zip(["touchStart", *["touchMove"] * 2], ways, strict=False):
             right, down = hand.at(x, y)
             screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": right, "y": down}]})
