@@ -119,7 +119,8 @@ function warn({ me, match: { game, state } }, now) {
 
 function onKey(event) {
   const isDown = event.type === "keydown";
-  const on = (elements) => event.target.closest?.(elements) !== null;
+  const isGone = event.target.closest?.("dialog:not([open])"); // a button of the list that has just closed still has the keys
+  const on = (elements) => !isGone && event.target.closest?.(elements);
   if (page.phase === "drawing" && isDown && !on("input") && drawing.key(event)) event.preventDefault();
   if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
