@@ -18,7 +18,7 @@ from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
-from apollonius.game.judge import outcome_after
+from apollonius.game.judge import judge
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.playout import play_out
@@ -42,7 +42,7 @@ def test_a_trace_is_the_course_of_the_game_that_was_played_out():
         assert course.states.pursuer.x[0] == starts.pursuer.x[index]
         last = jax.tree.map(lambda leaf: leaf[-1], course.states)
         before = jax.tree.map(lambda leaf: leaf[-2], course.states)
-        assert outcome_after(GAME, before, last) == course.outcome
+        assert judge(GAME, before, last)[0] == course.outcome
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.judge import Events, judge
+from apollonius.game.judge import fates, judge
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
@@ -163,14 +163,15 @@ class Game(eqx.Module):
             return tuple(_moved_or_still(active, end, start) for active, end, start in ways)
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
-        outcome, events = judge(game, state, after)
+        outcome, status = judge(game, state, after)
+        after = replace(after, status=status)
         pay = _paid_apart if self.teams else _paid
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
-            state=replace(after, status=_status_after(state, events)),
+            state=after,
             outcome=outcome,
-            rewards=pay(self.reward, outcome, events, state, after),
+            rewards=pay(self.reward, outcome, state, after),
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
@@ -180,14 +181,6 @@ def _moved_or_still(active: Bool[Array, ""], end: RobotState, start: RobotState)
     """Where a robot is after a step: at rest where it was, if it is not active."""
     halted = replace(start, v=jnp.zeros_like(start.v))
     return jax.tree.map(lambda there, here: jnp.where(active, there, here), end, halted)
-
-
-def _status_after(state: GameState, events: BySide[tuple[Events, ...]]) -> BySide[tuple[Int[Array, ""], ...]] | None:
-    if (before := state.status) is None:
-        return None
-    return ROLES.map(
-        lambda role: tuple(robot.status(status) for robot, status in zip(events[role], before[role], strict=True))
-    )
 
 
 def distance(state: GameState) -> Scalar:
@@ -209,10 +202,8 @@ def _leads(before: GameState, after: GameState) -> list[tuple[Scalar, Scalar]]:
     ]
 
 
-def _paid(
-    reward: Reward, outcome: Int[Array, ""], events: BySide[tuple[Events, ...]], before: GameState, after: GameState
-) -> BySide[tuple[Scalar, ...]]:
-    return reward(outcome, events, _leads(before, after))
+def _paid(reward: Reward, outcome: Int[Array, ""], before: GameState, after: GameState) -> BySide[tuple[Scalar, ...]]:
+    return reward(outcome, fates(outcome, before.status, after.status), _leads(before, after))
 
 
 _paid_apart = fusion_barrier(_paid)

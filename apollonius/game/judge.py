@@ -11,16 +11,32 @@ from jaxtyping import Array, Bool, Int
 
 from apollonius.game.by_side import BySide
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.outcome import come_within, decide
-from apollonius.game.types import ROLES, GameState, RobotStatus, Role
+from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, come_within, decide, is_one_of
+from apollonius.game.types import ROLES, GameState, Outcome, RobotStatus, Role
 
 if TYPE_CHECKING:
     from apollonius.game.game import Game
 
 Flag = Bool[Array, ""]
+Statuses = BySide[tuple[Int[Array, ""], ...]]
+"""A `RobotStatus` for each robot."""
 
 
-class Events(eqx.Module):
+class Fate(eqx.Module):
+    """What comes of one robot in a step: nothing, if it is not active before it.
+
+    Attributes:
+        active: whether it is, before the step.
+        captured: whether it is caught.
+        failed: whether it goes out of play otherwise.
+    """
+
+    active: Flag | bool
+    captured: Flag | bool
+    failed: Flag
+
+
+class _Events(eqx.Module):
     """What happens to one robot in a step: nothing, if it is not active before it.
 
     Attributes:
@@ -37,14 +53,9 @@ class Events(eqx.Module):
     collided: Flag
 
     @property
-    def failed(self) -> Flag:
-        """Whether it goes out of play, and not by a capture."""
-        return self.hit | self.out | self.collided
-
-    @property
     def stays(self) -> Flag:
         """Whether it is active after the step."""
-        return self.active & ~(self.captured | self.failed)
+        return self.active & ~(self.captured | self.hit | self.out | self.collided)
 
     def status(self, before: Int[Array, ""]) -> Int[Array, ""]:
         """Its status after the step; one that hits an obstacle and leaves the walls has hit the obstacle."""
@@ -54,11 +65,15 @@ class Events(eqx.Module):
         return jnp.where(self.captured, RobotStatus.CAPTURED, status)
 
 
-def stand(game: "Game", before: GameState, after: GameState) -> tuple[Int[Array, ""], BySide[tuple[Events, ...]]]:
-    """How the game stands after a step, and what happens to each robot, from the states at the step's two ends.
+@fusion_barrier
+def judge(game: "Game", before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses | None]:
+    """How the game stands after a step, and each robot of a team with it, from the states at the step's two ends.
 
     A side is beaten when none of its robots is active any more. The game then has the outcome of the last of them, as
     `decide` says: so the pursuers win by capturing the last evader, even if no pursuer is active any more.
+
+    Returns:
+        The outcome, and the status of each robot; None in a game of two, where the outcome tells it.
     """
     events = ROLES.map(lambda role: _events(game, before, after, role))
     beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
@@ -79,26 +94,41 @@ def stand(game: "Game", before: GameState, after: GameState) -> tuple[Int[Array,
         out_of_time=after.steps >= game.max_steps,
         territory_reached=reached,
     )
-    return outcome, events
+    if (status := before.status) is None:
+        return outcome, None
+    return outcome, ROLES.map(
+        lambda role: tuple(robot.status(was) for robot, was in zip(events[role], status[role], strict=True))
+    )
 
 
-judge = fusion_barrier(stand)
+def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None) -> BySide[tuple[Fate, ...]]:
+    """What came of each robot in a step that the game had this outcome after.
+
+    Args:
+        before, after: how each robot stood at the step's two ends; None in a game of two.
+    """
+    if before is None or after is None:
+        caught, both = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
+        pursuer = Fate(active=True, captured=False, failed=is_one_of((both, *PURSUER_FAILS), outcome))
+        evader = Fate(active=True, captured=caught, failed=is_one_of((both, *EVADER_FAILS), outcome))
+        return BySide((pursuer,), (evader,))
+
+    def fate(was: Int[Array, ""], now: Int[Array, ""]) -> Fate:
+        active = was == RobotStatus.ACTIVE
+        captured = active & (now == RobotStatus.CAPTURED)
+        return Fate(active, captured, active & ~captured & (now != RobotStatus.ACTIVE))
+
+    return ROLES.map(lambda role: tuple(map(fate, before[role], after[role])))
 
 
-@fusion_barrier
-def outcome_after(game: "Game", before: GameState, after: GameState) -> Int[Array, ""]:
-    """How a game in one arena stands after a step, from the states at its two ends."""
-    return stand(game, before, after)[0]
-
-
-def _events(game: "Game", before: GameState, after: GameState, role: Role) -> tuple[Events, ...]:
+def _events(game: "Game", before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
     """What happens to the robots of one side."""
     active, bodies = before.active, game.bodies[role]
     ways = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(ways.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
     collide = bool(game.teams and game.teams.mates_collide)
 
-    def events(number: int) -> Events:
+    def events(number: int) -> _Events:
         way, body, there = ways[role][number], bodies[number], active[role][number]
         catches = [hunts & come_within(other, way, game.capture_distance) for other, hunts in hunters]
         captured = there & _any(catches)
@@ -110,7 +140,7 @@ def _events(game: "Game", before: GameState, after: GameState, role: Role) -> tu
             active[role][other] & come_within(ways[role][other], way, body.radius + bodies[other].radius)
             for other in mates
         ]
-        return Events(there, captured, hit, out, collided=fails & _any(touched) & ~hit & ~out)
+        return _Events(there, captured, hit, out, collided=fails & _any(touched) & ~hit & ~out)
 
     return tuple(events(number) for number in range(len(bodies)))
 

@@ -11,7 +11,9 @@ from jaxtyping import Array, Bool, Int
 from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real, RobotState
 
-PURSUER_WINS = (Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
+EVADER_FAILS = (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
+"""The evader failed alone."""
+PURSUER_WINS = (Outcome.CAPTURED, *EVADER_FAILS)
 """Captured, or the evader failed alone (the win rate of Table II)."""
 PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 """The pursuer failed alone."""
@@ -74,12 +76,12 @@ def decide(
 
 def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
     """Whether the outcome is one of `PURSUER_WINS`."""
-    return _is_one_of(PURSUER_WINS, outcome)
+    return is_one_of(PURSUER_WINS, outcome)
 
 
 def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
     """Whether the outcome is one of `evader_winning`."""
-    return _is_one_of(evader_winning(time_limit_wins), outcome)
+    return is_one_of(evader_winning(time_limit_wins), outcome)
 
 
 def evader_winning(time_limit_wins: bool) -> tuple[Outcome, ...]:
@@ -87,7 +89,8 @@ def evader_winning(time_limit_wins: bool) -> tuple[Outcome, ...]:
     return *PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])
 
 
-def _is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
+def is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
+    """Whether an outcome is one of several."""
     return functools.reduce(operator.or_, (outcome == one for one in outcomes))
 
 

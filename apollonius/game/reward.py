@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from apollonius.game.by_side import BySide
-from apollonius.game.judge import Events
+from apollonius.game.judge import Fate
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Outcome, Real, Scalar
 
@@ -41,7 +41,7 @@ class Reward(eqx.Module):
         return self.profile == "zero-sum"
 
     def __call__(
-        self, outcome: Int[Array, ""], events: BySide[tuple[Events, ...]], lead: Sequence[tuple[Scalar, Scalar]]
+        self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], lead: Sequence[tuple[Scalar, Scalar]]
     ) -> BySide[tuple[Scalar, ...]]:
         """Every robot's reward for one step.
 
@@ -55,25 +55,25 @@ class Reward(eqx.Module):
 
         Args:
             outcome: how the game stands after the step.
-            events: what happened to each robot.
+            robots: what came of each.
             lead: of each evader over the nearest pursuer, the distance of their centres before and after the step [m].
         """
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)
             loss = evader_wins(outcome, self.time_limit_wins).astype(jnp.float32)
-            return BySide((win - loss,) * len(events.pursuer), (loss - win,) * len(events.evader))
+            return BySide((win - loss,) * len(robots.pursuer), (loss - win,) * len(robots.evader))
         reached, won = outcome == Outcome.TERRITORY_REACHED, outcome == Outcome.CAPTURED
         closing = [self.progress * (before - after) for before, after in lead]
         shares = [
             jnp.where(evader.captured, self.capture, jnp.where(evader.active, closer, 0.0))
-            for evader, closer in zip(events.evader, closing, strict=True)
+            for evader, closer in zip(robots.evader, closing, strict=True)
         ]
         shared = jnp.where(reached, -self.capture, functools.reduce(operator.add, shares))
 
-        def pursuer(robot: Events) -> Scalar:
+        def pursuer(robot: Fate) -> Scalar:
             return jnp.where(robot.failed & ~won, -self.failure, jnp.where(robot.active, shared, 0.0))
 
-        def evader(robot: Events, before: Scalar, after: Scalar, closer: Scalar) -> Scalar:
+        def evader(robot: Fate, before: Scalar, after: Scalar, closer: Scalar) -> Scalar:
             leaving = -closer
             if (within := self.zero_sum_within) is not None:
                 beyond = jnp.maximum(after - within, 0.0) - jnp.maximum(before - within, 0.0)
@@ -82,8 +82,8 @@ class Reward(eqx.Module):
             going = jnp.where(robot.failed, -self.failure, jnp.where(robot.active, prize, 0.0))
             return jnp.where(robot.captured, -self.capture, going)
 
-        evaders = zip(events.evader, lead, closing, strict=True)
+        evaders = zip(robots.evader, lead, closing, strict=True)
         return BySide(
-            tuple(pursuer(robot) for robot in events.pursuer),
+            tuple(pursuer(robot) for robot in robots.pursuer),
             tuple(evader(robot, before, after, closer) for robot, (before, after), closer in evaders),
         )

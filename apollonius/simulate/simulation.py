@@ -12,7 +12,7 @@ from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, begin
 from apollonius.game.dynamics import together
 from apollonius.game.game import Game
-from apollonius.game.judge import outcome_after
+from apollonius.game.judge import judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
 from apollonius.observe.view import Views
@@ -167,4 +167,4 @@ def _judge(
     game: Game, before: Float32[Array, "games 8"], after: Float32[Array, "games 8"], length: Int[Array, " games"]
 ) -> Int[Array, " games"]:
     state = jax.vmap(as_state)
-    return jax.vmap(outcome_after, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))
+    return jax.vmap(judge, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))[0]

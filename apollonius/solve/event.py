@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.game import Game
-from apollonius.game.judge import outcome_after
+from apollonius.game.judge import judge
 from apollonius.game.outcome import decide, is_captured
 from apollonius.game.types import GameState, Outcome, RobotState, Role, Scalar
 from apollonius.solve.motion import ends
@@ -20,7 +20,7 @@ def first_event(game: Game, pursuer: RobotState, evader: RobotState) -> tuple[Bo
     start = jnp.zeros((), jnp.int32)
 
     def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Int[Array, ""]:
-        return outcome_after(game, GameState.of_two(*before, start), GameState.of_two(*after, start))
+        return judge(game, GameState.of_two(*before, start), GameState.of_two(*after, start))[0]
 
     outcomes = jax.vmap(one_step)(*zip(ends(pursuer), ends(evader), strict=True))
     over = outcomes != Outcome.ONGOING

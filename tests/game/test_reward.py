@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apollonius.game.by_side import BySide
-from apollonius.game.judge import Events
+from apollonius.game.judge import fates
 from apollonius.game.reward import Reward
 from apollonius.game.types import Outcome
 
@@ -15,17 +14,9 @@ ZERO_SUM = Reward(profile="zero-sum")
 
 
 def paid(reward, outcome, before=2.0, after=1.9):
-    """In a game of two, whose outcome says what happened to both."""
-    yes, both = jnp.ones((), bool), outcome == Outcome.BOTH_FAILED
-
-    def events(side):
-        captured = outcome == Outcome.CAPTURED and side == "evader"
-        hit = both or outcome.name == f"{side.upper()}_HIT_OBSTACLE"
-        out = outcome.name == f"{side.upper()}_OUT_OF_RANGE"
-        return (Events(yes, *map(jnp.asarray, (captured, hit, out, False))),)
-
-    happened = BySide(events("pursuer"), events("evader"))
-    (pursuer,), (evader,) = reward(jnp.asarray(outcome), happened, [(jnp.float32(before), jnp.float32(after))])
+    """In a game of two, whose outcome says what came of both."""
+    found = jnp.asarray(outcome)
+    (pursuer,), (evader,) = reward(found, fates(found, None, None), [(jnp.float32(before), jnp.float32(after))])
     return float(pursuer), float(evader)
 
 
