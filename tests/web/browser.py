@@ -54,7 +54,7 @@ class Tab:
         self.page.wait_for_selector("body[data-phase=over]")
 
     def match(self, what):
-        """Something of the match, such as `state.evader`."""
+        """Something of the match, such as `state.evader[0]`."""
         return self.page.evaluate(f"apollonius.page.match.{what}")
 
 

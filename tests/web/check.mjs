@@ -11,24 +11,33 @@ const { chartOf } = await import(pathToFileURL(`${page}/charting.js`));
 const { CLASSICAL, fits } = await import(pathToFileURL(`${page}/classical.js`));
 const { asHardAs } = await import(pathToFileURL(`${page}/difficulty.js`));
 const { Match } = await import(pathToFileURL(`${page}/match.js`));
+const { countsOf } = await import(pathToFileURL(`${page}/teams.js`));
 
-const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
-const asState = (row, steps = 0) => {
-  const [pursuer, evader] = [row.slice(0, 4), row.slice(4)].map(([x, y, v, heading]) => ({ x, y, v, heading }));
-  return { pursuer, evader, steps };
+/** What all robots have in a row, as either side has it. */
+const bySide = (game, all) => {
+  const [pursuers] = countsOf(game);
+  return { pursuer: all.slice(0, pursuers), evader: all.slice(pursuers) };
+};
+const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
+const asState = (game, row, statuses = []) => {
+  const robots = Array.from({ length: row.length / 4 }, (_, index) => {
+    const [x, y, v, heading] = row.slice(4 * index);
+    return { x, y, v, heading, status: statuses[index] ?? "active" };
+  });
+  return { ...bySide(game, robots), steps: 0 };
 };
 
 function play({ game, states, actions }) {
-  let state = asState(states[0]);
-  const rows = [asRow(state)];
-  const outcomes = [];
-  for (const [pursuer, evader] of actions) {
-    const after = rules.step(game, state, { pursuer, evader });
+  let state = asState(game, states[0]);
+  const [rows, outcomes, statuses] = [[asRow(state)], [], []];
+  for (const all of actions) {
+    const after = rules.step(game, state, bySide(game, all));
     state = after.state;
     rows.push(asRow(state));
     outcomes.push(after.outcome);
+    statuses.push([...state.pursuer, ...state.evader].map(({ status }) => status));
   }
-  return { rows, outcomes };
+  return { rows, outcomes, statuses };
 }
 
 function read(path) {
@@ -55,7 +64,7 @@ function chase({ game, agents: folder, pursuer, evader, difficulty, seed, count 
   const rule = CLASSICAL.evader[evader];
   const flees = agents.shielded(rule ? agents.byValues(rule) : agents.atBest(read(`${folder}/${evader}.safetensors`)));
   const player = (rank, isTold) => ({ isTold, act: (...seen) => rank(...seen)[0] });
-  const played = new Match(game, { pursuer: player(hard, difficulty === "told"), evader: player(flees, false) }, seed);
+  const played = new Match(game, { pursuer: [player(hard, difficulty === "told")], evader: [player(flees, false)] }, seed);
   return Array.from({ length: count }, () => {
     while (!played.isOver) played.step();
     const { outcome } = played;
@@ -66,19 +75,19 @@ function chase({ game, agents: folder, pursuer, evader, difficulty, seed, count 
 
 /** What a player sees that sees half a second late, in a game of steps as long, and the order of one that is told. */
 function look() {
-  const state = (index) => ({ pursuer: { x: 10 + index }, evader: { x: index } });
+  const state = (index) => ({ pursuer: [{ x: 10 + index }], evader: [{ x: index }] });
   const seen = [];
-  const watching = (game, { pursuer, evader }) => seen.push([pursuer.x, evader.x]);
+  const watching = (game, { pursuer, evader }) => seen.push([pursuer[0].x, evader[0].x]);
   const late = asHardAs(watching, "fair");
   const states = [0, 1, 2].map(state);
-  states.forEach((now, index) => late({ dt: 0.5 }, now, "pursuer", states.slice(0, index + 1)));
+  states.forEach((now, index) => late({ dt: 0.5 }, now, { role: "pursuer", number: 0 }, states.slice(0, index + 1)));
   const order = [];
-  const player = (isTold, action) => ({ isTold, act: (...rest) => (order.push(rest[4] ?? action), action) });
+  const player = (isTold, action) => ({ isTold, act: (...rest) => (order.push(rest[4]?.[0] ?? action), action) });
   const body = { v_min: 0, v_max: 1, u1_max: 1, u2_max: 1, radius: 0 };
   const arena = { x_min: 0, x_max: 9, y_min: 0, y_max: 9, discs: [], polygons: [] };
   const starts = { speed: "rest", clearance: 0.3, separation: 1 };
   const game = { arena, pursuer: body, evader: body, starts, dt: 0.1, max_steps: 9, capture_distance: 0.1, reward: {} };
-  new Match(game, { pursuer: player(true, 4), evader: player(false, 5) }, 0).step();
+  new Match(game, { pursuer: [player(true, 4)], evader: [player(false, 5)] }, 0).step();
   return { own: seen.map(([own]) => own), late: seen.map(([, other]) => other), told: [order[0], order[1] === 5 ? 4 : -1] };
 }
 
@@ -86,19 +95,24 @@ const answer = { games: games.map(play), charts: charts.map(drawChart) };
 if (agent) {
   const network = read(agent.path);
   const [bare, behindShield] = [agents.atBest(network), agents.shielded(agents.atBest(network))];
-  const chosen = (player) => positions.map((row) => rules.gears(player(agent.game, asState(row), agent.role)[0]));
+  const { game, role, number = 0, statuses = [] } = agent;
+  const seen = positions.map((row, index) => [game, asState(game, row, statuses[index]), { role, number }]);
+  const chosen = (player) => seen.map((one) => rules.gears(player(...one)[0]));
   answer.outputs = observations.map((observation) => [...agents.outputs(network, observation)]);
-  answer.observed = positions.map((row) => observe(network.header.observation, agent.game, asState(row), agent.role));
+  answer.observed = seen.map((one) => observe(network.header.observation, ...one));
   [answer.gears, answer.shielded] = [chosen(bare), chosen(behindShield)];
 }
 if (match) {
-  const played = new Match(match.game, { pursuer: findPlayer(match.pursuer), evader: findPlayer(match.evader) }, match.seed);
+  const sides = countsOf(match.game).map((count, side) => Array(count).fill(findPlayer(match[rules.ROLES[side]])));
+  const played = new Match(match.game, { pursuer: sides[0], evader: sides[1] }, match.seed);
   while (!played.isOver) played.step();
   answer.replay = played.replay();
 }
 if (asked) {
   const players = Object.entries(CLASSICAL[asked.role]).filter(([name]) => fits(name, asked.game));
-  const valued = ([name, rule]) => [name, asked.positions.map((row) => rule(asked.game, asState(row), asked.role))];
+  const { game, role, number = 0, statuses = [] } = asked;
+  const seen = asked.positions.map((row, index) => [game, asState(game, row, statuses[index]), { role, number }]);
+  const valued = ([name, rule]) => [name, seen.map((one) => rule(...one))];
   answer.rules = Object.fromEntries(players.map(valued));
 }
 if (chases) answer.chases = chase(chases);

@@ -18,16 +18,16 @@ PIXEL = """share => {
 
 def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     page = desk.open()
-    before = desk.match("state.evader")
+    before = desk.match("state.evader[0]")
     page.keyboard.press("Space")
     desk.let_pass(1.5)
     page.keyboard.down("ArrowUp")
     desk.let_pass(1)
-    assert desk.match("state.evader.v") > before["v"]
+    assert desk.match("state.evader[0].v") > before["v"]
     page.keyboard.down("ArrowLeft")
     desk.let_pass(1)
     page.keyboard.up("ArrowLeft")
-    assert desk.match("state.evader.heading") != before["heading"]
+    assert desk.match("state.evader[0].heading") != before["heading"]
     desk.let_pass(20)
     ended, last = desk.match("seconds"), page.evaluate("apollonius.page.lostAt") / 10
     could = f"Until {last:.1f}\u00a0s you could have braked in time."
@@ -48,7 +48,7 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
 
 def test_pause_restart_and_new_start(desk):
     page = desk.open()
-    first = desk.match("state.evader")
+    first = desk.match("state.evader[0]")
     page.keyboard.press("Space")
     desk.let_pass(0.25)
     assert page.inner_text("#message") == "3"
@@ -62,9 +62,9 @@ def test_pause_restart_and_new_start(desk):
     page.click("#again")
     desk.let_pass(0.25)
     assert page.inner_text("#clock") == "100.0"
-    assert desk.match("state.evader") == first
+    assert desk.match("state.evader[0]") == first
     page.click("#next")
-    assert desk.match("state.evader") != first
+    assert desk.match("state.evader[0]") != first
 
 
 def test_choices_change_the_game_and_the_address(desk):
@@ -91,7 +91,7 @@ def test_choices_change_the_game_and_the_address(desk):
 def test_a_finger_on_the_pad_steers(phone):
     page = phone.open()
     assert page.evaluate("document.documentElement.scrollWidth") <= 375
-    before = phone.match("state.evader")
+    before = phone.match("state.evader[0]")
     page.click("#go")
     phone.let_pass(1.5)
     box = page.locator("#pad-evader").bounding_box()
@@ -99,7 +99,7 @@ def test_a_finger_on_the_pad_steers(phone):
     page.mouse.down()
     phone.let_pass(1)
     page.mouse.up()
-    after = phone.match("state.evader")
+    after = phone.match("state.evader[0]")
     assert after["v"] > before["v"]
     turned = (after["heading"] - before["heading"] + 3.14159) % 6.28318 - 3.14159
     assert -2 < turned < -0.4
@@ -111,8 +111,8 @@ def test_two_people_have_keys_of_their_own(desk):
     page.keyboard.down("KeyW")
     desk.let_pass(2.5)
     page.keyboard.up("KeyW")
-    assert desk.match("state.pursuer.v") > 0.1
-    assert desk.match("state.evader.v") == 0
+    assert desk.match("state.pursuer[0].v") > 0.1
+    assert desk.match("state.evader[0].v") == 0
 
 
 def test_a_person_who_lasts_has_won(desk):

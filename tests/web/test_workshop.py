@@ -98,7 +98,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     again = hand.save(tmp_path / "again.toml")
     assert to_dict(again) == to_dict(game)
     page = desk.open(link)
-    assert desk.match("players.pursuer.name") == "shielded:P_any"
+    assert desk.match("players.pursuer[0].name") == "shielded:P_any"
     assert desk.match("game") == json.loads(json.dumps(to_dict(game)))
     desk.play(2)
     page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")

@@ -1,9 +1,10 @@
-// Who acts: a player is a function from (game, state, role) to actions in the order it prefers them: all the discrete
-// ones 0..8, and before them, of a player with continuous actions, its pair of gears.
+// Who acts: a player is a function from (game, state, who), the robot {role, number} that is to act, to actions in the order
+// it prefers them: all the discrete ones 0..8, and before them, of a player with continuous actions, its pair of gears.
 
 import { clearance, clearanceAlong } from "./clearance.js";
 import { observe } from "./observation.js";
 import { gears, move } from "./rules.js";
+import { bodyOf, robotOf } from "./teams.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const MARGIN = 1e-3; // room [m] that the shield wants
@@ -78,17 +79,17 @@ const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subar
 /** A trained agent without exploration. */
 export function atBest(agent) {
   const { observation, network = "values" } = agent.header;
-  return (game, state, role) => PREFERENCES[network](outputs(agent, observe(observation, game, state, role)));
+  return (...seen) => PREFERENCES[network](outputs(agent, observe(observation, ...seen)));
 }
 
-/** What the nine actions are worth to a trained agent, if it values them: from (game, state, role) to numbers. */
+/** What the nine actions are worth to a trained agent, if it values them: from (game, state, who) to numbers. */
 export function valuesOf(agent) {
   const { observation, network = "values" } = agent.header;
-  return network === "values" ? (game, state, role) => outputs(agent, observe(observation, game, state, role)) : null;
+  return network === "values" ? (...seen) => outputs(agent, observe(observation, ...seen)) : null;
 }
 
-/** A player that takes the best of the actions by some values: from (game, state, role) to the nine of them. */
-export const byValues = (values) => (game, state, role) => byValue(values(game, state, role));
+/** A player that takes the best of the actions by some values: from (game, state, who) to the nine of them. */
+export const byValues = (values) => (...seen) => byValue(values(...seen));
 
 /** Players that need no file. */
 export const BUILT_IN = {
@@ -137,9 +138,9 @@ export function leavesRoom(game, body, robot, action) {
 
 /** Another player, held back to the first of its actions after which its robot can stop in time. */
 export function shielded(player) {
-  return (game, state, role, ...rest) => {
-    const [body, robot] = [game[role], state[role]];
-    const action = player(game, state, role, ...rest).find((wanted) => leavesRoom(game, body, robot, wanted));
+  return (game, state, who, ...rest) => {
+    const [body, robot] = [bodyOf(game, who), robotOf(state, who)];
+    const action = player(game, state, who, ...rest).find((wanted) => leavesRoom(game, body, robot, wanted));
     return action === undefined ? byValue(ACTIONS.map((wanted) => roomAfter(game, body, robot, wanted))) : [action];
   };
 }

@@ -2,14 +2,17 @@
 
 import { Chart, SIDE, STOPS, STOP_BITS, roomBetween, stopBefore } from "./chart.js";
 import { clearance } from "./clearance.js";
+import { ROLES } from "./rules.js";
+import { bodiesOf } from "./teams.js";
 import { Ways, isClear } from "./ways.js";
 
 const CORNERS = SIDE + 1;
 const charts = new WeakMap();
 
-/** The chart of a game's arena, by the ways of its larger robot. */
+/** The chart of a game's arena, by the ways of its largest robot. */
 export function chartOf(game) {
-  if (!charts.has(game)) charts.set(game, drawn(game.arena, Math.max(game.pursuer.radius, game.evader.radius)));
+  const radii = () => ROLES.flatMap((role) => bodiesOf(game, role).map(({ radius }) => radius));
+  if (!charts.has(game)) charts.set(game, drawn(game.arena, Math.max(...radii())));
   return charts.get(game);
 }
 

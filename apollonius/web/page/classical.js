@@ -1,8 +1,9 @@
 // Players that follow a rule instead of a network, function by function `chasing.py`, `fleeing.py`, `potential.py` and
-// `guarding.py` of `apollonius/agents/`. Each values the nine actions for one side of a game.
+// `guarding.py` of `apollonius/agents/`. Each values the nine actions for one robot of a game.
 
 import { clearance, clearanceAlong, clearances, clip, toObstacles } from "./clearance.js";
-import { EVADER, PURSUER, move, other, wrapAngle } from "./rules.js";
+import { EVADER, PURSUER, move, wrapAngle } from "./rules.js";
+import { look } from "./view.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const NAVIGATION = { gain: 3, cone: 0.8 }; // times faster than the line of sight turns; where an opponent is ahead [rad]
@@ -30,7 +31,7 @@ function slope(of, x, y) {
   return [of(x + TINY, y) - of(x - TINY, y), of(x, y + TINY) - of(x, y - TINY)].map((change) => change / (2 * TINY));
 }
 
-// ---- courses: a heading [rad] and a speed [m/s] to have, from what one side sees
+// ---- courses: a heading [rad] and a speed [m/s] to have, from what one robot sees
 
 function purePursuit({ body, own, opponent }) {
   return [direction(own, opponent), arcSpeed(body, own, opponent)];
@@ -151,11 +152,11 @@ const RUNNERS = {
   "potential-field": steering(potentialField),
 };
 
-/** The players of one side by name: from (game, state, role) to the values of the nine actions. */
+/** The players of one side by name: from (game, state, who) to the values of the nine actions. */
 export const CLASSICAL = Object.fromEntries(
   [[PURSUER, CHASERS], [EVADER, RUNNERS]].map(([side, rules]) => {
     const all = Object.entries({ ...rules, territory: steering(territory) });
-    return [side, Object.fromEntries(all.map(([name, rule]) => [name, (...seen) => rule(look(...seen))]))];
+    return [side, Object.fromEntries(all.map(([name, rule]) => [name, (...seen) => rule(plainly(look(...seen)))]))];
   }),
 );
 
@@ -165,7 +166,7 @@ export function fits(name, { arena }) {
   return name !== "territory" || Boolean(arena.territory);
 }
 
-function look(game, state, role) {
-  const rival = other(role);
-  return { game, role, body: game[role], own: state[role], opponent: state[rival], opponentBody: game[rival] };
+/** A view of two robots: where they are, and their limits apart. */
+function plainly({ game, role, own, opponent }) {
+  return { game, role, body: own.body, own: own.state, opponent: opponent.state, opponentBody: opponent.body };
 }

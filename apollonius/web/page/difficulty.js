@@ -1,7 +1,7 @@
 // How hard an opponent is, in words. The robots are always the same: an easier opponent sees late, the hardest one sees
 // what the other is about to do. Neither changes how a player sees its own robot, so that a shield stays a shield.
 
-import { other, step, winner } from "./rules.js";
+import { HOLD, other, step, winner } from "./rules.js";
 
 const HELD = 5; // steps for which an action is held in what is foreseen
 const TRIED = 4; // of the best actions
@@ -18,10 +18,10 @@ export const DIFFICULTIES = {
 /**
  * A player as good as a difficulty says.
  *
- * @param player from (game, state, role) to actions in the order it prefers them
+ * @param player from (game, state, who) to actions in the order it prefers them
  * @param difficulty a name in `DIFFICULTIES`
- * @param worth what a state is worth to it, if it knows: from (game, state, role) to a number
- * @returns from (game, state, role, states, told) to actions; `states` are all of the game, `told` is the other's action
+ * @param worth what a state is worth to it, if it knows: from (game, state, who) to a number
+ * @returns from (game, state, who, states, told) to actions; `states` are all of the game, `told` are the opponents' actions
  */
 export function asHardAs(player, difficulty, worth = null) {
   const { late, isTold } = DIFFICULTIES[difficulty];
@@ -29,35 +29,38 @@ export function asHardAs(player, difficulty, worth = null) {
   return late ? seeingLate(player, late) : player;
 }
 
-/** Sees the other robot where it was some seconds ago. */
+/** Sees the opponents where they were some seconds ago, but not ones in play that are no more. */
 function seeingLate(player, seconds) {
-  return (game, state, role, states) => {
-    const rival = other(role);
+  return (game, state, who, states) => {
+    const rival = other(who.role);
     const before = states[Math.max(0, states.length - 1 - Math.round(seconds / game.dt))];
-    return player(game, { ...state, [rival]: before[rival] }, role);
+    const late = before[rival].map((robot, number) => ({ ...robot, status: state[rival][number].status }));
+    return player(game, { ...state, [rival]: late }, who);
   };
 }
 
-/** Tries its best actions against the one that the other takes, and prefers those that lead to more. */
+/** Tries its best actions against those that the opponents take, while its mates go straight; prefers those that lead to more. */
 function foreseeing(player, worth) {
-  return (game, state, role, states, told) => {
-    const actions = player(game, state, role);
-    const value = (action) => afterHolding(game, state, role, { [role]: action, [other(role)]: told }, worth);
+  return (game, state, who, states, told) => {
+    const { role, number } = who;
+    const actions = player(game, state, who);
+    const mates = state[role].map(() => HOLD);
+    const value = (action) => afterHolding(game, state, who, { [role]: mates.with(number, action), [other(role)]: told }, worth);
     const tried = actions.slice(0, TRIED).map((action) => ({ action, value: value(action) }));
     const best = tried.toSorted((one, two) => two.value - one.value).map(({ action }) => action);
     return [...best, ...actions.slice(TRIED)];
   };
 }
 
-/** What a state is worth after both have held their actions; without a `worth`, only who has won by then counts. */
-function afterHolding(game, state, role, actions, worth) {
+/** What a state is worth after all have held their actions; without a `worth`, only who has won by then counts. */
+function afterHolding(game, state, who, actions, worth) {
   for (let held = 0; held < HELD; held++) {
     const after = step(game, state, actions);
     if (after.outcome !== "ongoing") {
       const won = winner(game, after.outcome);
-      return won === null ? 0 : won === role ? DECIDED - held : held - DECIDED;
+      return won === null ? 0 : won === who.role ? DECIDED - held : held - DECIDED;
     }
     state = after.state;
   }
-  return worth ? worth(game, state, role) : 0;
+  return worth ? worth(game, state, who) : 0;
 }

@@ -3,7 +3,8 @@
 import { circle, drawArena, drawTrail, path } from "./arena.js";
 import { drawMap } from "./cells.js";
 import { isTooFast, restOf } from "./hints.js";
-import { EVADER, PURSUER, wrapAngle } from "./rules.js";
+import { PURSUER, ROLES, wrapAngle } from "./rules.js";
+import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of what is seen, so that robots are found in large arenas
@@ -13,13 +14,15 @@ const METRES = { scale: 1, x: (metres) => metres, y: (metres) => metres }; // th
 /** A state between two others, `share` of the way from the first to the second. */
 export function between(before, after, share) {
   const mix = (a, b) => a + (b - a) * share;
-  const robot = (role) => ({
-    x: mix(before[role].x, after[role].x),
-    y: mix(before[role].y, after[role].y),
-    v: mix(before[role].v, after[role].v),
-    heading: before[role].heading + share * wrapAngle(after[role].heading - before[role].heading),
+  const robot = (start, end) => ({
+    x: mix(start.x, end.x),
+    y: mix(start.y, end.y),
+    v: mix(start.v, end.v),
+    heading: start.heading + share * wrapAngle(end.heading - start.heading),
+    status: share < 1 ? start.status : end.status,
   });
-  return { pursuer: robot(PURSUER), evader: robot(EVADER) };
+  const side = (role) => before[role].map((start, number) => robot(start, after[role][number]));
+  return { ...after, ...Object.fromEntries(ROLES.map((role) => [role, side(role)])) };
 }
 
 /**
@@ -63,26 +66,39 @@ export function drawGround(context, arena, colours, beneath = null) {
  *
  * @param canvas sized here to its place in the page and the screen's pixels
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
- *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, roles whose way to rest is
- *   drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them, `seen`, the
- *   part of the arena to show, `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots
+ *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} whose way
+ *   to rest is drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them,
+ *   `seen`, the part of the arena to show, `layers`, {beneath, above}: what draws on the bare ground, and between trails
+ *   and robots. Team mates have their numbers, and a robot that is out of play is a cross
  */
 export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, seen = game.arena, layers = null }) {
   const context = begin(canvas, seen);
   drawGround(context, game.arena, colours, layers?.beneath);
-  for (const role of [PURSUER, EVADER]) {
-    const trail = states.map((state) => [state[role].x, state[role].y]);
-    drawTrail(context, trail, colours[role], 0.035, 0.08);
+  const robots = robotsOf(now, ROLES);
+  for (const who of robots) {
+    const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
+    drawTrail(context, trail, colours[who.role], 0.035, 0.08);
   }
   layers?.above(context);
   const least = Math.max(ROBOT, SMALLEST * Math.max(seen.x_max - seen.x_min, seen.y_max - seen.y_min));
-  for (const role of steered) {
-    drawWayToRest(context, game, role, now[role], colours);
-    if (halo !== null) drawHalo(context, now[role], least, halo, colours[role]);
-    if (advice) drawAdvice(context, now[role], least, advice, colours);
+  for (const who of steered) {
+    const robot = robotOf(now, who);
+    drawWayToRest(context, game, who, robot, colours);
+    if (halo !== null) drawHalo(context, robot, least, halo, colours[who.role]);
+    if (advice) drawAdvice(context, robot, least, advice, colours);
   }
-  drawPursuer(context, now.pursuer, Math.max(game.pursuer.radius, least), game.capture_distance, colours);
-  drawEvader(context, now.evader, Math.max(game.evader.radius, least), colours);
+  for (const who of robots) drawRobot(context, game, who, now, least, colours);
+}
+
+/** One of a game's robots; `least` is the radius that it is drawn with at least. */
+function drawRobot(context, game, who, now, least, colours) {
+  const { role, number } = who;
+  const robot = robotOf(now, who);
+  const radius = Math.max(bodyOf(game, who).radius, least);
+  if (!isActive(robot)) drawCross(context, robot, radius, colours[role]);
+  else if (role === PURSUER) drawPursuer(context, robot, radius, game.capture_distance, colours);
+  else drawEvader(context, robot, radius, colours);
+  if (now[role].length > 1) drawNumber(context, robot, radius, number + 1, colours[role]);
 }
 
 /** What lies so far ahead of a robot, or at an angle to it. */
@@ -91,10 +107,10 @@ function ahead(robot, length, angle = 0) {
 }
 
 /** Dots to where a robot would stop if it braked; where it would touch something first, a bold line and a cross. */
-function drawWayToRest(context, game, role, robot, colours) {
-  const rest = restOf(game[role], robot);
-  const isLate = robot.v > 0 && isTooFast(game, role, robot);
-  context.strokeStyle = isLate ? colours.ink : colours[role];
+function drawWayToRest(context, game, who, robot, colours) {
+  const rest = restOf(bodyOf(game, who), robot);
+  const isLate = robot.v > 0 && isTooFast(game, who, robot);
+  context.strokeStyle = isLate ? colours.ink : colours[who.role];
   context.lineWidth = isLate ? 0.06 : 0.03;
   context.setLineDash(isLate ? [] : [0.08, 0.1]);
   path(context, [[robot.x, robot.y], [rest.x, rest.y]]).stroke();
@@ -113,15 +129,20 @@ function drawHalo(context, robot, radius, share, colour) {
   context.restore();
 }
 
-/** Keys beside a robot, such as "↑". */
-function drawAdvice(context, robot, radius, keys, colours) {
-  const size = 3.4 * radius;
+/** Letters that stand upright, so large [m], around a robot. */
+function beginLetters(context, robot, size) {
   context.save();
   context.translate(robot.x, robot.y);
-  context.scale(1, -1); // letters stand upright
+  context.scale(1, -1);
   context.font = `${size}px system-ui, sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
+}
+
+/** Keys beside a robot, such as "↑". */
+function drawAdvice(context, robot, radius, keys, colours) {
+  const size = 3.4 * radius;
+  beginLetters(context, robot, size);
   context.lineWidth = 0.2 * radius;
   [...keys].forEach((key, index) => {
     const [x, y] = [(index - (keys.length - 1) / 2) * 1.3 * size, -1.3 * size];
@@ -142,6 +163,21 @@ function drawPursuer(context, robot, radius, reach, colours) {
   circle(context, robot.x, robot.y, reach).stroke();
   const corners = [[1.4, 0], [1.2, 2.4], [0.4, Math.PI], [1.2, -2.4]];
   path(context, corners.map(([length, angle]) => ahead(robot, length * radius, angle))).fill();
+}
+
+/** The number of a team mate, beside it. */
+function drawNumber(context, robot, radius, number, colour) {
+  beginLetters(context, robot, 2.2 * radius);
+  context.fillStyle = colour;
+  context.fillText(`${number}`, 2 * radius, -2 * radius);
+  context.restore();
+}
+
+/** Out of play. */
+function drawCross(context, robot, radius, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 0.4 * radius;
+  for (const slope of [radius, -radius]) path(context, [[robot.x - radius, robot.y - slope], [robot.x + radius, robot.y + slope]]).stroke();
 }
 
 /** A disc with a nose. */

@@ -9,11 +9,12 @@ const COURSES = 16; // directions, every other one of those, in which it is look
 const [NEAR, AHEAD] = [1.5, 5]; // how far in them [m], before an obstacle
 const BEFORE = 0.1; // how far before it [m]
 const SHARPNESS = 4; // how much the best direction counts more than one along which nothing is gained
-const UNITS = { speed: 1.2, u1: 0.3, u2: 0.8, length: 0.3 }; // of the limits: those of the paper's robots
+export const UNITS = { speed: 1.2, u1: 0.3, u2: 0.8, length: 0.3 }; // of the limits: those of the paper's robots
 
 /** Ninety-two numbers: the robots, rays and ways. */
-export function egocentric(game, robots) {
+export function egocentric({ game, own: looking, opponent: nearest }) {
   const chart = chartOf(game);
+  const robots = [looking, nearest];
   const [own, opponent] = robots.map(({ state }) => state);
   const [dx, dy] = [opponent.x - own.x, opponent.y - own.y];
   const away = { dx, dy, distance: Math.hypot(dx, dy) };
@@ -66,7 +67,7 @@ function rooms(chart, { body, state }, cos, sin) {
 }
 
 /** A length [m] on two scales, one that tells near ones apart and one for all. */
-const ofLength = (length) => [1 / (1 + length), Math.log1p(length) / 2];
+export const ofLength = (length) => [1 / (1 + length), Math.log1p(length) / 2];
 
 /** How far the opponent has to go to the robot, and to places around it. */
 function ofWays(chart, [{ state: own, body }, { state: opponent, body: theirBody }], { dx, dy, distance }, courses) {

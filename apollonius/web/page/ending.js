@@ -1,52 +1,78 @@
 // What a person is told: who they are and what to do, and how a game ended.
 
 import { levelWonBy } from "./levels.js";
-import { EVADER, PURSUER } from "./rules.js";
+import { wordsOf } from "./match.js";
+import { EVADER, PURSUER, ROLES, other } from "./rules.js";
+import { isActive } from "./teams.js";
 
 const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
-
-const YOURS = {
-  captured: { [PURSUER]: "You caught it", [EVADER]: "You were caught" },
-  pursuer_hit_obstacle: { [PURSUER]: "You hit an obstacle", [EVADER]: "Red hit an obstacle" },
-  evader_hit_obstacle: { [PURSUER]: "Blue hit an obstacle", [EVADER]: "You hit an obstacle" },
-  pursuer_out_of_range: { [PURSUER]: "You ran into a wall", [EVADER]: "Red ran into a wall" },
-  evader_out_of_range: { [PURSUER]: "Blue ran into a wall", [EVADER]: "You ran into a wall" },
-  both_failed: { [PURSUER]: "You both crashed at once", [EVADER]: "You both crashed at once" },
-  no_result: { [PURSUER]: "Time is up, it got away", [EVADER]: "You survived" },
-  territory_reached: { [PURSUER]: "Blue reached the ring", [EVADER]: "You reached the ring" },
-};
-const THEIRS = {
-  captured: "Red caught blue",
-  pursuer_hit_obstacle: "Red hit an obstacle",
-  evader_hit_obstacle: "Blue hit an obstacle",
-  pursuer_out_of_range: "Red ran into a wall",
-  evader_out_of_range: "Blue ran into a wall",
-  both_failed: "Both crashed at once",
-  no_result: "Time is up, blue got away",
-  territory_reached: "Blue reached the ring",
-};
+const SIDE = { [PURSUER]: "Red", [EVADER]: "Blue" };
+const FATES = { hit_obstacle: "hit an obstacle", out_of_range: "ran into a wall", hit_mate: "hit a team mate" };
 
 const limit = ({ game }) => `${Number((game.max_steps * game.dt).toFixed(1))}\u00a0s`;
+const after = (steps, { game }) => `after ${(steps * game.dt).toFixed(1)}\u00a0s`;
 
 /** What is to be done. `me` is the side of the one person who plays, or null. */
 export function describeGoal(match, me) {
-  const { game, players } = match;
-  if (me === EVADER && game.arena.territory) return `You are blue: reach the ring within ${limit(match)}`;
-  if (me === EVADER) return `You are blue: survive ${limit(match)}`;
-  if (me === PURSUER && game.arena.territory) return `You are red: keep blue from the ring for ${limit(match)}`;
-  if (me === PURSUER) return `You are red: catch blue within ${limit(match)}`;
-  const [red, blue] = [PURSUER, EVADER].map((role) => players[role].words);
-  return red === blue ? "Red hunts, blue flees" : `Red ${red}; blue ${blue}`;
+  const { game, players, start } = match;
+  if (!me) {
+    const [red, blue] = ROLES.map((role) => wordsOf(players[role]));
+    return red === blue ? "Red hunts, blue flees" : `Red ${red}; blue ${blue}`;
+  }
+  const [ours, theirs] = [start[me].length, start[other(me)].length];
+  const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}`;
+  if (me === EVADER && game.arena.territory) return `${you}: reach the ring within ${limit(match)}`;
+  if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds for ` : ""}${limit(match)}`;
+  const blue = theirs > 1 ? `all ${theirs} blues` : "blue";
+  return game.arena.territory ? `${you}: keep ${blue} from the ring for ${limit(match)}` : `${you}: catch ${blue} within ${limit(match)}`;
+}
+
+/** What put somebody out of play. */
+function befell(who, status) {
+  return `${who} ${status === "captured" ? `${who === "You" ? "were" : "was"} caught` : FATES[status]}`;
+}
+
+/** What ended a game, as one side's person sees it or, without one, all do. */
+function describeOutcome({ outcome, start }, me) {
+  const hasMates = (role) => start[role].length > 1;
+  const side = (role) => (role !== me ? SIDE[role] : hasMates(role) ? "Your team" : "You");
+  const last = (role) => (!hasMates(role) ? side(role) : role === me ? "The last of your team" : `The last ${COLOUR[role]}`);
+  const it = me && !hasMates(EVADER) ? "it" : "blue";
+  if (outcome === "both_failed") return me && !hasMates(me) ? "You both crashed at once" : "Both crashed at once";
+  if (outcome === "territory_reached") return `${side(EVADER)} reached the ring`;
+  if (outcome === "no_result") return me === EVADER ? `${side(EVADER)} survived` : `Time is up, ${it} got away`;
+  if (outcome === "captured" && me !== EVADER) return `${side(PURSUER)} caught ${it}`;
+  if (outcome === "captured") return befell(last(EVADER), outcome);
+  const [role] = outcome.split("_", 1);
+  return befell(last(role), outcome.slice(role.length + 1));
+}
+
+/** What befell a person's robot before its team's game was over, or with the last of it. */
+function describeOwn(match, me) {
+  const { states } = match;
+  const out = states.findIndex((state) => !isActive(state[me][0]));
+  if (states[0][me].length === 1 || out < 0) return null;
+  const own = befell("You", states[out][me][0].status);
+  const isLast = out === states.length - 1 && !states[out][me].some(isActive);
+  return { isLast, what: isLast ? `${own}, the last of your team,` : `${own} ${after(out, match)}` };
+}
+
+/** What is said while a person's team plays on without its first robot; nothing while that is in play. */
+export function describeLost(match, me) {
+  const own = me && describeOwn(match, me);
+  return own ? `${own.what}. Your team plays on.` : "";
 }
 
 /** How a game that is over ended, and who has won. */
 export function describeEnd(match, me) {
-  const { outcome, winner } = match;
-  const what = me ? YOURS[outcome][me] : THEIRS[outcome];
-  const when = `after ${match.seconds.toFixed(1)}\u00a0s`;
-  if (winner === null) return `${what} ${when}: nobody wins.`;
-  if (!me) return `${what} ${when}: ${COLOUR[winner]} wins.`;
-  return winner === me ? `${what} ${when}. You win!` : `${what} ${when}. You lose.`;
+  const { winner } = match;
+  const [what, own] = [describeOutcome(match, me), me && describeOwn(match, me)];
+  const joint = winner === me ? "but" : "and";
+  const told = own?.isLast ? own.what : own ? `${own.what}, ${joint} ${what[0].toLowerCase()}${what.slice(1)}` : what;
+  const said = `${told} ${after(match.state.steps, match)}`;
+  if (winner === null) return `${said}: nobody wins.`;
+  if (!me) return `${said}: ${COLOUR[winner]} wins.`;
+  return winner === me ? `${said}. You win!` : `${said}. You lose.`;
 }
 
 /** Until when a person who crashed could still have braked; nothing where that is not known. */

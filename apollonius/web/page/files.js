@@ -2,8 +2,10 @@
 // those that it lets a person save.
 
 import { readAgent } from "./agents.js";
+import { inTeams, partsOf } from "./teams.js";
 
 const read = new Map();
+const withTeams = new WeakMap(); // games of teams by the games of two that they are made of, and then by their names
 
 /** What a file says, by the function that reads its bytes; read once. `name` is what a person calls it. */
 async function load(name, path, reads) {
@@ -18,8 +20,18 @@ async function load(name, path, reads) {
 /** The network of a trained agent. */
 export const findAgent = ({ files }, name) => load(name, files[name], readAgent);
 
-/** A game, always the same object, so that its chart is drawn once. */
-export async function findGame({ games, maps }, name) {
+/** A game, such as `office` or `team-3v1/office`; always the same object, so that its chart is drawn once. */
+export async function findGame(catalogue, name) {
+  const [arena, counts] = partsOf(name);
+  const game = await findArena(catalogue, arena);
+  if (!counts) return game;
+  const known = withTeams.get(game) ?? {};
+  known[name] ??= inTeams(game, ...counts);
+  withTeams.set(game, known);
+  return known[name];
+}
+
+async function findArena({ games, maps }, name) {
   const game = games[name];
   if (!maps[name]) return game;
   return load(`the map of ${name}`, maps[name].field, (buffer) => {

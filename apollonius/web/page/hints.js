@@ -1,7 +1,9 @@
 // Hints of danger: how near the other is, and whether braking now would still do. Heard if wanted, felt on phones.
 
 import { clearanceAlong } from "./clearance.js";
-import { EVADER, other } from "./rules.js";
+import { EVADER } from "./rules.js";
+import { bodyOf } from "./teams.js";
+import { look } from "./view.js";
 
 const ALARMED = 3; // distance [m] from the reach of a capture at which an evader begins to hear its pursuer
 const [LOW, HIGH] = [220, 660]; // Hz
@@ -15,15 +17,17 @@ export function restOf(body, robot) {
   return { ...robot, x: robot.x + reach * Math.cos(robot.heading), y: robot.y + reach * Math.sin(robot.heading) };
 }
 
-/** Whether a robot that brakes straight ahead now touches something. */
-export const isTooFast = (game, role, robot) =>
-  clearanceAlong(game.arena, robot, restOf(game[role], robot)) < game[role].radius;
+/** Whether a robot, {role, number}, that brakes straight ahead now touches something. */
+export function isTooFast(game, who, robot) {
+  const body = bodyOf(game, who);
+  return clearanceAlong(game.arena, robot, restOf(body, robot)) < body.radius;
+}
 
-/** How near a capture is, from 0 to 1; the one who hunts has nothing to fear. */
-export function nearness(game, state, role) {
-  if (role !== EVADER) return 0;
-  const [own, rival] = [state[role], state[other(role)]];
-  const away = Math.hypot(own.x - rival.x, own.y - rival.y) - game.capture_distance;
+/** How near a capture by the nearest opponent is, from 0 to 1; who hunts has nothing to fear. */
+export function nearness(game, state, who) {
+  if (who.role !== EVADER) return 0;
+  const { own, opponent } = look(game, state, who);
+  const away = Math.hypot(own.state.x - opponent.state.x, own.state.y - opponent.state.y) - game.capture_distance;
   return Math.min(1, Math.max(0, 1 - away / ALARMED));
 }
 

@@ -4,10 +4,10 @@
 import { leavesRoom } from "./agents.js";
 import { STOPS } from "./chart.js";
 import { chartOf } from "./charting.js";
-import { EVADER, PURSUER, move, other, step } from "./rules.js";
-import { HOLD } from "./steering.js";
+import { decided } from "./match.js";
+import { EVADER, HOLD, ROLES, move, step } from "./rules.js";
+import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
 
-const ROLES = [PURSUER, EVADER];
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const HELD = 1; // for how long actions are held to show where they lead [s]
 const AHEAD = 2; // how far is looked ahead [s]
@@ -23,33 +23,34 @@ export const LAYERS = {
 };
 
 /** Where each action leads a robot that holds it for a while. */
-function ends(game, role, robot) {
+function ends(game, body, robot) {
   const held = Math.max(1, Math.round(HELD / game.dt));
   return ACTIONS.map((action) => {
     let end = robot;
-    for (let count = 0; count < held; count++) end = move(game[role], end, action, game.dt);
+    for (let count = 0; count < held; count++) end = move(body, end, action, game.dt);
     return end;
   });
 }
 
 /** What an agent thinks of the nine actions, from 0, the worst, to 1, the best; null of one that says nothing. */
-function opinions({ values }, game, state, role) {
+function opinions({ values }, game, state, who) {
   if (!values) return null;
-  const found = [...values(game, state, role)];
+  const found = [...values(game, state, who)];
   const [least, most] = [Math.min(...found), Math.max(...found)];
   return found.map((value) => (value - least) / Math.max(most - least, 1e-9));
 }
 
 /** Which actions leave a robot room to stop: what the shield lets pass. */
-export const stoppable = (game, role, robot) => ACTIONS.map((action) => leavesRoom(game, game[role], robot, action));
+export const stoppable = (game, body, robot) => ACTIONS.map((action) => leavesRoom(game, body, robot, action));
 
 /**
- * The last state of a game, as its number, from which a side that crashed could still have braked in time; null where it
- * did not crash, or never could.
+ * The last state of a game, as its number, from which a robot, {role, number}, that crashed could still have braked in time;
+ * null where it did not crash, or never could.
  */
-export function lastBrake({ game, outcome, states }, role) {
-  if (outcome !== "both_failed" && !(outcome.startsWith(role) && /hit_obstacle|out_of_range/.test(outcome))) return null;
-  const last = states.findLastIndex((state, index) => index < states.length - 1 && stoppable(game, role, state[role]).includes(true));
+export function lastBrake({ game, states }, who) {
+  if (!["hit_obstacle", "out_of_range"].includes(robotOf(states.at(-1), who).status)) return null;
+  const isInTime = (robot) => isActive(robot) && stoppable(game, bodyOf(game, who), robot).includes(true);
+  const last = states.findLastIndex((state) => isInTime(robotOf(state, who)));
   return last < 0 ? null : last;
 }
 
@@ -63,22 +64,29 @@ export function timeFor(body, speed, way) {
 }
 
 /**
- * Who is first at each stop of the arena's chart, row by row from the bottom: seconds by which the evader is earlier than
- * the pursuer's reach; NaN where no way leads.
+ * Which side is first at each stop of the arena's chart, row by row from the bottom: seconds by which an evader is earlier
+ * than any pursuer's reach; NaN where no way leads.
  */
 export function leads(game, state) {
   const chart = chartOf(game);
-  const [pursuer, evader] = ROLES.map((role) => {
-    const { stops, weights } = chart.places(state[role].x, state[role].y);
-    return stops.map((stop, index) => ({ lengths: weights[index] ? chart.ways.from(stop) : null, weight: weights[index] }));
-  });
+  const runners = (role) => {
+    return robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who))).map((who) => {
+      const { x, y, v } = robotOf(state, who);
+      const { stops, weights } = chart.places(x, y);
+      const from = stops.map((stop, index) => ({ lengths: weights[index] ? chart.ways.from(stop) : null, weight: weights[index] }));
+      return { body: bodyOf(game, who), v, from };
+    });
+  };
+  const [pursuers, evaders] = ROLES.map(runners);
   const way = (from, stop) => from.reduce((sum, { lengths, weight }) => (lengths ? sum + (weight * lengths[stop]) / 100 : sum), 0);
-  return Float32Array.from({ length: STOPS ** 2 }, (_, stop) => {
-    const [theirs, own] = [way(pursuer, stop), way(evader, stop)];
-    if (Math.min(theirs, own) >= NO_WAY) return Number.NaN;
-    const reach = Math.max(theirs - game.capture_distance, 0);
-    return timeFor(game.pursuer, state.pursuer.v, reach) - timeFor(game.evader, state.evader.v, own);
-  });
+  /** The time of the first of some robots to come so near to a stop. */
+  const first = (robots, stop, reach) => {
+    return robots.reduce((least, { body, v, from }) => {
+      const length = way(from, stop);
+      return length < NO_WAY ? Math.min(least, timeFor(body, v, Math.max(length - reach, 0))) : least;
+    }, Infinity);
+  };
+  return Float32Array.from({ length: STOPS ** 2 }, (_, stop) => first(pursuers, stop, game.capture_distance) - first(evaders, stop, 0));
 }
 
 /** Looks ahead a little in every frame; `course` is what it has last seen to its end: states, from where it began. */
@@ -99,13 +107,10 @@ class Foresight {
 
   #step() {
     const { game, players, actions } = this.match;
-    const state = this.states.at(-1);
-    const taken = {};
-    for (const role of players.pursuer.isTold ? [EVADER, PURSUER] : [PURSUER, EVADER]) {
-      const { rank } = players[role];
-      const held = actions.at(-1)?.[ROLES.indexOf(role)] ?? HOLD;
-      taken[role] = rank ? rank(game, state, role, this.states, taken[other(role)])[0] : held;
-    }
+    const { states } = this;
+    const state = states.at(-1);
+    const held = ({ role, number }) => actions.at(-1)?.[number + (role === EVADER ? state.pursuer.length : 0)] ?? HOLD;
+    const taken = decided(players, states, ({ rank }, who, told) => (rank ? rank(game, state, who, states, told)[0] : held(who)));
     const after = step(game, state, taken);
     this.states.push(after.state);
     return after.outcome !== "ongoing";
@@ -122,18 +127,18 @@ export class Insight {
    * What the layers show now.
    *
    * @param shown keys of `LAYERS`
-   * @returns {robots, leads, course}: of each robot {role, ends, values, stops}, what is not shown or not known is null
+   * @returns {robots, leads, course}: of each robot in play {role, number, ends, values, stops}, what is not shown or not known is null
    */
   of(shown) {
     const { match } = this;
     const { game, players, state } = match;
     if (state !== this.state || shown.join() !== this.wanted) {
       [this.state, this.wanted] = [state, shown.join()];
-      const robots = ROLES.map((role) => ({
-        role,
-        ends: ends(game, role, state[role]),
-        values: shown.includes("values") ? opinions(players[role], game, state, role) : null,
-        stops: shown.includes("brakes") ? stoppable(game, role, state[role]) : null,
+      const robots = robotsOf(state, ROLES).filter((who) => isActive(robotOf(state, who))).map((who) => ({
+        ...who,
+        ends: ends(game, bodyOf(game, who), robotOf(state, who)),
+        values: shown.includes("values") ? opinions(robotOf(players, who), game, state, who) : null,
+        stops: shown.includes("brakes") ? stoppable(game, bodyOf(game, who), robotOf(state, who)) : null,
       }));
       this.found = { robots, leads: shown.includes("regions") ? leads(game, state) : null };
     }

@@ -1,18 +1,42 @@
-// A series of games between two players, one game at a time: its course, its end, the score, and its replay.
+// A series of games between two sides, one game at a time: its course, its end, the score, and its replay.
 
 import { asRecord } from "./files.js";
-import { EVADER, PURSUER, drawStart, gears, isContinuous, makeRandom, other, step, winner } from "./rules.js";
+import { EVADER, HOLD, PURSUER, drawStart, gears, isContinuous, makeRandom, other, step, winner } from "./rules.js";
+import { isActive } from "./teams.js";
 
 const REPLAY_FORMAT = 1;
-const REPLAY_TOLERANCE = 1e-5; // what the page's rules and the package's may differ by, as tests/web shows
+const REPLAY_TOLERANCE = 1e-4; // what states of the page and of the package come to differ by in a thousand steps, and some to spare
 
-const asRow = ({ pursuer: p, evader: e }) => [p.x, p.y, p.v, p.heading, e.x, e.y, e.v, e.heading];
+const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
+
+/** What a side is called: each of its players once, a person first. */
+export const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
+
+/** The same in words. */
+export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join(", with ");
+
+/**
+ * What all robots do in the last of some states of a game; of those that are not in play it makes no difference.
+ *
+ * @param ask from a player, its robot {role, number}, and the opponents' actions if they have decided, to an action
+ */
+export function decided(players, states, ask) {
+  const state = states.at(-1);
+  const actions = {};
+  // Who is told acts last; if both are, the pursuers are told.
+  const order = players.pursuer.some(({ isTold }) => isTold) ? [EVADER, PURSUER] : [PURSUER, EVADER];
+  for (const role of order) {
+    const told = actions[other(role)];
+    actions[role] = players[role].map((player, number) => (isActive(state[role][number]) ? ask(player, { role, number }, told) : HOLD));
+  }
+  return actions;
+}
 
 export class Match {
   /**
    * @param game rules, as `apollonius.arenas.record.to_dict` writes them, a map with its field
-   * @param players {pursuer, evader}: {name, isTold, act(game, state, role, states, told) -> action}; who is told sees
-   *   what the other is about to do
+   * @param players {pursuer, evader}, lists of who plays each robot: {name, isTold, act(game, state, who, states, told) ->
+   *   action}; who is told sees what the opponents are about to do
    * @param seed of the starts
    */
   constructor(game, players, seed) {
@@ -60,34 +84,31 @@ export class Match {
     return (this.game.max_steps - this.state.steps) * this.game.dt;
   }
 
-  /** One step of `dt`: both players act, the rules judge. */
+  /** One step of `dt`: all players act, the rules judge. */
   step() {
     const { game, state, states, players } = this;
-    const actions = {};
-    // Who is told acts last; if both are, the pursuer is told.
-    const order = players.pursuer.isTold ? [EVADER, PURSUER] : [PURSUER, EVADER];
-    for (const role of order) actions[role] = players[role].act(game, state, role, states, actions[other(role)]);
+    const actions = decided(players, states, (player, who, told) => player.act(game, state, who, states, told));
     const after = step(game, state, actions);
     this.states.push(after.state);
-    this.actions.push([actions.pursuer, actions.evader]);
+    this.actions.push([...actions.pursuer, ...actions.evader]);
     this.outcome = after.outcome;
     if (this.isOver) this.score[this.winner ?? "nobody"] += 1;
   }
 
   /** The game as a replay file of the package: `apollonius show FILE` plays it again. */
   replay() {
-    const someContinuous = this.actions.flat().some(isContinuous);
+    const someContinuous = this.actions.some((all) => all.some(isContinuous));
     return {
       format: REPLAY_FORMAT,
       game: asRecord(this.game),
-      pursuer: this.players.pursuer.name,
-      evader: this.players.evader.name,
+      pursuer: nameOf(this.players.pursuer),
+      evader: nameOf(this.players.evader),
       seed: this.seed,
       games: this.number,
       index: this.number - 1,
       outcome: this.outcome,
       tolerance: REPLAY_TOLERANCE,
-      actions: someContinuous ? this.actions.map((both) => both.map(gears)) : this.actions,
+      actions: someContinuous ? this.actions.map((all) => all.map(gears)) : this.actions,
       states: this.states.map(asRow),
     };
   }

@@ -2,10 +2,21 @@
 
 export const YOU = "you";
 export const SHIELDED = "shielded:";
+const WITH = "+"; // between a person and the mates
+
+/** Who leads a side and, if a person does, the name of the mates: of `you+P_team` both, of `P_team` the first alone. */
+export const leadAndMates = (name) => name.split(WITH);
+
+/** A person with such mates, or without any. */
+export const leading = (mates) => (mates ? YOU + WITH + mates : YOU);
+
+/** Whether a person plays, alone or with mates. */
+export const isPerson = (name) => leadAndMates(name)[0] === YOU;
 
 const WORDS = {
   [YOU]: "a person",
   any: "knows any arena",
+  team: "hunts as a team",
   optimal: "taught by the solved game",
   hunter: "learned to catch the best evaders",
   prioritised: "learned from its own past, longest",
@@ -33,6 +44,8 @@ export const bare = (name) => name.replace(SHIELDED, "");
 
 /** A player in words, and its name where it has one: "knows any arena (P_any)". */
 export function inWords(name) {
+  const [lead, mates] = leadAndMates(name);
+  if (mates) return `${inWords(lead)}, with ${inWords(mates)}`;
   const known = bare(name);
   const key = known.replace(/^[PE]_/, "");
   const isOfZoo = key !== known;

@@ -2,7 +2,8 @@
 
 import { clearance, clip } from "./clearance.js";
 import { egocentric } from "./egocentric.js";
-import { other } from "./rules.js";
+import { team } from "./team.js";
+import { look } from "./view.js";
 
 const scale = (value, low, high) => (2 * value - (low + high)) / Math.max(high - low, 1e-6);
 
@@ -23,12 +24,13 @@ function clearances(arena, { body, state }) {
 }
 
 /** Eight numbers (Eq. 7). */
-function paper({ arena }, robots) {
-  return robots.flatMap((robot) => [...positionAndSpeed(arena, robot), robot.state.heading / Math.PI]);
+function paper({ game: { arena }, own, opponent }) {
+  return [own, opponent].flatMap((robot) => [...positionAndSpeed(arena, robot), robot.state.heading / Math.PI]);
 }
 
 /** Seventeen numbers. */
-function encoded({ arena }, robots) {
+function encoded({ game: { arena }, own: looking, opponent: nearest }) {
+  const robots = [looking, nearest];
   const [own, opponent] = robots.map(({ state }) => state);
   const size = Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min);
   const dx = (opponent.x - own.x) / size;
@@ -46,11 +48,8 @@ function encoded({ arena }, robots) {
   ];
 }
 
-/** From a game and both robots, the one that looks first, each {body, state}, to numbers. */
-const OBSERVATIONS = { paper, encoded, egocentric };
+/** From what a robot sees to numbers. */
+const OBSERVATIONS = { paper, encoded, egocentric, team };
 
-/** What one side sees, by the observation of this name. */
-export function observe(name, game, state, role) {
-  const robots = [role, other(role)].map((side) => ({ body: game[side], state: state[side] }));
-  return OBSERVATIONS[name](game, robots);
-}
+/** What one robot sees, {role, number}, by the observation of this name. */
+export const observe = (name, game, state, who) => OBSERVATIONS[name](look(game, state, who));

@@ -2,7 +2,8 @@
 
 import { circle, path } from "./arena.js";
 import { STOPS } from "./chart.js";
-import { EVADER, PURSUER } from "./rules.js";
+import { EVADER, PURSUER, ROLES } from "./rules.js";
+import { robotOf, robotsOf } from "./teams.js";
 
 const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
 const CROSS = 0.06; // half of its width
@@ -13,8 +14,8 @@ export function layersOf({ game, state }, { leads, robots, course }, colours) {
   const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
   const above = (context) => {
     context.save();
-    if (course?.length > 1) for (const role of [PURSUER, EVADER]) drawCourse(context, course, role, colours);
-    for (const robot of robots) drawActions(context, state[robot.role], robot, colours);
+    if (course?.length > 1) for (const who of robotsOf(state, ROLES)) drawCourse(context, course, who, colours);
+    for (const robot of robots) drawActions(context, robotOf(state, robot), robot, colours);
     context.restore();
   };
   return { beneath, above };
@@ -61,13 +62,13 @@ function paint(found, colours) {
   }
 }
 
-function drawCourse(context, course, role, colours) {
-  context.strokeStyle = colours[role];
+function drawCourse(context, course, who, colours) {
+  context.strokeStyle = colours[who.role];
   context.lineWidth = 0.05;
   context.setLineDash([0.02, 0.12]);
-  path(context, course.map((state) => [state[role].x, state[role].y])).stroke();
+  path(context, course.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y])).stroke();
   context.setLineDash([]);
-  const { x, y } = course.at(-1)[role];
+  const { x, y } = robotOf(course.at(-1), who);
   circle(context, x, y, 0.09).stroke();
 }
 

@@ -9,10 +9,12 @@ import { Controllers } from "./gamepad.js";
 import { Alarm, isTooFast, nearness } from "./hints.js";
 import { LAYERS } from "./insight.js";
 import { withOpenFloor } from "./levels.js";
+import { wordsOf } from "./match.js";
 import { EVADER, PURSUER } from "./rules.js";
 import { Session } from "./session.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
+import { isActive, robotOf } from "./teams.js";
 import { Timing } from "./timing.js";
 
 const element = (id) => document.getElementById(id);
@@ -43,7 +45,7 @@ function showScore({ match, choice, me }) {
   const number = choice.level ? `${choice.level.number}. ` : "";
   element("goal").textContent = number + describeGoal(match, me);
   for (const role of [PURSUER, EVADER]) {
-    element(`${role}-name`).textContent = match.players[role].words;
+    element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
   }
 }
@@ -112,7 +114,9 @@ function frame(now) {
 }
 
 function warn({ me, match: { game, state } }, now) {
-  alarm.tell(nearness(game, state, me), isTooFast(game, me, state[me]), now);
+  const who = { role: me, number: 0 };
+  const robot = robotOf(state, who);
+  if (isActive(robot)) alarm.tell(nearness(game, state, who), isTooFast(game, who, robot), now);
 }
 
 // ---- wiring

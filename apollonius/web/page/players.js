@@ -4,14 +4,19 @@ import { BUILT_IN, atBest, byValues, shielded, valuesOf } from "./agents.js";
 import { CLASSICAL, fits } from "./classical.js";
 import { DIFFICULTIES, asHardAs } from "./difficulty.js";
 import { findAgent } from "./files.js";
-import { SHIELDED, YOU, bare, inWords } from "./names.js";
+import { SHIELDED, YOU, bare, inWords, leadAndMates } from "./names.js";
+import { HOLD, ROLES, other } from "./rules.js";
 
 const REHEARSALS = 60; // moves before the first that counts, so that the browser has compiled them
 
-/** Have a match's players think about its start, against an action of the other. */
-export function rehearse({ game, state, states, players }, action) {
-  for (const [role, { rank }] of Object.entries(players)) {
-    for (let move = 0; rank && move < REHEARSALS; move++) rank(game, state, role, states, action);
+/** Have a match's players think about its start, once for all that are alike, while the opponents hold their course. */
+export function rehearse({ game, state, states, players }) {
+  for (const role of ROLES) {
+    const told = state[other(role)].map(() => HOLD);
+    for (const { rank } of new Set(players[role])) {
+      const number = players[role].findIndex((player) => player.rank === rank);
+      for (let move = 0; rank && move < REHEARSALS; move++) rank(game, state, { role, number }, states, told);
+    }
   }
 }
 
@@ -21,7 +26,18 @@ export function ruleNames(side, game) {
 }
 
 /**
- * Who plays one side.
+ * Who plays each of the robots of one side, so many: a name such as `you+P_team` is a person who leads, and mates that are
+ * agents of that name, as sharp as can be; every other name is all of them.
+ */
+export async function findTeam(catalogue, name, role, count, difficulty, steer, measure) {
+  const [lead, mates] = leadAndMates(name);
+  const find = (one, hard) => findPlayer(catalogue, one, role, hard, steer, measure);
+  const [first, others] = await Promise.all([find(lead, difficulty), mates && find(mates, "sharp")]);
+  return Array.from({ length: count }, (_, number) => (number && others) || first);
+}
+
+/**
+ * Who plays a robot of one side.
  *
  * @param catalogue of the page
  * @param name of the player; `shielded:` may stand before it
@@ -32,7 +48,7 @@ export function ruleNames(side, game) {
  * @returns {name, words, isTold, act, rank, values}: `rank` is the player without being measured, and `values` what it
  *   thinks of the nine actions; null of people, and of who has no opinion
  */
-export async function findPlayer(catalogue, name, role, difficulty, steer, measure) {
+async function findPlayer(catalogue, name, role, difficulty, steer, measure) {
   if (name === YOU) return { name, words: inWords(name), isTold: false, rank: null, values: null, act: () => steer(role) };
   const known = bare(name);
   const { player, values, isLearned } = await findBare(catalogue, known, role);

@@ -2,6 +2,9 @@
 
 import { clip } from "./clearance.js";
 import { between, draw } from "./draw.js";
+import { ROLES } from "./rules.js";
+import { isActive, robotOf, robotsOf } from "./teams.js";
+import { look } from "./view.js";
 
 const LASTS = 3; // seconds of a person's time
 const SLOWER = 2; // times slower than it was
@@ -29,13 +32,20 @@ export class SlowReplay {
     });
   }
 
-  /** A square around where both are in the end, or around who failed if they are far apart. */
+  /** A square around those who were last put out of play, with the opponent that is nearest to one who was caught. */
   #window() {
-    const { pursuer, evader } = this.states.at(-1);
-    const failed = { pursuer, evader }[this.match.outcome.split("_")[0]];
-    const middle = failed ?? { x: (pursuer.x + evader.x) / 2, y: (pursuer.y + evader.y) / 2 };
-    const apart = failed ? 0 : Math.hypot(pursuer.x - evader.x, pursuer.y - evader.y) / 2;
-    const half = Math.max(NEAREST, apart + 0.6);
-    return { x_min: middle.x - half, x_max: middle.x + half, y_min: middle.y - half, y_max: middle.y + half };
+    const [before, last] = this.states.slice(-2);
+    const robots = robotsOf(last, ROLES);
+    const gone = robots.filter((who) => isActive(robotOf(before, who)) && !isActive(robotOf(last, who)));
+    const places = (gone.length ? gone : robots).flatMap((who) => {
+      const { opponent } = look(this.match.game, before, who);
+      const robot = robotOf(last, who);
+      return robot.status === "captured" ? [robot, opponent.state] : [robot];
+    });
+    const [xs, ys] = [places.map(({ x }) => x), places.map(({ y }) => y)];
+    const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const half = Math.max(NEAREST, Math.max(right - left, high - low) / 2 + 0.6);
+    const [x, y] = [(left + right) / 2, (low + high) / 2];
+    return { x_min: x - half, x_max: x + half, y_min: y - half, y_max: y + half };
   }
 }

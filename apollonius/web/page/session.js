@@ -8,13 +8,12 @@ import { findGame } from "./files.js";
 import { Insight, lastBrake } from "./insight.js";
 import { lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
-import { YOU } from "./names.js";
-import { findPlayer, rehearse } from "./players.js";
+import { isPerson } from "./names.js";
+import { findTeam, rehearse } from "./players.js";
 import { SlowReplay } from "./replaying.js";
-import { EVADER, PURSUER } from "./rules.js";
-import { HOLD } from "./steering.js";
+import { ROLES } from "./rules.js";
+import { countsOf } from "./teams.js";
 
-const ROLES = [PURSUER, EVADER];
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game goes on [s]
 const MOST_STEPS = 30; // in a frame
@@ -31,9 +30,9 @@ export class Session {
     Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, ending: null, insight: null, lostAt: null });
   }
 
-  /** The sides that people play. */
+  /** The sides that people play: each the first robot of its side. */
   get people() {
-    return ROLES.filter((role) => this.match?.players[role].name === YOU);
+    return ROLES.filter((role) => this.match && isPerson(this.match.players[role][0].name));
   }
 
   /** The side of the one person who plays, or null. */
@@ -54,16 +53,20 @@ export class Session {
     history.replaceState(null, "", asQuery(choice) + location.hash);
     this.enter("loading", "Loading…");
     try {
-      const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
+      const hasPerson = ROLES.filter((role) => isPerson(choice[role])).length === 1;
       const difficulty = hasPerson ? choice.difficulty : "sharp";
       const steer = (role) => this.#steer(role);
-      const players = ROLES.map((role) => findPlayer(this.catalogue, choice[role], role, difficulty, steer, this.measure));
-      const [found, pursuer, evader] = await Promise.all([findGame(this.catalogue, choice.game), ...players]);
+      const found = await findGame(this.catalogue, choice.game);
+      const players = countsOf(found).map((count, side) => {
+        const role = ROLES[side];
+        return findTeam(this.catalogue, choice[role], role, count, difficulty, steer, this.measure);
+      });
+      const [pursuer, evader] = await Promise.all(players);
       if (this.choice !== choice) return;
       const game = choice.level ? lasting(found, choice.level.seconds) : found;
       this.match = new Match(game, { pursuer, evader }, choice.seed);
       this.coach = choice.level?.number === 1 ? new Coach() : null;
-      rehearse(this.match, HOLD);
+      rehearse(this.match);
       this.#makeReady();
     } catch (error) {
       if (this.choice === choice) this.enter("loading", `${error.message}. Choose another player under Games.`);
@@ -141,7 +144,7 @@ export class Session {
   #finish() {
     const { match, me } = this;
     const isBest = me && keepBest(challengeOf(this.choice), match, me);
-    this.lostAt = me && lastBrake(match, me);
+    this.lostAt = me && lastBrake(match, { role: me, number: 0 });
     this.ending = new SlowReplay(match, performance.now() / 1000, this.lostAt);
     this.enter("over", [describeEnd(match, me), describeLoss(match, this.lostAt), isBest ? "Your best so far." : ""].filter(Boolean).join(" "));
   }

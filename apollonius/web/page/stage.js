@@ -2,7 +2,8 @@
 
 import { between, draw } from "./draw.js";
 import { layersOf } from "./overlay.js";
-import { EVADER, PURSUER } from "./rules.js";
+import { EVADER, PURSUER, ROLES } from "./rules.js";
+import { isActive, robotOf } from "./teams.js";
 
 const HALO = 1.2; // how long the ring around a person's robot takes to widen [s]
 const STILL_HALO = 0.2; // how wide it is for who wants no motion
@@ -29,16 +30,18 @@ export class Stage {
     const [before, after] = match.states.slice(-2);
     const share = match.isOver ? 1 : time / match.game.dt;
     const isWaiting = phase === "ready" || phase === "counting";
-    const halo = this.calm.matches ? STILL_HALO : (now / HALO) % 1;
+    const halo = isWaiting && !this.calm.matches ? (now / HALO) % 1 : STILL_HALO;
+    const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
+    const hasMates = ROLES.some((role) => match.state[role].length > 1);
     const known = this.layers.length ? insight.of(this.layers) : null;
     draw(element("canvas"), {
       game: match.game,
       states: match.states,
       now: after && phase !== "ready" ? between(before, after, share) : match.state,
       colours,
-      steered: match.isOver ? [] : people,
-      halo: isWaiting ? halo : null,
-      advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me]) : null,
+      steered: match.isOver ? [] : own,
+      halo: isWaiting || hasMates ? halo : null,
+      advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me][0]) : null,
       layers: known && layersOf(match, known, colours),
     });
     ending?.draw(element("replay"), now, colours);

@@ -2,8 +2,6 @@
 
 import { EVADER, PURSUER } from "./rules.js";
 
-export const HOLD = 4; // keep the speed, go straight
-
 const KEYS = {
   arrows: { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] },
   letters: { KeyW: [1, 0], KeyS: [-1, 0], KeyA: [0, 1], KeyD: [0, -1] },
