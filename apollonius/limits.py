@@ -113,5 +113,7 @@ PROCESS = Counted(0, most=9_999, least=0)
 """Number of a process among those."""
 PORT = Counted(0, most=2**16 - 1)
 """Port of a server."""
+ROBOTS = Counted(0, most=16)
+"""Robots of a side: each takes some time to compile."""
 DISCS = Counted(0, most=250, least=0)
 """Discs of an arena."""

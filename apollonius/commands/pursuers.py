@@ -1,4 +1,7 @@
-"""`apollonius pursuers`: how many pursuers are enough in an arena, for idealised robots, and how one fewer fails."""
+"""`apollonius pursuers`: how many pursuers are enough in an arena, for idealised robots, and how one fewer fails.
+
+Beside it stands how often teams of each size catch an evader there with the game's own robots, if games are asked for.
+"""
 
 import argparse
 import json
@@ -7,16 +10,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import plots
-from apollonius.commands.values import named, new_file
+from apollonius.commands.options import AGENT, plots
+from apollonius.commands.values import count, named, new_file
 from apollonius.errors import InvalidInput, require
+from apollonius.limits import GAMES, ROBOTS, SEED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from apollonius.arenas.free_space import Island
+    from apollonius.evaluate.team_sizes import Matches, TeamSizes
     from apollonius.game.game import Game
     from apollonius.solve.enough import Enough
+
+_TEAMS = tuple(f"shielded:{name}" for name in ("P_team", "encirclement", "voronoi-pursuit", "pure-pursuit"))
+"""Who plays the pursuers: a learned team, two classical ones that know their mates, and one that does not."""
 
 
 def add_pursuers(subparsers: Any) -> None:
@@ -26,6 +34,16 @@ def add_pursuers(subparsers: Any) -> None:
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="PNG", help="draw where an evader runs that one fewer never catches"
     )
+    parser.add_argument("--games", type=count(GAMES), help="also play so many games with each team (default: none)")
+    parser.add_argument(
+        "--teams", type=named, nargs="+", default=_TEAMS, metavar="PURSUER",
+        help=f"who plays all pursuers of a team (default: {' '.join(_TEAMS)})",
+    )  # fmt: skip
+    parser.add_argument("--evader", type=named, default="shielded:E_any", help=f"{AGENT} (default: %(default)s)")
+    parser.add_argument(
+        "--most", type=count(ROBOTS), default=4, help="pursuers of the largest team (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.set_defaults(run=run_pursuers)
 
@@ -35,12 +53,14 @@ def run_pursuers(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.arenas.free_space import free_space
     from apollonius.solve.enough import MOST_NODES, how_many
+    from apollonius.terminal import sizes_table
 
     display = options.display
     if options.out:
         _drawing()
     game = find_game(options.game)
     require(game.scenario is None, "ARENA", options.game, "one arena, not several; name one of them")
+    matches = _matches(options, game) if options.games else None
     display.begin("looking where robots can be", compiles=True)
     space, known = free_space(game), set[float]()
 
@@ -57,16 +77,38 @@ def run_pursuers(options: argparse.Namespace) -> int:
             f"'{options.game}' has too many obstacles: the game on its graph would have more than {MOST_NODES:,} nodes "
             "that matter; take a part of it."
         )
-    print(json.dumps(_facts(options.game, enough)) if options.json else _told(options.game, enough))
+    sizes = _played(options, matches) if matches else None
+    if options.json:
+        print(json.dumps(_facts(options.game, enough) | {"played": sizes and sizes.to_dict()}))
+    else:
+        print(_told(options.game, enough), *([sizes_table(sizes)] if sizes else []), sep="\n\n")
     if options.out:
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        _drawing()(Path(options.game).stem, game, enough, options.out)
+        _drawing()(Path(options.game).stem, game, enough, options.out, sizes)
         then = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=then, json=options.json)
     return 0 if enough.agree else 1
 
 
-def _drawing() -> "Callable[[str, Game, Enough, Path], None]":
+def _matches(options: argparse.Namespace, game: "Game") -> "Matches":
+    """What is to be played; whom there is not is refused before anything is solved."""
+    from apollonius.evaluate.team_sizes import matches_of_sizes
+
+    options.display.begin("making teams of every size", compiles=True)
+    return matches_of_sizes(game, options.teams, options.evader, options.most, options.games, options.seed)
+
+
+def _played(options: argparse.Namespace, matches: "Matches") -> "TeamSizes":
+    """Teams of every size against the evader, with the game's own robots."""
+    from apollonius.evaluate.team_sizes import play_sizes
+
+    options.display.begin("playing teams of every size", compiles=True)
+    sizes = play_sizes(options.evader, matches, options.display.report)
+    options.display.end()
+    return sizes
+
+
+def _drawing() -> "Callable[[str, Game, Enough, Path, TeamSizes | None], None]":
     """What draws; refused, before anything is solved, where what it needs is missing."""
     with plots():
         from apollonius.show.pursuers import save_evasion
@@ -74,7 +116,7 @@ def _drawing() -> "Callable[[str, Game, Enough, Path], None]":
 
 
 def _facts(name: str, enough: "Enough") -> dict[str, Any]:
-    """All of it, for a program."""
+    """All that was solved, for a program."""
     facts: dict[str, Any] = {
         "arena": name,
         "pursuers": enough.pursuers,

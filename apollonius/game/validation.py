@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.errors import InvalidInput, require
-from apollonius.limits import DISCS
+from apollonius.limits import DISCS, ROBOTS
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena
@@ -34,8 +34,8 @@ MOST_EDGES = 2_000
 """Most corners of all polygons together."""
 MOST_POLYGONS = 200
 """Most polygons: each takes some time to compile."""
-MOST_ROBOTS = 16
-"""Most robots of a side: each takes some time to compile."""
+MOST_ROBOTS = ROBOTS.most
+"""Most robots of a side."""
 MOST_DISCS = DISCS.most
 """Most discs: with this many, a game takes half a minute to compile."""
 FEWER = "draw so many obstacles as an occupancy map"

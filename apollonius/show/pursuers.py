@@ -1,10 +1,12 @@
-"""How an evader gets away from one pursuer too few: the graph of an arena, the starts, the way that it runs."""
+"""How many pursuers are enough: how an evader gets away from one too few, and how often teams of each size catch it."""
 
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
+from apollonius.evaluate.team_sizes import TeamSizes
 from apollonius.game.game import Game
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
@@ -16,7 +18,11 @@ _ARROWS = 4
 """Signs along the run that say which way it goes."""
 
 
-def save_evasion(name: str, game: Game, enough: Enough, path: Path) -> None:
+_SIGNS = "osD^v"
+"""Of the teams, in turn."""
+
+
+def save_evasion(name: str, game: Game, enough: Enough, path: Path, sizes: TeamSizes | None = None) -> None:
     """Write the picture as PNG.
 
     The finest graph is drawn faintly, and darker where the game was solved on it: elsewhere an evader is driven out or
@@ -25,11 +31,13 @@ def save_evasion(name: str, game: Game, enough: Enough, path: Path) -> None:
     Args:
         name: what the game is called.
         enough: with one graph at least.
+        sizes: teams that were played, drawn beside it.
     """
     arena, reading = game.arena, enough.readings[-1]
     width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
     inches = _LONGER / max(width, height)
-    with style.picture(path, width=max(inches * width, 4.2), height=inches * height + 1.3) as (axes,):
+    columns, (wide, high) = 1 if sizes is None else 2, (max(inches * width, 4.2), inches * height + 1.3)
+    with style.picture(path, columns, width=wide, height=high) as (axes, *beside):
         places, kept = reading.tiling.places, np.isin(np.arange(len(reading.tiling.places)), reading.core)
         links = np.argwhere(np.triu(reading.tiling.adjacency))
         solved = kept[links].all(axis=1)
@@ -48,6 +56,33 @@ def save_evasion(name: str, game: Game, enough: Enough, path: Path) -> None:
             axes.plot(*starts.T, color=palette.PURSUER, label="pursuer" if len(starts) == 1 else "pursuers", **ring)
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.5 / (inches * height)), ncols=3)
         axes.set_title("\n".join([name, enough.verdict, _about(enough)]))
+        if sizes is not None:
+            _draw_sizes(beside[0], sizes, enough)
+
+
+def _draw_sizes(axes: Axes, sizes: TeamSizes, enough: Enough) -> None:
+    """How often teams of each size catch the evader, with 95 % intervals; teams stand a little apart, to be told."""
+    shift = 0.06
+    for number, (team, found) in enumerate(sizes.teams.items()):
+        x = np.array([one.pursuers for one in found]) + shift * (number - (len(sizes.teams) - 1) / 2)
+        rates, ends = np.array([one.rate for one in found]), np.array([one.interval for one in found]).T
+        colour = palette.PURSUER if number == 0 else palette.INK
+        axes.errorbar(
+            x, 100 * rates, yerr=100 * np.abs(ends - rates), color=colour, label=team, capsize=2, markersize=5,
+            marker=_SIGNS[number % len(_SIGNS)], linestyle="-" if number == 0 else (0, (1 + number, 2)),
+        )  # fmt: skip
+    if enough.pursuers is not None:
+        axes.axvline(
+            enough.pursuers, color=palette.EVADER, linewidth=6, alpha=0.25, label="enough, idealised", zorder=0
+        )
+    axes.set_xticks(sorted({one.pursuers for found in sizes.teams.values() for one in found}))
+    axes.set_xlabel("pursuers")
+    axes.set_ylabel("captured [%]")
+    axes.set_ylim(-3, 103)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    axes.set_title(
+        f"With the game's robots, within {sizes.seconds:g} s,\nagainst {sizes.evader}, {sizes.games:,} games each"
+    )
 
 
 def _about(enough: Enough) -> str:
