@@ -100,10 +100,10 @@ def fresh_player(
         robots: of the side in each game.
     """
     handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
-    return Player(member, _of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), handicap)
+    return Player(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), handicap)
 
 
-def _of_robots(values: Sequence[Array]) -> Array:
+def of_robots(values: Sequence[Array]) -> Array:
     """What a side has in many games: that of its robot or, of a team, those of its robots along a second axis."""
     return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
@@ -143,19 +143,19 @@ def step_games(
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
     next_seen = sees(after.state, ~bits)
-    rewards = after.rewards.map(_of_robots)
+    rewards = after.rewards.map(of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
     def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
         rows = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
-        return _of_robots(rows if isinstance(seen, Views) else jnp.split(seen, len(actions[role])))
+        return of_robots(rows if isinstance(seen, Views) else jnp.split(seen, len(actions[role])))
 
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])
-        made = observations[0], _of_robots(actions[role]), rewards[role], observations[1], returns[role]
+        made = observations[0], of_robots(actions[role]), rewards[role], observations[1], returns[role]
         if games.state.status is None:
             return Experience(*made, games.sides[role].member)
-        active, stays = (_of_robots(state.active[role]) for state in (games.state, after.state))
+        active, stays = (of_robots(state.active[role]) for state in (games.state, after.state))
         return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)

@@ -1,6 +1,8 @@
 """Many games seen from one side, in one compiled call: pure functions of how they stand and of a pile of starts."""
 
-from dataclasses import dataclass
+import functools
+import operator
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import equinox as eqx
@@ -12,11 +14,14 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Actions, GameState, Outcome, Role
+from apollonius.game.types import Actions, GameState, Outcome, RobotStatus, Role, Timestep
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import Views
+from apollonius.rollout import bits_of_team, of_robots
 
 Tree = TypeVar("Tree")
+SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
+"""What one side does in every game: of a team there is an axis of robots."""
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
 _TOGETHER = 512
@@ -43,32 +48,51 @@ class Sitting:
     num_envs: int
     autoreset_mode: AutoresetMode
 
-    def see(self, state: GameState) -> Float[Array, "games size"]:
-        """What the side from outside sees."""
-        return self.observation.together(Views(self.game, state, self.role))
+    @property
+    def robots(self) -> BySide[int]:
+        """How many either side has."""
+        return self.game.bodies.map(len)
 
-    def answer(self, state: GameState, bits: UInt32[Array, ""]) -> Actions:
-        """What the opponent does."""
-        bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
-        views = Views(self.game, state, self.role.other)
-        return views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), bits)
+    def see(self, state: GameState) -> Float[Array, "games *robots size"]:
+        """What the side from outside sees."""
+        seen = self.observation.together(Views.of_all(self.game, state, self.role))
+        return of_robots(jnp.split(seen, self.robots[self.role]))
+
+    def answer(self, state: GameState, bits: UInt32[Array, ""]) -> list[Actions]:
+        """What each robot of the opponent does."""
+        robots = self.robots[self.role.other]
+        bits = bits_of_team(jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32), robots)
+        views = Views.of_all(self.game, state, self.role.other)
+        return jnp.split(
+            views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), bits), robots
+        )
+
+    def each(self, actions: SideActions) -> list[Actions]:
+        """What each robot from outside does, of actions that have an axis of robots where there are several."""
+        several = self.robots[self.role] > 1
+        return [actions[:, number] for number in range(actions.shape[1])] if several else [actions]
 
 
 class Standing(eqx.Module):
     """Games as they stand, and what the side from outside sees of them."""
 
     state: GameState
-    seen: Float[Array, "games size"]
+    seen: Float[Array, "games *robots size"]
 
 
 class Told(eqx.Module):
-    """What a step tells of every game besides how it then stands; `led_to` is what was seen before any new game."""
+    """What a step tells of every game besides how it then stands; `led_to` is what was seen before any new game.
 
-    led_to: Float[Array, "games size"]
+    `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own, and its status.
+    """
+
+    led_to: Float[Array, "games *robots size"]
     reward: Float[Array, " games"]
     terminated: Bool[Array, " games"]
     truncated: Bool[Array, " games"]
     outcome: Int[Array, " games"]
+    rewards: Float[Array, "games robots"] | None = None
+    status: Int[Array, "games robots"] | None = None
 
 
 def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
@@ -80,28 +104,39 @@ def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
 
 def step_games(
     sitting: Sitting, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
-    action: Actions, bits: UInt32[Array, ""],
+    action: SideActions, bits: UInt32[Array, ""],
 ) -> tuple[Standing, Told]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
-    answer = sitting.answer(now.state, bits)
-    after = jax.vmap(sitting.game.step)(now.state, *BySide.of(sitting.role, action, answer).pair)
-    reward = after.reward[sitting.role]
+    actions = BySide.of(sitting.role, sitting.each(action), sitting.answer(now.state, bits))
+    after = jax.vmap(sitting.game.step)(now.state, *actions.pair)
     led_to = Standing(after.state, sitting.see(after.state))
-    told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
+    told = _told(sitting, led_to, after)
     match sitting.autoreset_mode:
         case AutoresetMode.SAME_STEP:
             return renew(led_to, starts, used, told.terminated | told.truncated), told
         case AutoresetMode.NEXT_STEP:
             begun = Told(
                 led_to=led_to.seen,
-                reward=jnp.zeros_like(reward),
+                reward=jnp.zeros_like(told.reward),
                 terminated=jnp.zeros_like(ended),
                 truncated=jnp.zeros_like(ended),
                 outcome=jnp.full_like(after.outcome, Outcome.ONGOING),
+                rewards=None if told.rewards is None else jnp.zeros_like(told.rewards),
+                status=None if told.status is None else jnp.full_like(told.status, RobotStatus.ACTIVE),
             )
             return renew(led_to, starts, used, ended), _choose(ended, begun, told)
         case AutoresetMode.DISABLED:
             return led_to, told
+
+
+def _told(sitting: Sitting, led_to: Standing, after: Timestep) -> Told:
+    """What a step tells where no game begins again in it."""
+    rewards, status = after.rewards[sitting.role], led_to.state.status
+    reward = functools.reduce(operator.add, rewards) / len(rewards)
+    told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
+    if status is None:
+        return told
+    return replace(told, rewards=jnp.stack(rewards, axis=1), status=jnp.stack(status[sitting.role], axis=1))
 
 
 def renew(now: Standing, starts: Standing, used: Int[Array, ""], resets: Bool[Array, " games"]) -> Standing:

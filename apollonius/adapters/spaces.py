@@ -13,13 +13,18 @@ ACTIONS = ("discrete", "continuous")
 """Kinds of actions."""
 
 
-def observation_space(observation: str) -> gymnasium.spaces.Box:
+def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box:
     """Every number is within 2 of 0, unless a robot leaves the walls by more than half the arena in one step.
+
+    Args:
+        observation: what each robot sees.
+        robots: how many are seen for; of several there is an axis of them.
 
     Raises:
         InvalidInput: for an unknown observation.
     """
-    return gymnasium.spaces.Box(-2.0, 2.0, (find_observation(observation).size,), np.float32)
+    size = find_observation(observation).size
+    return gymnasium.spaces.Box(-2.0, 2.0, (size,) if robots == 1 else (robots, size), np.float32)
 
 
 ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.Box
@@ -35,6 +40,17 @@ def action_space(actions: str) -> ActionSpace:
     if actions == "discrete":
         return gymnasium.spaces.Discrete(NUM_ACTIONS)
     return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def team_action_space(actions: str, robots: int) -> gymnasium.spaces.Space[Any]:
+    """What several robots do together: `[robots]` of the nine actions, or `[robots, 2]` gears.
+
+    Raises:
+        InvalidInput: for an unknown kind of actions.
+    """
+    if isinstance(action_space(actions), gymnasium.spaces.Discrete):
+        return gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
+    return gymnasium.spaces.Box(-1.0, 1.0, (robots, 2), np.float32)
 
 
 def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside."""
+"""Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside.
+
+In games of teams all robots of that side act from outside, and every game has an axis of them.
+"""
 
 from typing import Any
 
@@ -11,7 +14,7 @@ from jaxtyping import Bool
 
 from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
-from apollonius.adapters.spaces import action_space, as_actions, observation_space
+from apollonius.adapters.spaces import action_space, as_actions, observation_space, team_action_space
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
@@ -37,6 +40,12 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     In the last two `infos["outcome"]` says after every step how each game stands. Outcomes are numbers of
     `apollonius.Outcome`. The games pickle, under way as well as before the first reset.
+
+    In games of teams `infos` also has, after every step and before any game begins again, `rewards`, each robot's own,
+    and `status`, how each stands, a number of `apollonius.game.types.RobotStatus`; both `[games, robots]`. A side of
+    one robot has no axis of robots anywhere else; of several, observations are `[games, robots, size]`, actions
+    `[games, robots]` or `[games, robots, 2]`, and a game's reward is the mean of its robots'. Those of a robot that is
+    out of play are ignored, and it is rewarded with 0.
 
     Args:
         role: the side that acts from outside.
@@ -67,8 +76,11 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         game = find_game(game) if isinstance(game, str) else game
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
-        self.single_observation_space = observation_space(observation)
-        self.single_action_space = self._actions = action_space(actions)
+        robots = len(game.bodies[role])
+        self.single_observation_space = observation_space(observation, robots)
+        self._actions = action_space(actions)
+        self.single_action_space = self._actions if robots == 1 else team_action_space(actions, robots)
+        self._acting = (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         reads, player = find_observation(observation), find_player(opponent, role.other, game).policy
@@ -117,7 +129,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """One step of every game.
 
         Args:
-            actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`.
+            actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`; of a team each robot's.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and for a game that has ended where nothing begins
@@ -129,7 +141,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if self._mode == AutoresetMode.DISABLED and self._ended.any():
             ended = int(self._ended.sum())
             raise gymnasium.error.ResetNeeded(f"{ended} games have ended; reset(options={{'reset_mask': ended}})")
-        actions = as_actions(actions, self._actions, (self.num_envs,))
+        actions = as_actions(actions, self._actions, self._acting)
         self._provide()
         now, told = self._step(self._now, self._ended, self._starts, self._used, actions, self._bits())
         self._now, seen, reward = now, np.array(now.seen), np.array(told.reward)
@@ -142,8 +154,14 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             if self._mode == AutoresetMode.NEXT_STEP:
                 self._left -= int(self._ended.sum())
             self._ended = over
-            infos = {"outcome": outcome, "_outcome": np.ones(self.num_envs, bool)}
+            infos = self._of_all(outcome=outcome)
+        if told.rewards is not None:
+            infos |= self._of_all(rewards=np.array(told.rewards), status=np.array(told.status))
         return seen, reward, terminated, truncated, infos
+
+    def _of_all(self, **values: np.ndarray) -> dict[str, Any]:
+        """What is told of every game, as Gymnasium has it."""
+        return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
     @property
     def _used(self) -> np.int32:
