@@ -142,6 +142,34 @@ def test_keys_are_the_games_at_once_when_the_list_closes(desk):
     assert phase == "counting"
 
 
+def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
+    page = desk.open("?pursuer=shielded:P_any&evader=you&seed=4")
+    page.click("#go")
+    while page.get_attribute("body", "data-phase") != "over":
+        desk.let_pass(2)
+    ended = desk.match("seconds")
+    while page.evaluate("apollonius.page.lostAt") is None:
+        page.wait_for_timeout(100)
+        desk.let_pass(0.25)
+    lost_at = page.evaluate("apollonius.page.lostAt")
+    assert 0 < lost_at < 10 * ended
+    assert f"You lose. Until {lost_at / 10:.1f}\u00a0s E_any would have got away." in page.inner_text("#message")
+    begun = float(page.inner_text("#when").removesuffix("\u00a0s"))
+    assert lost_at / 10 <= begun < ended
+    assert page.is_visible("#mark")
+    desk.let_pass(2)
+    assert float(page.inner_text("#when").removesuffix("\u00a0s")) > begun
+    page.focus("#moment")
+    page.keyboard.press("Home")
+    desk.let_pass(1)
+    assert page.inner_text("#when") == "0.0\u00a0s"
+    assert page.inner_text("#clock") == "100.0"
+    assert page.evaluate("apollonius.page.seen.match.states.length") == 1
+    page.click("#again")
+    assert page.get_attribute("body", "data-phase") == "ready"
+    assert page.is_hidden("#moment")
+
+
 @pytest.mark.parametrize("people", [1, 2])
 def test_a_game_is_on_one_phone_screen(phone, people):
     page = phone.open(f"?pursuer={'you' if people == 2 else 'still'}&evader=you")
@@ -151,7 +179,7 @@ def test_a_game_is_on_one_phone_screen(phone, people):
         within(page, size, ["#clock", "#message", "#go", "#again", "#next", "#why", "#menu", "#draw", *pads])
     phone.end_after(3)
     for size in sizes[::-1]:
-        within(page, size, ["#clock", "#message", "#go", "#download", "#replay"])
+        within(page, size, ["#clock", "#message", "#go", "#download", "#replay", "#moment"])
 
 
 def within(page, size, names):

@@ -1,5 +1,6 @@
 // What a person is told: who they are and what to do, and how a game ended.
 
+import { STAND_IN } from "./hindsight.js";
 import { levelWonBy } from "./levels.js";
 import { wordsOf } from "./match.js";
 import { EVADER, PURSUER, ROLES, other } from "./rules.js";
@@ -76,8 +77,17 @@ export function describeEnd(match, me) {
 }
 
 /** Until when a person who crashed could still have braked; nothing where that is not known. */
-export function describeLoss({ game }, last) {
+export function describeBrake({ game }, last) {
   return last === null ? "" : `Until ${(last * game.dt).toFixed(1)}\u00a0s you could have braked in time.`;
+}
+
+/**
+ * Until when another in the place of a person would have done better; `chance` is what `lastChance` of `hindsight.js` found.
+ */
+export function describeChance({ game }, me, chance) {
+  const better = me === EVADER ? "have got away" : "have won";
+  if (chance.number === null) return `${STAND_IN[me]} would not ${better} either, even ${chance.seconds.toFixed(1)}\u00a0s before.`;
+  return `Until ${(chance.number * game.dt).toFixed(1)}\u00a0s ${STAND_IN[me]} would ${better}.`;
 }
 
 /** How a game is begun and steered by so many people. */

@@ -43,12 +43,15 @@ function opinions({ values }, game, state, who) {
 /** Which actions leave a robot room to stop: what the shield lets pass. */
 export const stoppable = (game, body, robot) => ACTIONS.map((action) => leavesRoom(game, body, robot, action));
 
+/** Whether a robot is out of play as it touched a wall or an obstacle. */
+export const hasCrashed = (state, who) => ["hit_obstacle", "out_of_range"].includes(robotOf(state, who).status);
+
 /**
  * The last state of a game, as its number, from which a robot, {role, number}, that crashed could still have braked in time;
  * null where it did not crash, or never could.
  */
-export function lastBrake({ game, states }, who) {
-  if (!["hit_obstacle", "out_of_range"].includes(robotOf(states.at(-1), who).status)) return null;
+export function lastBrake({ game, state, states }, who) {
+  if (!hasCrashed(state, who)) return null;
   const isInTime = (robot) => isActive(robot) && stoppable(game, bodyOf(game, who), robot).includes(true);
   const last = states.findLastIndex((state) => isInTime(robotOf(state, who)));
   return last < 0 ? null : last;

@@ -61,6 +61,13 @@ export class Match {
     this.outcome = "ongoing";
   }
 
+  /** The match as it stood at one of its states, for others to play on; it keeps no score. */
+  from(number, players = this.players) {
+    const [states, actions] = [this.states.slice(0, number + 1), this.actions.slice(0, number)];
+    const outcome = number < this.states.length - 1 ? "ongoing" : this.outcome;
+    return Object.assign(Object.create(Match.prototype), this, { players, states, actions, outcome, score: {} });
+  }
+
   get state() {
     return this.states[this.states.length - 1];
   }

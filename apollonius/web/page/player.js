@@ -167,6 +167,8 @@ function wire() {
     page.pace = Number(target.value);
     target.blur();
   });
+  element("moment").addEventListener("input", ({ target }) => page.look(Number(target.value)));
+  element("moment").addEventListener("pointerup", ({ target }) => target.blur());
   for (const role of [PURSUER, EVADER]) steering.attach(element(`pad-${role}`), role);
 }
 

@@ -3,9 +3,10 @@
 import { challengeOf, keepBest } from "./best.js";
 import { asChoice, asQuery } from "./choices.js";
 import { Coach } from "./coach.js";
-import { describeEnd, describeReady, describeLoss } from "./ending.js";
+import { describeBrake, describeChance, describeEnd, describeReady } from "./ending.js";
 import { findGame } from "./files.js";
-import { Insight, lastBrake } from "./insight.js";
+import { lastChance, standIns } from "./hindsight.js";
+import { Insight, hasCrashed, lastBrake } from "./insight.js";
 import { lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
 import { isPerson } from "./names.js";
@@ -18,6 +19,7 @@ const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game goes on [s]
 const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of the countdown [s]
+const SPARE = 8; // of a frame after the game, to look back at it [ms]
 
 export class Session {
   /**
@@ -27,7 +29,8 @@ export class Session {
    */
   constructor(steer, measure, onChange) {
     Object.assign(this, { steer, measure, onChange, catalogue: null, choice: null, match: null, phase: "loading" });
-    Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, ending: null, insight: null, lostAt: null });
+    Object.assign(this, { time: 0, counted: 0, pace: 1, coach: null, insight: null });
+    Object.assign(this, { ending: null, lostAt: null, hindsight: null, seen: null });
   }
 
   /** The sides that people play: each the first robot of its side. */
@@ -79,9 +82,13 @@ export class Session {
     return action;
   }
 
+  #beginGame() {
+    Object.assign(this, { time: 0, counted: 0, insight: new Insight(this.match) });
+    Object.assign(this, { ending: null, lostAt: null, hindsight: null, seen: null });
+  }
+
   #makeReady() {
-    this.insight = new Insight(this.match);
-    Object.assign(this, { time: 0, ending: null, counted: 0, lostAt: null });
+    this.#beginGame();
     this.enter("ready", describeReady(this.people.length));
   }
 
@@ -94,7 +101,7 @@ export class Session {
       const after = levelWonBy(this, this.me);
       if (after) return this.begin(asChoice(after));
       this.match.next();
-      Object.assign(this, { time: 0, ending: null, lostAt: null, insight: new Insight(this.match) });
+      this.#beginGame();
     }
     this.counted = this.people.length ? COUNTDOWN : 0;
     this.enter("counting");
@@ -121,6 +128,7 @@ export class Session {
   pass(seconds) {
     if (this.phase === "counting") this.#countDown(seconds);
     else if (this.phase === "playing") this.#advance(Math.min(seconds, LONGEST_PAUSE) * (this.people.length ? 1 : this.pace));
+    else if (this.phase === "over") this.#goBack();
   }
 
   #countDown(passed) {
@@ -143,9 +151,44 @@ export class Session {
 
   #finish() {
     const { match, me } = this;
-    const isBest = me && keepBest(challengeOf(this.choice), match, me);
-    this.lostAt = me && lastBrake(match, { role: me, number: 0 });
-    this.ending = new SlowReplay(match, performance.now() / 1000, this.lostAt);
-    this.enter("over", [describeEnd(match, me), describeLoss(match, this.lostAt), isBest ? "Your best so far." : ""].filter(Boolean).join(" "));
+    const who = me && { role: me, number: 0 };
+    this.isBest = me && keepBest(challengeOf(this.choice), match, me);
+    this.ending = new SlowReplay(match);
+    this.ending.play(Infinity, performance.now() / 1000);
+    const brake = me && lastBrake(match, who);
+    this.#tell(brake, describeBrake(match, brake));
+    if (me && match.winner !== me && !hasCrashed(match.state, who)) this.#lookBack(who);
+  }
+
+  /** Say how the game ended, and show it again from where it was lost, if that is known and no other moment is held. */
+  #tell(lostAt, loss) {
+    const { match, me, isBest } = this;
+    this.lostAt = lostAt;
+    if (lostAt !== null && !this.seen) this.ending.play(lostAt, performance.now() / 1000);
+    this.enter("over", [describeEnd(match, me), loss, isBest ? "Your best so far." : ""].filter(Boolean).join(" "));
+  }
+
+  /** Begin to look for the moment when a game was lost; where nobody can take the person's place, nothing is said. */
+  async #lookBack(who) {
+    const { catalogue, match, ending } = this;
+    const stands = await standIns(catalogue, match, who).catch(() => []);
+    if (this.ending === ending && stands.length) this.hindsight = lastChance(match, who, stands);
+  }
+
+  #goBack() {
+    const until = performance.now() + SPARE;
+    while (this.hindsight && performance.now() < until) {
+      const { done, value } = this.hindsight.next();
+      if (!done) continue;
+      this.hindsight = null;
+      this.#tell(value.number, describeChance(this.match, this.me, value));
+    }
+  }
+
+  /** Hold a moment of the game that is over, by the number of its state. */
+  look(number) {
+    const match = this.match.from(number);
+    this.ending.hold(number);
+    this.seen = { match, insight: new Insight(match) };
   }
 }

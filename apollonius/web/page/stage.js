@@ -25,10 +25,12 @@ export class Stage {
   }
 
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
-  show({ match, phase, time, coach, ending, insight, people, me }, now) {
+  show(session, now) {
     const { element, colours } = this;
+    const { phase, time, coach, ending, people, me } = session;
+    const { match, insight } = session.seen ?? session;
     const [before, after] = match.states.slice(-2);
-    const share = match.isOver ? 1 : time / match.game.dt;
+    const share = phase === "over" ? 1 : time / match.game.dt;
     const isWaiting = phase === "ready" || phase === "counting";
     const halo = isWaiting && !this.calm.matches ? (now / HALO) % 1 : STILL_HALO;
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
@@ -44,9 +46,21 @@ export class Stage {
       advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me][0]) : null,
       layers: known && layersOf(match, known, colours),
     });
-    ending?.draw(element("replay"), now, colours);
+    if (ending) this.#showEnding(session, now);
     element("clock").textContent = Math.max(0, match.secondsLeft).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
+  }
+
+  /** The slow replay, and where in the game it is. */
+  #showEnding({ ending, lostAt }, now) {
+    const { element } = this;
+    ending.draw(element("replay"), now, this.colours);
+    const at = ending.at(now);
+    const when = `${(at * ending.match.game.dt).toFixed(1)}\u00a0s`;
+    Object.assign(element("moment"), { max: ending.last, value: Math.round(at), ariaValueText: when });
+    element("when").textContent = when;
+    element("mark").hidden = lostAt === null;
+    element("mark").style.setProperty("--at", lostAt / ending.last);
   }
 
   #press(role, together) {
