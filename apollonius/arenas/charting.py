@@ -42,8 +42,8 @@ def charted(game: Game) -> Game:
 
 def _radius(game: Game) -> float:
     """That of the largest robot [m]."""
-    makes = game if game.scenario is None or game.scenario.makes is None else game.scenario.makes
-    bodies = makes.pursuer, makes.evader
+    makes = game.scenario.makes if game.scenario else None
+    bodies = [body for side in game.bodies for body in side] if makes is None else [makes.pursuer, makes.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
 
 

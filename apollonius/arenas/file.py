@@ -29,6 +29,14 @@ def about_game(name: str) -> str:
     return (GALLERY / f"{name}.toml").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
 
 
+def split_team(name: str) -> tuple[str | None, str]:
+    """The teams of which a game's name tells, as `team-3v1`, and the game that they play; None where it tells none."""
+    team, slash, game = name.partition("/")
+    if TEAM.fullmatch(team) and (game or not slash):
+        return team, game or "paper"
+    return None, name
+
+
 def find_game(name: str) -> Game:
     """The game of this name, preset or from the gallery, of this `.toml` file, or in this arena of a suite.
 
@@ -39,16 +47,17 @@ def find_game(name: str) -> Game:
     Raises:
         InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
     """
+    team, of_two = split_team(name)
+    if team and (counts := TEAM.fullmatch(team)):
+        return in_teams(find_game(of_two), int(counts[1]), int(counts[2]))
     suite, _, within = name.partition("/")
-    if (team := TEAM.fullmatch(suite)) and within:
-        return in_teams(find_game(within), int(team[1]), int(team[2]))
     if Path(name).suffix == ".toml":
         return load_game(Path(name))
     if is_scenario(name):
         return scenario_game(name)
     if suite in SUITES and within:
         return replace(make_game("paper"), arena=suite_arena(suite, within))
-    if name in PRESETS or team:
+    if name in PRESETS:
         return make_game(name)
     if name not in game_names():
         raise InvalidInput(

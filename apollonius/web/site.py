@@ -11,7 +11,7 @@ import numpy as np
 from apollonius.agents.built_in import PLAYERS, BuiltIn
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
-from apollonius.arenas.file import find_game, game_names
+from apollonius.arenas.file import find_game, game_names, split_team
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import require
@@ -33,9 +33,11 @@ BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
 """Whom a person meets there."""
 ANYWHERE = {Role.PURSUER: "P_any", Role.EVADER: "E_any"}
 """Whom a person meets everywhere else."""
-ANY_ARENA = "egocentric"
-"""The observation of agents that play in any arena."""
-READS = ("paper", "encoded", ANY_ARENA)
+AS_TEAM = {Role.PURSUER: "P_team", Role.EVADER: "E_any"}
+"""Whom in a game of teams."""
+ANY_ARENA = ("egocentric", "team")
+"""Observations of agents that play in any arena."""
+READS = ("paper", "encoded", *ANY_ARENA)
 """Observations that the page makes: of the others there is no JavaScript."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
@@ -43,9 +45,10 @@ _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 @dataclass(frozen=True)
 class Choice:
-    """What the page begins with: two players, how hard the one is, a game and the seed of its starts; or a level.
+    """What the page begins with: who plays either side, how hard the one is, a game and the starts' seed; or a level.
 
-    `agents` and `games` are those that do not ship with the package, by the names they have in the page.
+    A person leads a side of several robots. `agents` and `games` are those that do not ship with the package, by the
+    names they have in the page; of a game of teams it is the game of two.
     """
 
     pursuer: str = f"{SHIELDED}{BEST[Role.PURSUER]}"
@@ -72,14 +75,14 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     """
     SEED.require("seed", seed)
     rules = find_game(game)
-    rules.require_two("the page")
     require(rules.scenario is None, "game", game, "one in a single arena, as in the page: name one of its arenas")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
-    games = {} if game in game_names() else {Path(game).stem: rules}
+    team, of_two = split_team(game)
+    games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
-    name = against or SHIELDED + (BEST if game in AT_HOME else ANYWHERE)[side]
+    name = against or SHIELDED + (AS_TEAM if rules.teams else BEST if game in AT_HOME else ANYWHERE)[side]
     bare = name.removeprefix(SHIELDED)
     found = find_player(name, side, rules)
     playable = found.header is not None or bare in PLAYERS
@@ -93,7 +96,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         agents = {} if path.parent == ZOO.resolve() else {f"{path.stem} of {path.parents[1].name}": path}
         name = name.removesuffix(bare) + next(iter(agents), path.stem)
     players, difficulty = BySide.of(side, name, YOU).pair, "fair" if against is None else "sharp"
-    known, level = Path(game).stem if games else game, 1 if is_first else None
+    arena, level = Path(of_two).stem if games else of_two, 1 if is_first else None
+    known = f"{team}/{arena}" if team else arena
     return Choice(*players, known, difficulty, seed, level, agents, games)
 
 
@@ -116,7 +120,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
             published[name] = f"agents/{number}.safetensors"
             shutil.copyfile(path, folder / published[name])
             names[header.role].append(name)
-            anywhere += [name] if header.observation == ANY_ARENA else []
+            anywhere += [name] if header.observation in ANY_ARENA else []
     games = {name: find_game(name) for name in game_names()} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},

@@ -33,7 +33,7 @@ def test_the_site_is_whole(tmp_path):
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in game_names()}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
     assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == read
-    assert {*zoo_names()} - {*read} == {"P_team"}
+    assert read == sorted(zoo_names())
     for name, file in catalogue["files"].items():
         assert (tmp_path / file).read_bytes() == (ZOO / f"{name}.safetensors").read_bytes()
     page = (tmp_path / "index.html").read_text()
@@ -41,19 +41,16 @@ def test_the_site_is_whole(tmp_path):
         assert (tmp_path / file).is_file()
 
 
-FOR_TEAMS = {"voronoi-pursuit", "encirclement"}
-
-
-@pytest.mark.parametrize("name", sorted(PLAYERS.keys() - FOR_TEAMS))
+@pytest.mark.parametrize("name", sorted(PLAYERS))
 def test_the_page_has_all_players_that_need_no_file(name):
     side = PLAYERS[name][1][0]
-    assert getattr(choose(side.other, name, "territory", 0), side.name.lower()) == name
+    assert getattr(choose(side.other, name, "team-2v1/territory", 0), side.name.lower()) == name
 
 
 def test_agents_that_know_any_arena_are_named(tmp_path):
     write_site(tmp_path)
     catalogue = json.loads((tmp_path / "catalogue.json").read_text())
-    assert set(catalogue["anywhere"]) == {"P_any", "E_any"}
+    assert set(catalogue["anywhere"]) == {"P_any", "P_team", "E_any"}
 
 
 def test_the_page_asks_nobody_else():
@@ -73,6 +70,8 @@ def test_a_person_meets_the_best_unless_told_otherwise():
     choice = choose(Role.EVADER, None, "paper", 3)
     assert (choice.pursuer, choice.evader, choice.seed, choice.agents) == ("shielded:P_optimal", YOU, 3, {})
     assert choose(Role.EVADER, None, "office", 3).pursuer == "shielded:P_any"
+    assert choose(Role.EVADER, None, "team-3v1", 3).pursuer == "shielded:P_team"
+    assert choose(Role.PURSUER, None, "team-2v1/office", 3).evader == "shielded:E_any"
     assert choose(Role.PURSUER, None, "maze", 3).evader == "shielded:E_any"
     assert choose(Role.PURSUER, "random", "robot", 0).evader == "random"
 
@@ -90,6 +89,19 @@ def test_a_game_from_a_file_is_served_too(tmp_path):
     catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
     assert catalogue["chosen"]["game"] == "hall"
     assert catalogue["games"]["hall"]["arena"]["x_max"] == 12.0
+
+
+def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
+    (tmp_path / "hall.toml").write_text("capture_distance = 0.4\n")
+    assert (choose(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
+    choice = choose(Role.EVADER, "P_any", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
+    assert (choice.game, choice.games["hall"].size) == ("team-3v1/hall", "1 v 1")
+    (tmp_path / "pack.toml").write_text("pursuers = 4\n")
+    choice = choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0)
+    write_site(tmp_path / "site", choice)
+    catalogue = json.loads((tmp_path / "site" / "catalogue.json").read_text())
+    assert catalogue["chosen"]["game"] == "pack"
+    assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
 
 def test_a_game_in_several_arenas_is_refused(monkeypatch):
@@ -121,7 +133,8 @@ def test_a_game_on_a_map_is_served_with_its_field(tmp_path):
 def test_agents_are_served_whose_observation_the_page_makes(name, tmp_path):
     path = tmp_path / "small.safetensors"
     save_agent(describe(make_network(name, 8, 1, jax.random.key(0)), Role.PURSUER, {}, {}), path)
-    refused = pytest.raises(InvalidInput, match=f"observation = {name} .* paper, encoded, egocentric; choose another")
+    made = "paper, encoded, egocentric, team; choose another"
+    refused = pytest.raises(InvalidInput, match=f"observation = {name} .* {made}")
     with nullcontext() if name in READS else refused:
         choice = choose(Role.EVADER, str(path), "paper", 0)
         assert list(choice.agents.values()) == [path]

@@ -1,15 +1,19 @@
-// What a person may choose, in the menu and in the page's address: a level, or two players, an arena, how hard, a seed.
+// What a person may choose, in the menu and in the page's address: a level, or who plays either side, an arena, how many
+// robots, how hard, a seed.
 
 import { bestOf } from "./best.js";
 import { DIFFICULTIES } from "./difficulty.js";
 import { LEVELS, levelOf } from "./levels.js";
-import { SHIELDED, YOU, bare, inWords } from "./names.js";
+import { SHIELDED, YOU, bare, inWords, isPerson, leadAndMates, leading } from "./names.js";
 import { ruleNames } from "./players.js";
-import { EVADER, PURSUER, other } from "./rules.js";
+import { EVADER, PURSUER, ROLES, other } from "./rules.js";
+import { countsOf, partsOf, teamName } from "./teams.js";
 
-const ROLES = [PURSUER, EVADER];
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
 const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
+const MATES = { [PURSUER]: "P_team", [EVADER]: "E_any" }; // whom a person leads
+const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
+const MOST = 16; // robots of a side
 
 const group = (label, options) => {
   const made = document.createElement("optgroup");
@@ -25,11 +29,27 @@ export class Choices {
     const difficulties = Object.entries(DIFFICULTIES).map(([name, { words }]) => [name, words]);
     this.#field("difficulty").replaceChildren(group("how hard", difficulties));
     this.#offerGames();
-    form.addEventListener("change", ({ target }) => target.name === "game" && this.refit());
+    this.#offerSizes([1, 1]);
+    form.addEventListener("change", ({ target }) => ["game", "robots"].includes(target.name) && this.refit());
   }
 
   #field(name) {
     return this.form.elements.namedItem(name);
+  }
+
+  /** How many robots either side has, as chosen: [3, 1]. */
+  get #counts() {
+    return this.#field("robots").value.split(" v ").map(Number);
+  }
+
+  /** Offer numbers of robots, and choose one; a game that comes as one of teams has its own. */
+  #offerSizes(wanted) {
+    const game = this.games[this.#field("game").value];
+    const isUsual = SIZES.some((size) => size.join() === wanted.join());
+    const sizes = game.teams ? [countsOf(game)] : isUsual ? SIZES : [...SIZES, wanted];
+    const names = sizes.map((size) => size.join(" v "));
+    this.#field("robots").replaceChildren(...names.map((name) => new Option(name, name)));
+    this.#field("robots").value = game.teams ? names[0] : wanted.join(" v ");
   }
 
   #offerGames() {
@@ -47,21 +67,36 @@ export class Choices {
   /** Offer the players that fit the chosen game; who knows only one arena makes room for one who knows any. */
   refit() {
     const name = this.#field("game").value;
+    this.#offerSizes(this.#counts);
+    const counts = this.#counts;
     for (const role of ROLES) {
       const field = this.#field(role);
-      const before = field.value;
+      const before = this.#asTeam(role, field.value);
       const trained = (knows) => this.agents[role].filter((agent) => this.anywhere.includes(agent) === knows);
       const asOptions = (names) => names.map((one) => [one, inWords(one)]);
+      const rules = ruleNames(role, this.games[name], counts);
+      const people = this.#hasMates(role) ? [...trained(true), ...rules].map(leading) : [YOU];
       field.replaceChildren(
-        group("", asOptions([YOU])),
+        group("", asOptions(people)),
         group("knows any arena", asOptions(trained(true))),
-        group("rules of thumb", asOptions(ruleNames(role, this.games[name]))),
+        group("rules of thumb", asOptions(rules)),
         group("trained in one arena", asOptions(trained(false))),
       );
       field.value = before;
       const isAbroad = trained(false).includes(field.value) && !AT_HOME.includes(name) && this.isOurs(field.value);
       if (!field.value || isAbroad) field.value = this.agents[role].includes(ANYWHERE[role]) ? ANYWHERE[role] : "still";
     }
+  }
+
+  #hasMates(role) {
+    return this.#counts[ROLES.indexOf(role)] > 1;
+  }
+
+  /** A side's name as its number of robots asks for it: a person who has mates says whom. */
+  #asTeam(role, name) {
+    if (!isPerson(name)) return name;
+    const known = this.agents[role].includes(MATES[role]) ? MATES[role] : "still";
+    return leading(this.#hasMates(role) ? (leadAndMates(name)[1] ?? known) : null);
   }
 
   /** Whether an agent is one of the zoo, which were trained in the paper's arena. */
@@ -72,24 +107,31 @@ export class Choices {
   /** Fill the form by names and values; what there is not is left as it was at the beginning. */
   fill(values) {
     const wanted = { ...this.chosen, ...values };
-    this.#set("game", wanted.game);
+    const [arena, counts] = partsOf(String(wanted.game), this.games);
+    this.#set("game", arena, partsOf(this.chosen.game, this.games)[0]);
+    this.#offerSizes(counts?.every((count) => count >= 1 && count <= MOST) ? counts : [1, 1]);
     this.refit();
-    for (const role of ROLES) this.#set(role, bare(String(wanted[role])));
-    for (const name of ["difficulty", "seed"]) this.#set(name, wanted[name]);
-    this.#field("shield").checked = ROLES.some((role) => String(wanted[role]).startsWith(SHIELDED));
+    for (const role of ROLES) {
+      const [name, usual] = [wanted[role], this.chosen[role]].map((one) => this.#asTeam(role, bare(String(one))));
+      this.#set(role, name, usual);
+    }
+    for (const name of ["difficulty", "seed"]) this.#set(name, wanted[name], this.chosen[name]);
+    this.#field("shield").checked = ROLES.some((role) => String(wanted[role]).includes(SHIELDED));
   }
 
-  #set(name, value) {
+  #set(name, value, usual) {
     const field = this.#field(name);
     field.value = value;
-    if (!field.value) field.value = bare(String(this.chosen[name]));
+    if (!field.value) field.value = usual;
   }
 
   /** What the form says: {pursuer, evader, game, difficulty, seed, level}, agents with `shielded:` where wanted. */
   read() {
     const said = Object.fromEntries(new FormData(this.form));
-    const named = (name) => (said.shield && name !== YOU ? SHIELDED + name : name);
-    const { game, difficulty, seed } = said;
+    const guarded = (name) => (said.shield && name ? SHIELDED + name : name);
+    const named = (name) => (isPerson(name) ? leading(guarded(leadAndMates(name)[1])) : guarded(name));
+    const { difficulty, seed } = said;
+    const game = this.games[said.game].teams ? said.game : teamName(said.game, this.#counts);
     return { pursuer: named(said.pursuer), evader: named(said.evader), game, difficulty, seed: Number(seed), level: null };
   }
 
@@ -97,7 +139,8 @@ export class Choices {
   fromAddress(query, linked = null) {
     const values = Object.fromEntries(new URLSearchParams(query));
     const number = values.level ?? (query || linked ? null : this.chosen.level);
-    this.fill(linked ? { ...values, game: linked } : values);
+    const [, counts] = partsOf(values.game ?? "", this.games);
+    this.fill(linked ? { ...values, game: counts ? teamName(linked, counts) : linked } : values);
     if (linked && !query) this.refit(); // nobody is asked for who knows another arena only
     const level = levelOf(number);
     return level ? asChoice(level) : this.read();
@@ -106,7 +149,7 @@ export class Choices {
 
 /** A level as what the form would say. */
 export function asChoice(level) {
-  const players = { [level.side]: YOU, [other(level.side)]: SHIELDED + level.against };
+  const players = { [level.side]: leading(level.mates && SHIELDED + level.mates), [other(level.side)]: SHIELDED + level.against };
   return { ...players, game: level.game, difficulty: level.difficulty, seed: level.number, level };
 }
 

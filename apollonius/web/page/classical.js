@@ -1,8 +1,11 @@
 // Players that follow a rule instead of a network, function by function `chasing.py`, `fleeing.py`, `potential.py` and
-// `guarding.py` of `apollonius/agents/`. Each values the nine actions for one robot of a game.
+// `guarding.py` of `apollonius/agents/`, and `surrounding.js`. Each values the nine actions for one robot of a game.
 
 import { clearance, clearanceAlong, clearances, clip, toObstacles } from "./clearance.js";
+import { arcSpeed, direction, facingSpeed, separation } from "./driving.js";
 import { EVADER, PURSUER, move, wrapAngle } from "./rules.js";
+import { encirclement, voronoiPursuit } from "./surrounding.js";
+import { countsOf } from "./teams.js";
 import { look } from "./view.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
@@ -12,19 +15,6 @@ const ORBIT = { height: 0.6, gain: 2, habit: 1 }; // from the obstacle [m], how 
 const FIELD = { reach: 2, strength: 0.2 }; // clearance that is felt [m], strength of the repulsion [m]
 const EQUAL = 1e-3; // squares of speeds that differ by less than this share are equal
 const TINY = 1e-6; // a difference [m] by which slopes are taken
-
-const direction = (from, to) => Math.atan2(to.y - from.y, to.x - from.x);
-const separation = (one, two) => Math.hypot(two.x - one.x, two.y - one.y);
-
-/** The highest speed [m/s] at which a robot can drive the arc to a target; what is behind takes half the distance. */
-function arcSpeed(body, robot, target) {
-  const angle = Math.abs(wrapAngle(direction(robot, target) - robot.heading));
-  const sine = Math.sin(Math.min(angle, Math.PI / 2));
-  return Math.min(body.v_max, (body.u2_max * separation(robot, target)) / Math.max(2 * sine, 1e-6));
-}
-
-/** The part [m/s] of the top speed that a robot which cannot move sideways can have now on the way to a heading. */
-const facingSpeed = (body, robot, heading) => body.v_max * Math.max(Math.cos(wrapAngle(heading - robot.heading)), 0);
 
 /** How a function of a place changes along x and y. */
 function slope(of, x, y) {
@@ -144,7 +134,10 @@ const CHASERS = {
   "proportional-navigation": steering(proportionalNavigation),
   intercept: steering(intercept),
   "potential-field": steering(potentialField),
+  "voronoi-pursuit": steering(voronoiPursuit),
+  encirclement: steering(encirclement),
 };
+const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];
 const RUNNERS = {
   flee: steering(flee),
   "flee-aware": fleeAware,
@@ -160,13 +153,15 @@ export const CLASSICAL = Object.fromEntries(
   }),
 );
 
-/** Whether a rule can be followed in a game. */
-export function fits(name, { arena }) {
+/** Whether a rule can be followed in a game of so many robots. */
+export function fits(name, game, [pursuers] = countsOf(game)) {
+  const { arena } = game;
+  if (FOR_TEAMS.includes(name)) return pursuers > 1;
   if (name === "circle") return arena.discs.length > 0 || Boolean(arena.polygons?.length) || Boolean(arena.map);
   return name !== "territory" || Boolean(arena.territory);
 }
 
-/** A view of two robots: where they are, and their limits apart. */
-function plainly({ game, role, own, opponent }) {
-  return { game, role, body: own.body, own: own.state, opponent: opponent.state, opponentBody: opponent.body };
+/** A view in which the states of the two robots that matter most stand apart from their limits. */
+function plainly({ own, opponent, ...view }) {
+  return { ...view, body: own.body, own: own.state, opponent: opponent.state, opponentBody: opponent.body };
 }

@@ -169,7 +169,7 @@ function drawPursuer(context, robot, radius, reach, colours) {
 function drawNumber(context, robot, radius, number, colour) {
   beginLetters(context, robot, 2.2 * radius);
   context.fillStyle = colour;
-  context.fillText(`${number}`, 2 * radius, -2 * radius);
+  context.fillText(`${number}`, 2.4 * radius, -2.4 * radius);
   context.restore();
 }
 

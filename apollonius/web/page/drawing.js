@@ -19,7 +19,8 @@ export class Drawing {
   /** Open the workshop with the arena of the game that is played. */
   async open() {
     await this.#begin();
-    this.workshop.open(this.session.match?.game ?? this.session.catalogue.games.paper, this.workshop.files);
+    const { teams: _teams, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
+    this.workshop.open(game, this.workshop.files);
   }
 
   async openFiles(files) {

@@ -24,7 +24,7 @@ export function describeGoal(match, me) {
   const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}`;
   if (me === EVADER && game.arena.territory) return `${you}: reach the ring within ${limit(match)}`;
   if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds for ` : ""}${limit(match)}`;
-  const blue = theirs > 1 ? `all ${theirs} blues` : "blue";
+  const blue = { 1: "blue", 2: "both blues" }[theirs] ?? `all ${theirs} blues`;
   return game.arena.territory ? `${you}: keep ${blue} from the ring for ${limit(match)}` : `${you}: catch ${blue} within ${limit(match)}`;
 }
 
@@ -93,7 +93,7 @@ export function describeChance({ game }, me, chance) {
 /** How a game is begun and steered by so many people. */
 export function describeReady(people) {
   const touch = matchMedia("(pointer: coarse)").matches;
-  const how = people ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "two agents play";
+  const how = people ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "agents play";
   return `${touch ? "Start" : "Space"} to begin; ${how}`;
 }
 

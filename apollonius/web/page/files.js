@@ -22,7 +22,7 @@ export const findAgent = ({ files }, name) => load(name, files[name], readAgent)
 
 /** A game, such as `office` or `team-3v1/office`; always the same object, so that its chart is drawn once. */
 export async function findGame(catalogue, name) {
-  const [arena, counts] = partsOf(name);
+  const [arena, counts] = partsOf(name, catalogue.games);
   const game = await findArena(catalogue, arena);
   if (!counts) return game;
   const known = withTeams.get(game) ?? {};

@@ -13,7 +13,7 @@ const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, 
 export const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
 
 /** The same in words. */
-export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join(", with ");
+export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
 
 /**
  * What all robots do in the last of some states of a game; of those that are not in play it makes no difference.

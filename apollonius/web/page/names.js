@@ -32,6 +32,8 @@ const WORDS = {
   "proportional-navigation": "steers like a missile",
   intercept: "cuts off the way",
   "potential-field": "is drawn and driven like a magnet",
+  "voronoi-pursuit": "leaves the other less and less room",
+  encirclement: "surrounds the other",
   flee: "drives straight away",
   "flee-aware": "runs where there is room",
   circle: "rounds an obstacle",
@@ -45,7 +47,7 @@ export const bare = (name) => name.replace(SHIELDED, "");
 /** A player in words, and its name where it has one: "knows any arena (P_any)". */
 export function inWords(name) {
   const [lead, mates] = leadAndMates(name);
-  if (mates) return `${inWords(lead)}, with ${inWords(mates)}`;
+  if (mates) return `${inWords(lead)}; mates: ${inWords(mates)}`;
   const known = bare(name);
   const key = known.replace(/^[PE]_/, "");
   const isOfZoo = key !== known;

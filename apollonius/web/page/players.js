@@ -20,9 +20,9 @@ export function rehearse({ game, state, states, players }) {
   }
 }
 
-/** The names of a side's players that need no file and can play in a game. */
-export function ruleNames(side, game) {
-  return [...Object.keys(CLASSICAL[side]).filter((name) => fits(name, game)), ...Object.keys(BUILT_IN)];
+/** The names of a side's players that need no file and can play in a game of so many robots. */
+export function ruleNames(side, game, counts) {
+  return [...Object.keys(CLASSICAL[side]).filter((name) => fits(name, game, counts)), ...Object.keys(BUILT_IN)];
 }
 
 /**

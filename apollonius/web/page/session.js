@@ -3,7 +3,7 @@
 import { challengeOf, keepBest } from "./best.js";
 import { asChoice, asQuery } from "./choices.js";
 import { Coach } from "./coach.js";
-import { describeBrake, describeChance, describeEnd, describeReady } from "./ending.js";
+import { describeBrake, describeChance, describeEnd, describeLost, describeReady } from "./ending.js";
 import { findGame } from "./files.js";
 import { lastChance, standIns } from "./hindsight.js";
 import { Insight, hasCrashed, lastBrake } from "./insight.js";
@@ -13,7 +13,7 @@ import { isPerson } from "./names.js";
 import { findTeam, rehearse } from "./players.js";
 import { SlowReplay } from "./replaying.js";
 import { ROLES } from "./rules.js";
-import { countsOf } from "./teams.js";
+import { countsOf, isActive } from "./teams.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game goes on [s]
@@ -72,7 +72,7 @@ export class Session {
       rehearse(this.match);
       this.#makeReady();
     } catch (error) {
-      if (this.choice === choice) this.enter("loading", `${error.message}. Choose another player under Games.`);
+      if (this.choice === choice) this.enter("loading", `${error.message}. Choose otherwise under Games.`);
     }
   }
 
@@ -133,20 +133,23 @@ export class Session {
 
   #countDown(passed) {
     this.counted -= passed;
-    if (this.counted <= 0) this.enter("playing");
+    if (this.counted <= 0) this.enter("playing", describeLost(this.match, this.me));
     else this.onChange(`${Math.ceil(this.counted / BEAT)}`);
   }
 
   /** As many steps as fit into the time. */
   #advance(passed) {
-    const { match } = this;
+    const { match, me } = this;
     const { dt } = match.game;
+    const isOut = () => me && !isActive(match.state[me][0]);
+    const wasOut = isOut();
     this.time = Math.min(this.time + passed, MOST_STEPS * dt); // where steps are short, time passes more slowly
     while (this.time >= dt && !match.isOver) {
       match.step();
       this.time -= dt;
     }
     if (match.isOver) this.#finish();
+    else if (isOut() !== wasOut) this.enter("playing", describeLost(match, me));
   }
 
   #finish() {

@@ -35,8 +35,9 @@ export function teamName(arena, [pursuers, evaders]) {
   return arena === "paper" ? team : `${team}/${arena}`;
 }
 
-/** The arena and the numbers of robots, [3, 1], in such a name; of any other name there is null in their place. */
-export function partsOf(name) {
+/** The arena and the numbers of robots, [3, 1], in such a name; null is in their place in that of one of the `games`. */
+export function partsOf(name, games) {
+  if (Object.hasOwn(games, name)) return [name, null];
   const [, pursuers, evaders, arena = "paper"] = /^team-(\d{1,2})v(\d{1,2})(?:\/(.+))?$/.exec(name) ?? [];
   return pursuers ? [arena, [Number(pursuers), Number(evaders)]] : [name, null];
 }
