@@ -13,14 +13,23 @@ pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="needs node")
 ARENA = {"x_min": 0, "x_max": 10, "y_min": 0, "y_max": 10, "discs": [{"x": 3, "y": 4, "radius": 0.5}]}
 ARENA |= {"polygons": [{"vertices": [[6, 6], [8, 6], [7, 8]]}]}
 STATES = [[1, 2, 0.5, 3.0, 8, 8, 1, 0], [2, 2, 0.7, -3.0, 8, 7, 1, 0], [3, 2, 0.7, -3.0, 8, 6, 1, 0]]
-GAME = {"game": {"arena": ARENA, "dt": 0.1, "capture_distance": 0.3}, "states": STATES}
+BODY = {"v_min": 0, "v_max": 1.2, "u1_max": 0.3, "u2_max": 0.8, "radius": 0}
+RULES = {"arena": ARENA, "pursuer": BODY, "evader": BODY, "dt": 0.1, "capture_distance": 0.3}
+GAME = {"game": RULES, "states": STATES}
 
 RECORDER = """
 const calls = [];
 const context = new Proxy({}, {
-  get: (target, name) => target[name] ?? ((...given) => calls.push([name, ...given, target.fillStyle])),
+  get(target, name) {
+    return target[name] ?? ((...given) => calls.push([name, ...given, target.fillStyle, target.strokeStyle]));
+  },
 });
+const canvas = { clientWidth: 420, clientHeight: 420, getContext: () => context };
+globalThis.devicePixelRatio = 2;
+const colours = { pursuer: "red", evader: "blue", obstacle: "grey", paper: "white", ink: "black", grid: "pale" };
+const states = player.statesOf(game);
 """
+"""A canvas that keeps what is drawn on it, and the states of a game."""
 
 
 def run(tmp_path, script, game=GAME):
@@ -32,47 +41,52 @@ def run(tmp_path, script, game=GAME):
     return json.loads(done.stdout)
 
 
-def test_states_between_steps_lie_between_them_and_headings_turn_the_short_way(tmp_path):
-    script = "console.log(JSON.stringify([0, 0.5, 2, 2.7].map((step) => player.stateAt(game.states, step))))"
-    first, between, last, beyond = run(tmp_path, script)
-    assert first == STATES[0]
-    assert last == beyond == STATES[2]
-    assert between[:3] == pytest.approx([1.5, 2, 0.6])
-    assert abs(between[3]) == pytest.approx(3.14159, abs=1e-4)
+def drawn(calls, name, colour):
+    """Arguments of the calls of one kind that were made in a colour, filled or stroked."""
+    return [call[1:-2] for call in calls if call[0] == name and colour in call[-2:]]
 
 
-def test_robots_discs_and_the_reach_of_a_capture_are_drawn_to_scale(tmp_path):
+def test_states_are_those_of_the_page(tmp_path):
+    first, *_, last = run(tmp_path, "console.log(JSON.stringify(player.statesOf(game)))")
+    own = {"x": 1, "y": 2, "v": 0.5, "heading": 3.0, "status": "active"}
+    assert first == {
+        "pursuer": [own],
+        "evader": [{"x": 8, "y": 8, "v": 1, "heading": 0, "status": "active"}],
+        "steps": 0,
+    }
+    assert last["steps"] == 2
+
+
+def test_robots_discs_and_the_reach_of_a_capture_are_drawn_in_metres_between_two_steps(tmp_path):
     script = RECORDER + (
-        "const colours = { pursuer: 'red', evader: 'blue', obstacle: 'grey', paper: 'white' };\n"
-        "player.drawGame(context, 460, 460, game, 1, colours);\n"
-        "console.log(JSON.stringify(calls))"
+        "player.drawGame(canvas, game.game, states, 0.5, colours);\nconsole.log(JSON.stringify([canvas, calls]))"
     )
-    calls = run(tmp_path, script)
-    scale, margin = 40, 30
-    arcs = [call[1:4] for call in calls if call[0] == "arc"]
-    assert [margin + 3 * scale, margin + 6 * scale, 0.5 * scale] in arcs
-    assert [margin + 2 * scale, margin + 8 * scale, 0.3 * scale] in arcs
-    corners = [call[1:3] for call in calls if call[0] == "lineTo" and call[-1] == "grey"]
-    assert corners == [[margin + x * scale, margin + (10 - y) * scale] for x, y in ((6, 6), (8, 6), (7, 8))]
-    assert not [call for call in calls if call[0] == "fillText" and "map" in str(call[1])]
-    letters = {call[1]: (call[2:4], call[-1]) for call in calls if call[0] == "fillText" and call[1] in ("P", "E")}
-    assert letters["P"] == ([margin + 2 * scale, margin + 8 * scale + 0.5], "white")
-    assert letters["E"] == ([margin + 8 * scale, margin + 3 * scale + 0.5], "white")
-    assert ["setLineDash", [6, 4]] in [call[:2] for call in calls]
-    assert "10 m" in [call[1] for call in calls if call[0] == "fillText"]
+    canvas, calls = run(tmp_path, script)
+    assert (canvas["width"], canvas["height"]) == (840, 840)
+    (scale, _, _, upwards, x, y) = next(call[1:7] for call in calls if call[0] == "setTransform")
+    assert (scale, upwards, x, y) == (80, -80, 20, 820)
+    assert [3, 4, 0.5] in [call[:3] for call in drawn(calls, "arc", "grey")]
+    assert drawn(calls, "lineTo", "grey")[:3] == [[6, 6], [8, 6], [7, 8]]
+    assert [1.5, 2, 0.3] in [call[:3] for call in drawn(calls, "arc", "red")]
+    assert [8, 7.5] in [call[:2] for call in drawn(calls, "arc", "blue")]
+    nose = drawn(calls, "lineTo", "red")[-4]
+    assert nose[0] < 1.5, "it turns the short way, and looks to the left"
+    assert nose[1] == pytest.approx(2, abs=1e-3)
+    assert [2, 0] in drawn(calls, "lineTo", "pale")
 
 
-def test_a_territory_is_drawn_and_a_map_is_said_to_be_left_out(tmp_path):
-    arena = 'const other = { ...game.game.arena, territory: { x: 5, y: 5, radius: 1 }, map: { file: "floor.yaml" } };\n'
-    script = (
-        arena
-        + RECORDER
-        + (
-            "const colours = { pursuer: 'red', evader: 'blue', obstacle: 'grey', paper: 'white' };\n"
-            "player.drawGame(context, 460, 460, { ...game, game: { ...game.game, arena: other } }, 1, colours);\n"
-            "console.log(JSON.stringify(calls))"
-        )
+def test_layers_are_those_of_the_page(tmp_path):
+    """Nine dots are crossed out where a robot at full speed, half a metre before the wall, can no longer stop."""
+    row = [9.5, 2, 1.2, 0, 5, 8, 0, 0]
+    game = GAME | {"states": [row, row, row]}
+    script = RECORDER + (
+        "const count = (shown) => { calls.length = 0; player.drawGame(canvas, game.game, states, 0, colours, shown);"
+        " return calls.filter(([name]) => name === 'lineTo').length; };\n"
+        "globalThis.OffscreenCanvas = class { getContext() { return context; } };\n"
+        "const counts = [[], ['brakes'], ['course'], ['regions']].map(count);\n"
+        "console.log(JSON.stringify([counts, calls.filter(([name]) => name === 'drawImage').length]))"
     )
-    calls = run(tmp_path, script)
-    assert [30 + 5 * 40, 30 + 5 * 40, 40] in [call[1:4] for call in calls if call[0] == "arc"]
-    assert "the occupancy map of this arena is not shown here" in [call[1] for call in calls if call[0] == "fillText"]
+    (bare, brakes, course, _), images = run(tmp_path, script, game)
+    assert brakes - bare == 9 * 2 * 2
+    assert course > bare
+    assert images == 1

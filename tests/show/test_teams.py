@@ -19,8 +19,10 @@ from apollonius.show.canvas import SIZE
 from apollonius.show.caption import LINE, MARGIN
 from apollonius.show.palette import EVADER, PAPER, PURSUER
 from apollonius.show.report.games import Shown
+from apollonius.show.report.page import Page, save_page
 from apollonius.show.robots import in_play
-from tests.show.test_replay_player import run
+from tests.show.test_replay_player import RECORDER, run
+from tests.web.browser import launched, needs_chromium, playwright
 
 OUT, CAUGHT = 3, 10
 """Steps at which the first pursuer leaves the walls and the second one's evader is caught."""
@@ -91,16 +93,41 @@ def test_a_picture_has_a_trail_for_each_robot_to_where_it_went_out(replay, tmp_p
 
 
 def test_the_page_draws_every_robot_and_says_who_is_left(replay, tmp_path):
-    script = """
-const calls = [];
-const context = new Proxy({}, { get: (target, name) => target[name] ?? ((...given) => calls.push([name, ...given])) });
-const colours = { pursuer: "red", evader: "blue", obstacle: "grey", paper: "white" };
-player.drawGame(context, 460, 460, game, 12, colours);
-const marks = calls.filter(([, text, , y]) => ["1", "2"].includes(text) && y < 430).map((call) => call[1]);
-const reaches = calls.filter(([name, , , radius]) => name === "arc" && radius === 0.3 * 40).length;
-console.log(JSON.stringify([marks, reaches, player.facts(game, 0), player.facts(game, 12)]));
+    script = (
+        RECORDER
+        + """
+player.drawGame(canvas, game.game, states, 12, colours);
+const marks = calls.filter(([name]) => name === "fillText").map((call) => call[1]);
+const reaches = calls.filter(([name, , , radius]) => name === "arc" && radius === 0.3).length;
+console.log(JSON.stringify([marks, reaches, player.facts(game.game, states[0]), player.facts(game.game, states[12])]));
 """
+    )
     marks, reaches, first, last = run(tmp_path, script, Shown(replay, 1).to_dict())
-    assert (marks, reaches) == (["2", "2"], 1)
+    assert (marks, reaches) == (["1", "2", "1", "2"], 1)
     assert first == "distance 1.18 m · 2 v 2 in play"
     assert last.endswith("1 v 1 in play")
+
+
+@needs_chromium
+def test_a_report_plays_teams_from_disk(replay, tmp_path):
+    save_page(Page("Games", "One.", games=[Shown(replay, 1)]), tmp_path / "report.html")
+    complaints = []
+    with playwright.sync_playwright() as driver:
+        browser = launched(driver)
+        page = browser.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto((tmp_path / "report.html").as_uri())
+        assert page.inner_text("[data-part=facts]").endswith("1 v 1 in play")
+        pixels = "document.querySelector('canvas').toDataURL()"
+        bare = page.evaluate(pixels)
+        for layer in ("brakes", "regions", "course"):
+            page.check(f"input[name={layer}]")
+        assert page.evaluate(pixels) != bare
+        page.focus("[data-part=seek]")
+        page.keyboard.press("Home")
+        assert page.inner_text("[data-part=facts]").endswith("2 v 2 in play")
+        page.click("[data-part=play]")
+        playwright.expect(page.locator("[data-part=clock]")).to_have_text("1.2 s of 1.2 s")
+        browser.close()
+    assert complaints == []

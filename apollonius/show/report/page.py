@@ -1,7 +1,6 @@
 """The page of a report: what stands on it, and the one HTML file that it becomes."""
 
 import base64
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -19,6 +18,7 @@ from apollonius.evaluate.match import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.show import palette
 from apollonius.show.report.games import Shown
+from apollonius.show.report.script import bundled
 
 MAX_BYTES = 3_000_000
 """Largest report: one that can be sent by mail."""
@@ -131,6 +131,5 @@ def _markdown(text: str) -> Markup:
 
 
 def replay_script() -> Markup:
-    """The player of games as one script: a page that has no files beside it can import none."""
-    shared, own = files("apollonius.web") / "page" / "arena.js", files("apollonius.show") / "replay.js"
-    return Markup(shared.read_text() + re.sub(r"^import .*\n", "", own.read_text(), flags=re.MULTILINE))
+    """The player of games, with the modules of the web page that draw them."""
+    return Markup(bundled(Path(__file__).parents[1] / "replay.js"))

@@ -1,14 +1,12 @@
 // Who acts: a player is a function from (game, state, who), the robot {role, number} that is to act, to actions in the order
 // it prefers them: all the discrete ones 0..8, and before them, of a player with continuous actions, its pair of gears.
 
-import { clearance, clearanceAlong } from "./clearance.js";
+import { leavesRoom, roomAfter } from "./braking.js";
 import { observe } from "./observation.js";
-import { gears, move } from "./rules.js";
+import { gears } from "./rules.js";
 import { bodyOf, robotOf } from "./teams.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-const MARGIN = 1e-3; // room [m] that the shield wants
-const ESCAPES = [0, 1, 2];
 
 /** A trained network from the bytes of its safetensors file: {header, layers}. */
 export function readAgent(buffer) {
@@ -96,45 +94,6 @@ export const BUILT_IN = {
   random: () => [Math.floor(Math.random() * ACTIONS.length), ...ACTIONS],
   still: () => [1, ...ACTIONS],
 };
-
-const brakingSteps = (game, body) => Math.ceil(body.v_max / (body.u1_max * game.dt));
-
-/** The steps in which a robot brakes to rest with its wheel in one gear: pairs of states. */
-function* braking(game, body, from, gear) {
-  let at = from;
-  for (let step = brakingSteps(game, body); step > 0; step--) {
-    const next = move(body, at, gear, game.dt);
-    yield [at, next];
-    if (at.v === 0 && next.v === 0) return; // it stays where it is
-    at = next;
-  }
-}
-
-/** Least clearance [m] during an action and the best of three ways to brake to rest after it (agents/shield.py). */
-function roomAfter(game, body, robot, action) {
-  const after = move(body, robot, action, game.dt);
-  const room = clearanceAlong(game.arena, robot, after);
-  const escapes = ESCAPES.map((gear) => {
-    let least = room;
-    for (const [at, next] of braking(game, body, after, gear)) least = Math.min(least, clearanceAlong(game.arena, at, next));
-    return least;
-  });
-  return Math.max(...escapes) - body.radius;
-}
-
-/** Whether that is as much as the shield wants, looked for no longer than it takes to know. */
-export function leavesRoom(game, body, robot, action) {
-  const { arena, dt } = game;
-  const after = move(body, robot, action, dt);
-  const wanted = body.radius + MARGIN;
-  if (clearanceAlong(arena, robot, after) <= wanted) return false;
-  const longest = after.v ** 2 / (2 * body.u1_max) + after.v * dt; // of the ways to rest; a clearance falls no faster
-  if (!arena.map && body.v_min >= 0 && clearance(arena, after.x, after.y) - longest > wanted) return true;
-  return ESCAPES.some((gear) => {
-    for (const [at, next] of braking(game, body, after, gear)) if (clearanceAlong(arena, at, next) <= wanted) return false;
-    return true;
-  });
-}
 
 /** Another player, held back to the first of its actions after which its robot can stop in time. */
 export function shielded(player) {

@@ -1,5 +1,4 @@
-// What every picture of a game has in it: obstacles, walls and trails, from above, on a canvas. Needs nothing else.
-// Where there is an `at`, it leads from metres to the canvas's own lengths, {x, y} of places and {scale} of lengths.
+// What every picture of a game has in it: obstacles, walls and trails, from above, on a canvas that has been scaled to metres.
 
 /** A circle, to be filled or stroked. */
 export function circle(context, x, y, radius) {
@@ -15,28 +14,25 @@ export function path(context, points) {
   return context;
 }
 
-/** Obstacles, territory and walls of an arena; lines are so `wide`. Cells of an occupancy map are left out. */
-export function drawArena(context, arena, at, colours, wide) {
+/** Obstacles, territory and walls of an arena. Cells of an occupancy map are left out. */
+export function drawArena(context, arena, colours) {
   context.fillStyle = colours.obstacle;
-  for (const disc of arena.discs) circle(context, at.x(disc.x), at.y(disc.y), disc.radius * at.scale).fill();
-  for (const { vertices } of arena.polygons ?? []) path(context, vertices.map(([x, y]) => [at.x(x), at.y(y)])).fill();
-  context.lineWidth = wide;
+  for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
+  for (const { vertices } of arena.polygons ?? []) path(context, vertices).fill();
+  context.lineWidth = 0.05;
   if (arena.territory) {
     const { x, y, radius } = arena.territory;
     context.strokeStyle = colours.evader;
-    circle(context, at.x(x), at.y(y), radius * at.scale).stroke();
+    circle(context, x, y, radius).stroke();
   }
   context.strokeStyle = colours.ink;
-  const [left, top] = [at.x(arena.x_min), at.y(arena.y_max)];
-  context.strokeRect(left, top, at.x(arena.x_max) - left, at.y(arena.y_min) - top);
+  context.strokeRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
 }
 
 /** Where a robot has been, with a ring around its start. */
-export function drawTrail(context, points, colour, wide, ring, dash = []) {
-  context.strokeStyle = context.fillStyle = colour;
-  context.lineWidth = wide;
-  context.setLineDash(dash);
+export function drawTrail(context, points, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 0.035;
   path(context, points).stroke();
-  context.setLineDash([]);
-  circle(context, ...points[0], ring).stroke();
+  circle(context, ...points[0], 0.08).stroke();
 }

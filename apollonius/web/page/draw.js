@@ -9,7 +9,6 @@ import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of what is seen, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
-const METRES = { scale: 1, x: (metres) => metres, y: (metres) => metres }; // the canvas has been scaled to them
 
 /** A state between two others, `share` of the way from the first to the second. */
 export function between(before, after, share) {
@@ -58,7 +57,7 @@ export function drawGround(context, arena, colours, beneath = null) {
   context.fillRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
   beneath?.(context);
   if (arena.map) drawMap(context, arena.map, colours.obstacle);
-  drawArena(context, arena, METRES, colours, 0.05);
+  drawArena(context, arena, colours);
 }
 
 /**
@@ -77,7 +76,7 @@ export function draw(canvas, { game, states, now, colours, steered = [], halo = 
   const robots = robotsOf(now, ROLES);
   for (const who of robots) {
     const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
-    drawTrail(context, trail, colours[who.role], 0.035, 0.08);
+    drawTrail(context, trail, colours[who.role]);
   }
   layers?.above(context);
   const least = Math.max(ROBOT, SMALLEST * Math.max(seen.x_max - seen.x_min, seen.y_max - seen.y_min));

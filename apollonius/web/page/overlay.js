@@ -1,9 +1,9 @@
-// The layers of a match on the canvas, beneath its robots: what `insight.js` has worked out. Lengths are in metres.
+// The layers of a match on the canvas, beneath its robots: what `layers.js` and `insight.js` have worked out. Lengths are in metres.
 
 import { circle, path } from "./arena.js";
 import { STOPS } from "./chart.js";
-import { EVADER, PURSUER, ROLES } from "./rules.js";
-import { robotOf, robotsOf } from "./teams.js";
+import { EVADER, PURSUER } from "./rules.js";
+import { robotOf } from "./teams.js";
 
 const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
 const CROSS = 0.06; // half of its width
@@ -14,7 +14,7 @@ export function layersOf({ game, state }, { leads, robots, course }, colours) {
   const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
   const above = (context) => {
     context.save();
-    if (course?.length > 1) for (const who of robotsOf(state, ROLES)) drawCourse(context, course, who, colours);
+    if (course?.length > 1) for (const who of robots) drawCourse(context, course, who, colours);
     for (const robot of robots) drawActions(context, robotOf(state, robot), robot, colours);
     context.restore();
   };

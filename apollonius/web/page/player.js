@@ -7,7 +7,7 @@ import { describeGo, describeGoal } from "./ending.js";
 import { saveAs } from "./files.js";
 import { Controllers } from "./gamepad.js";
 import { Alarm, isTooFast, nearness } from "./hints.js";
-import { LAYERS } from "./insight.js";
+import { LAYERS } from "./layers.js";
 import { withOpenFloor } from "./levels.js";
 import { wordsOf } from "./match.js";
 import { EVADER, PURSUER } from "./rules.js";
