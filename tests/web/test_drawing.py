@@ -246,3 +246,9 @@ def test_a_ros_map_has_the_same_field(tmp_path, plain):
     np.testing.assert_allclose(np.reshape(theirs["field"], ours.field.shape), ours.field, atol=1e-6)
     assert (theirs["x"], theirs["y"], theirs["cell"]) == (ours.x, ours.y, ours.cell)
     assert theirs["digest"] == ours.digest
+
+
+def test_teams_of_a_file_are_chosen_on_the_page():
+    (read,) = ask(read=["pursuers = 3"])["read"]
+    said = "pursuers = 3 is not possible: it must be left out here: how many robots there are is chosen under Games"
+    assert read["complaint"] == said

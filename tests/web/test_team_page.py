@@ -85,6 +85,14 @@ def test_numbers_of_robots_are_chosen_in_the_menu(desk):
     assert desk.match("state.pursuer.length") == 1
 
 
+def test_a_level_is_played_by_a_team(desk):
+    page = desk.open("?level=11")
+    assert page.inner_text("#goal") == "11. You are red 1 of 3: catch blue within 60\u00a0s"
+    names = ["you", "shielded:pure-pursuit", "shielded:pure-pursuit"]
+    assert desk.match("players.pursuer.map(({ name }) => name)") == names
+    assert desk.match("players.evader[0].name") == "shielded:E_any (fair)"
+
+
 def test_layers_show_every_robot_in_play(desk):
     page = desk.open("?pursuer=P_team&evader=E_any&game=team-2v1&seed=3")
     page.click("#go")

@@ -43,7 +43,7 @@ export function timeFor(body, speed, way) {
 
 /**
  * Which side is first at each stop of the arena's chart, row by row from the bottom: seconds by which an evader is earlier
- * than any pursuer's reach; NaN where no way leads.
+ * than any pursuer's reach; NaN where no way leads, or one side is out of play.
  */
 export function leads(game, state) {
   const chart = chartOf(game);
@@ -57,12 +57,12 @@ export function leads(game, state) {
   };
   const [pursuers, evaders] = ROLES.map(runners);
   const way = (from, stop) => from.reduce((sum, { lengths, weight }) => (lengths ? sum + (weight * lengths[stop]) / 100 : sum), 0);
-  /** The time of the first of some robots to come so near to a stop. */
+  /** The time of the first of some robots to come so near to a stop; not a number where there are none. */
   const first = (robots, stop, reach) => {
     return robots.reduce((least, { body, v, from }) => {
       const length = way(from, stop);
       return length < NO_WAY ? Math.min(least, timeFor(body, v, Math.max(length - reach, 0))) : least;
-    }, Infinity);
+    }, robots.length ? Infinity : Number.NaN);
   };
   return Float32Array.from({ length: STOPS ** 2 }, (_, stop) => first(pursuers, stop, game.capture_distance) - first(evaders, stop, 0));
 }

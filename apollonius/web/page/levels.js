@@ -1,8 +1,8 @@
-// Levels: challenges over arenas, each harder than the one before. The first explains itself.
+// Levels: challenges over arenas, each harder than the one before, and two of teams. The first explains itself.
 
 import { EVADER, PURSUER } from "./rules.js";
 
-/** In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]. */
+/** In their order: what it is called, whom a person plays, with and against whom, how hard, where, for how long [s]. */
 export const LEVELS = [
   { name: "Open floor", side: EVADER, against: "P_any", difficulty: "gentle", game: "open", seconds: 20 },
   { name: "Three pillars", side: EVADER, against: "P_any", difficulty: "gentle", game: "paper", seconds: 40 },
@@ -14,6 +14,8 @@ export const LEVELS = [
   { name: "Three pillars, sharp", side: EVADER, against: "P_optimal", difficulty: "sharp", game: "paper", seconds: 100 },
   { name: "The warehouse", side: EVADER, against: "P_any", difficulty: "sharp", game: "warehouse", seconds: 100 },
   { name: "It knows you", side: EVADER, against: "P_optimal", difficulty: "told", game: "paper", seconds: 100 },
+  { name: "Lead two others", side: PURSUER, mates: "pure-pursuit", against: "E_any", difficulty: "fair", game: "team-3v1", seconds: 60 },
+  { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
 ].map((level, index) => ({ ...level, number: index + 1, key: `level ${level.name}` }));
 
 /** The level of a number in an address, or null. */

@@ -92,6 +92,9 @@ export function gameFrom(said, map = null) {
 function filledTables(said) {
   require(isTable(said), "game", said, "a table of keys and values");
   require(!Object.hasOwn(said, "scenario"), "scenario", said.scenario, "left out, as the page plays in one arena");
+  for (const key of ["pursuers", "evaders", "teams", "mates_collide"]) {
+    require(!Object.hasOwn(said, key), key, said[key], "left out here: how many robots there are is chosen under Games");
+  }
   return said;
 }
 
