@@ -29,7 +29,10 @@ def add_play(subparsers: Any) -> None:
         help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
     )
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+        "--game",
+        type=named,
+        default="paper",
+        help="name of the game, as team-3v1/office, or its .toml file (default: %(default)s)",
     )
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(

@@ -85,6 +85,17 @@ def test_numbers_of_robots_are_chosen_in_the_menu(desk):
     assert desk.match("state.pursuer.length") == 1
 
 
+def test_a_drawn_arena_is_played_by_teams(desk):
+    page = desk.open("?pursuer=you&evader=still&game=team-2v1/one-large")
+    page.click("#draw")
+    page.click("#clear")
+    page.click("#play-here")
+    page.wait_for_selector("#go:enabled")
+    assert desk.match("game.arena.discs.length") == 0
+    assert desk.match("state.pursuer.length") == 2
+    assert "game=team-2v1%2Fdrawn" in page.url
+
+
 def test_a_level_is_played_by_a_team(desk):
     page = desk.open("?level=11")
     assert page.inner_text("#goal") == "11. You are red 1 of 3: catch blue within 60\u00a0s"
