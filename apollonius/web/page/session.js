@@ -19,7 +19,7 @@ const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game goes on [s]
 const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of the countdown [s]
-const SPARE = 8; // of a frame after the game, to look back at it [ms]
+const SPARE = 12; // of a frame after the game, to look back at it [ms]
 
 export class Session {
   /**
