@@ -49,7 +49,8 @@ CLASSICAL = BySide(
 KINDS = ("table", "foresight-1")
 """Attackers, by their names in `apollonius.exploit.attackers`; those with more foresight take longer than all else."""
 IGNORANT = 1
-"""Those of them that do not ask the player what it would do. A shield takes too long to answer the others."""
+"""Those of them that do not ask the player what it would do. A shield, and the solved game's player, take too long to
+answer the others."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ class HeldOut(driver.AbstractStudy):
     """Solved tables, a training and attacks in each of some held-out arenas."""
 
     name = "held_out"
-    games: int = driver.option(100, help="games with each attacker (default: %(default)s)")
+    games: int = driver.option(100, help="games in each match of the classical players (default: %(default)s)")
+    attacks: int = driver.option(50, help="games with each attacker (default: %(default)s)")
     arenas: int = driver.option(20, help="how many: kinds take turns (default: %(default)s)")
     longest: float = driver.option(12.0, help="their longer side at most, for the grid is coarse [m]")
     grid: str = driver.option("11x11x5x8", help="nodes along x, y, v and heading (default: %(default)s)")
@@ -184,12 +186,11 @@ def _classical(study: HeldOut, role: Role) -> str:
 
 def _attackers(study: HeldOut, arena: str, attack: Siege, tables: BySide[SaddlePolicy]) -> Iterator[Attacker]:
     means = Means(tables, study.out / arena / "responses")
-    asks = not attack.player.name.startswith(SHIELDED)
+    asks = attack.player.name != SOLVED and not attack.player.name.startswith(SHIELDED)
     for kind in KINDS if asks else KINDS[:IGNORANT]:
         yield from QUICK[kind](attack, means)
     other = attack.role.other
     yield Attacker(ANY[other], find_player(ANY[other], other, attack.rules).policy)
-    yield Attacker(SPECIALIST, _specialist(study, arena, attack.rules, other).policy)
 
 
 def _kept_losses(study: HeldOut, arena: str, attack: Siege, attacker: Attacker) -> Losses:
@@ -198,13 +199,13 @@ def _kept_losses(study: HeldOut, arena: str, attack: Siege, attacker: Attacker) 
         "player": attack.player.name,
         "fingerprint": fingerprint(attack.player.policy),
         "attacker": attacker.name,
-        "games": study.games,
+        "games": study.attacks,
         "grid": study.grid,
         "seed": study.seed,
     }
     name = f"{asked['role']}--{attack.player.name}--{attacker.name}.json".replace("/", "-").replace(":", "-")
     path = study.kept(arena) / name
-    return cached_result(path, asked, Losses, lambda: attacker.measure(attack, study.games, study.seed))
+    return cached_result(path, asked, Losses, lambda: attacker.measure(attack, study.attacks, study.seed))
 
 
 main = partial(driver.main, HeldOut)

@@ -328,8 +328,9 @@ def test_plain_jax():
 def test_interfaces():
     pytest.importorskip("pettingzoo")
     names = run("interfaces.md")
-    assert names["infos"] == {}
     assert names["observations"].shape == (4096, 8)
+    assert names["seen"].shape == (256, 3, 157)
+    assert names["own_rewards"].shape == names["status"].shape == (256, 3)
 
 
 def test_teams():
