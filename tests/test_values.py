@@ -36,7 +36,7 @@ KINDS: dict[str, set[str]] = {
     "name": EVERYTHING | {"9" * 5_000},
 }
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
-COUNTS = "games targets hold responses env_steps seeds port devices processes"
+COUNTS = "games targets hold responses env_steps seeds port devices processes most"
 REALS = "gap size opponent opponent_speed opponent_heading speed heading target"
 CHOICES = "action what role attackers on to starts stage algorithm opponents preset profile budget payoff side"
 ARGUMENTS = {
@@ -83,6 +83,7 @@ ARGUMENTS = {
             "evader",
             "pursuers",
             "evaders",
+            "teams",
             "agent",
             "first",
             "against",
@@ -108,7 +109,7 @@ ENOUGH = {
     "report": {"folder": ["folder"]},
     "play": {},
     "robots": {"pursuer": ["random"], "evader": ["still"]},
-    "pursuers": {"game": ["paper"]},
+    "pursuers": {"game": ["paper"], "--games": ["1"]},
     "arena list": {},
     "arena check": {"game": ["paper"]},
     "arena suite": {},
@@ -212,6 +213,7 @@ def test_no_odd_value_is_the_name_of_anything(capsys, command, name):
         ["solve", "game", "--hold", "20000"],
         ["robots", "random", "still", "--radius", "2"],
         ["robots", "random", "still", "--turn", "30"],
+        ["pursuers", "paper", "--evader", "E_pool"],
         ["regret", "still", "--games", "7"],
         ["regret", "still", "--games", "2147483647"],
         ["bench", "train", "--games", "5000000"],

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import Actions, GameState, Outcome, RobotStatus, Role, Timestep
+from apollonius.game.types import Actions, GameState, Role, Timestep
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import Views
 from apollonius.rollout import bits_of_team, of_robots
@@ -115,15 +115,8 @@ def step_games(
         case AutoresetMode.SAME_STEP:
             return renew(led_to, starts, used, told.terminated | told.truncated), told
         case AutoresetMode.NEXT_STEP:
-            begun = Told(
-                led_to=led_to.seen,
-                reward=jnp.zeros_like(told.reward),
-                terminated=jnp.zeros_like(ended),
-                truncated=jnp.zeros_like(ended),
-                outcome=jnp.full_like(after.outcome, Outcome.ONGOING),
-                rewards=None if told.rewards is None else jnp.zeros_like(told.rewards),
-                status=None if told.status is None else jnp.full_like(told.status, RobotStatus.ACTIVE),
-            )
+            # Zeros: no reward, no end, an ongoing game, active robots.
+            begun = replace(jax.tree.map(jnp.zeros_like, told), led_to=led_to.seen)
             return renew(led_to, starts, used, ended), _choose(ended, begun, told)
         case AutoresetMode.DISABLED:
             return led_to, told

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _TEAMS = tuple(f"shielded:{name}" for name in ("P_team", "encirclement", "voronoi-pursuit", "pure-pursuit"))
 """Who plays the pursuers: a learned team, two classical ones that know their mates, and one that does not."""
+_PLAYED = {"teams": _TEAMS, "evader": "shielded:E_any", "most": 4, "seed": 0}
+"""What is about the games that are played, and its defaults."""
 
 
 def add_pursuers(subparsers: Any) -> None:
@@ -36,16 +38,14 @@ def add_pursuers(subparsers: Any) -> None:
     )
     parser.add_argument("--games", type=count(GAMES), help="also play so many games with each team (default: none)")
     parser.add_argument(
-        "--teams", type=named, nargs="+", default=_TEAMS, metavar="PURSUER",
+        "--teams", type=named, nargs="+", metavar="PURSUER",
         help=f"who plays all pursuers of a team (default: {' '.join(_TEAMS)})",
     )  # fmt: skip
-    parser.add_argument("--evader", type=named, default="shielded:E_any", help=f"{AGENT} (default: %(default)s)")
-    parser.add_argument(
-        "--most", type=count(ROBOTS), default=4, help="pursuers of the largest team (default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument("--evader", type=named, help=f"{AGENT} (default: %(default)s)")
+    parser.add_argument("--most", type=count(ROBOTS), help="pursuers of the largest team (default: %(default)s)")
+    parser.add_argument("--seed", type=count(SEED), help="seed of the starts (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
-    parser.set_defaults(run=run_pursuers)
+    parser.set_defaults(run=run_pursuers, **_PLAYED)
 
 
 def run_pursuers(options: argparse.Namespace) -> int:
@@ -58,6 +58,9 @@ def run_pursuers(options: argparse.Namespace) -> int:
     display = options.display
     if options.out:
         _drawing()
+    for name, default in _PLAYED.items():
+        if not options.games and getattr(options, name) != default:
+            raise InvalidInput(f"--{name} is about games and needs --games: say how many to play with each team.")
     game = find_game(options.game)
     require(game.scenario is None, "ARENA", options.game, "one arena, not several; name one of them")
     matches = _matches(options, game) if options.games else None
