@@ -174,6 +174,7 @@ def test_evaluate_records_the_games_that_the_pursuer_lost_first(capsys):
     assert all(replay.first_difference() is None for replay in replays)
 
 
+@pytest.mark.slow
 def test_show_writes_one_game_in_every_form(capsys):
     assert run_main("show", "shielded:random", "random", "--seed", "7", "--out", "new/game.json") == 0
     told = capsys.readouterr().out
@@ -408,6 +409,7 @@ def test_seed_0_is_a_seed(monkeypatch):
         assert f"\nseed = {seed}\n" in "\n" + Path(f"run-{seed}/config.toml").read_text()
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys):
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--out", "run"]
     stopped = run_process(INTERRUPTED, *arguments)

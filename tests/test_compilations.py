@@ -37,6 +37,7 @@ def entries(folder):
     return sorted(path for path in Path(folder).rglob("*") if path.is_file())
 
 
+@pytest.mark.slow
 def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_path):
     first = compiled(tmp_path)
     assert first["cache_hits"] == 0 < first["cache_misses"]

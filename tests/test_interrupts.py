@@ -32,7 +32,9 @@ def interrupted(code, *arguments, after=0.0, folder=None):
 PLAYS = ["evaluate", "random", "random", "--games", 10**6]
 
 
-@pytest.mark.parametrize("after", [0.5, 6.0], ids=["while it loads or compiles", "while it plays"])
+@pytest.mark.parametrize(
+    "after", [0.5, pytest.param(6.0, marks=pytest.mark.slow)], ids=["while it loads or compiles", "while it plays"]
+)
 def test_a_long_match_stops(after):
     status, output, errors = interrupted(COMMAND, *PLAYS, after=after)
     assert (status, output) == (130, "")

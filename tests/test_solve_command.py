@@ -56,6 +56,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_what_is_there_is_overwritten_only_by_force(capsys):
     Path("t.npz").write_text("mine")
     assert_refused(capsys, "solve", "safety", *COARSE, "--out", "t.npz", naming=("t.npz", "no whole"))
@@ -85,6 +86,7 @@ def test_what_cannot_be_solved_is_refused(capsys, arguments, naming):
     assert_refused(capsys, *arguments, naming=naming)
 
 
+@pytest.mark.slow
 def test_regret_is_printed_as_a_table_and_as_json(capsys):
     options = ("regret", "still", "--games", "4", "--targets", "1", *COARSE)
     facts = run_json(capsys, *options)

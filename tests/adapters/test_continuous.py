@@ -40,6 +40,7 @@ def as_pair(actions):
     return np.stack(jax.vmap(gears)(jnp.asarray(actions)), axis=-1) if np.ndim(actions) else np.stack(gears(actions))
 
 
+@pytest.mark.slow
 def test_gears_of_discrete_actions_play_the_same_game():
     """To rounding, as they are compiled apart: one game from outside, and many in one call."""
     for make, shape in (

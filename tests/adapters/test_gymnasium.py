@@ -50,6 +50,7 @@ def test_a_game_goes_as_the_rules_say(role):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
     env = OneSide(Role.PURSUER, opponent="still", observation="egocentric")
     seen, _ = env.reset(seed=5)

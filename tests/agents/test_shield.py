@@ -61,7 +61,7 @@ class Reckless(AbstractPolicy):
     [
         ("paper", Uniform()),
         pytest.param("one-large", Reckless(), marks=pytest.mark.slow),
-        ("robot", Reckless()),
+        pytest.param("robot", Reckless(), marks=pytest.mark.slow),
         pytest.param("four-small", Reckless(), marks=pytest.mark.slow),
     ],
     ids=["paper, random", "one-large, reckless", "robot, reckless", "four-small, reckless"],
@@ -179,7 +179,7 @@ class Swerves(AbstractContinuous):
 
 @pytest.mark.parametrize(
     ("game", "policy"),
-    [(PAPER, Greedy(NETWORK)), (PAPER, Swerves()), (yard(), Reckless())],
+    [(PAPER, Greedy(NETWORK)), (PAPER, Swerves()), pytest.param(yard(), Reckless(), marks=pytest.mark.slow)],
     ids=["discs, valued", "discs, continuous", "polygons, random"],
 )
 def test_games_are_guarded_together_as_each_alone(game, policy):

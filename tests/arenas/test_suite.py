@@ -120,6 +120,7 @@ def test_the_paper_game_there_has_a_record(name):
     assert digest(again.arena) == digest(game.arena)
 
 
+@pytest.mark.slow
 def test_a_game_in_a_cave_is_played_and_shown_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     play = ["evaluate", "random", "still", "--games", "2", "--record", "1", "--game", f"{NAME}/caves-07"]

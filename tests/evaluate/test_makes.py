@@ -53,7 +53,7 @@ def test_a_faster_pursuer_of_an_evader_that_circles_catches_more(table):
         assert row[0] < row[2]
 
 
-@pytest.mark.parametrize("name", ["pure-pursuit", "shielded:pure-pursuit"])
+@pytest.mark.parametrize("name", ["pure-pursuit", pytest.param("shielded:pure-pursuit", marks=pytest.mark.slow)])
 def test_the_games_own_robots_are_those_of_evaluate(name):
     names = BySide(name, "circle")
     table = play_makes(PAPER, names, (1.0, 1.5), (1.0,), (0.0,), GAMES, SEED)
@@ -70,6 +70,7 @@ def test_the_games_own_robots_are_played_where_no_make_is_theirs():
     assert table.own_match != table.matches[0][0][0]
 
 
+@pytest.mark.slow
 def test_one_compilation_serves_all_makes_shields_too():
     names = BySide("shielded:pure-pursuit", "circle")
     game = replace(PAPER, max_steps=20)

@@ -59,6 +59,7 @@ def test_the_table_bounds_what_a_pursuer_can_do(reckless):
     assert reckless.prediction_error < 0.05
 
 
+@pytest.mark.slow
 def test_a_pursuer_with_continuous_actions_is_held_to_the_same_table(chase, reckless):
     smooth = measure_regret(chase, SmoothlyReckless(), games=200, targets=2, seed=3)
     assert smooth.ceiling == reckless.ceiling
@@ -75,6 +76,7 @@ def test_the_worst_games_are_those_that_only_the_table_wins_then_the_slowest(rec
     assert np.all((x >= -1) & (x <= 2) & (y >= 0) & (y <= 4) & (v == 0))
 
 
+@pytest.mark.slow
 def test_who_never_captures_has_no_times(chase):
     regret = measure_regret(chase, Still(), games=20, targets=1, seed=0)
     assert regret.captured == 0

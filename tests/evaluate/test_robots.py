@@ -27,6 +27,7 @@ def test_robots_are_counted_by_their_status():
     assert count_robots(BySide((jnp.array([4, 0]),), (jnp.array([0, 0]),))).pursuers["hit_mate"] == 1
 
 
+@pytest.mark.slow
 def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
     """At random robots crash, as the evaders do, who have no shield."""
     path = tmp_path / "unlike.toml"

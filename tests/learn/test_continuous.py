@@ -74,6 +74,7 @@ def test_a_side_remembers_gears_and_learns_from_them():
     assert not eqx.tree_equal(jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network), before)
 
 
+@pytest.mark.slow
 def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_side_has_its_own():
     """Actors that know nothing and say the same everywhere: what is left is the noise."""
     config = replace(SAC, noise_steps=16, learning_starts=10 * CHUNK)

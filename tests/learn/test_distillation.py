@@ -86,6 +86,7 @@ def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(vis
     np.testing.assert_allclose(worths, np.tile(expected, (400, 1)), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_leaves_too_little_room_is_worth_less(visited):
     grid, hold = reference_grid(GAME, Role.EVADER)
     table = solve_safety(GAME, Role.EVADER, grid, hold).table
@@ -139,6 +140,7 @@ def test_each_of_several_arenas_has_a_school_that_teaches_what_it_would_alone(sc
     assert np.abs(there - here).max() > 0.01
 
 
+@pytest.mark.slow
 def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, school, visited):
     assert list(agents(uninterrupted)) == ["E_optimal"]
     assert len(list((uninterrupted / "tables").iterdir())) == 2
@@ -158,6 +160,7 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))
 
 
+@pytest.mark.slow
 def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
     folder = begin(tmp_path / "run", RUN)
     assert not Run(RUN, folder, should_stop=stop_after(3)).execute()

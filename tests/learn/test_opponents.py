@@ -221,6 +221,7 @@ def test_no_opponent_changes_within_a_game(played):
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
 
+@pytest.mark.slow
 def test_robots_of_games_that_begin_anew_are_new_ones_too():
     _, before, after, _ = play(CONFIG, 2, renewed=(1,), disturbance=Disturbance(delay=2, turn_time=0.5))
     seated = np.arange(GAMES) < 4 * SEAT_GAMES

@@ -120,7 +120,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
 
 @pytest.mark.parametrize(
     "scheme",
-    ["prioritised-hard", pytest.param("psro", marks=pytest.mark.slow)],
+    [pytest.param("prioritised-hard", marks=pytest.mark.slow), pytest.param("psro", marks=pytest.mark.slow)],
 )
 def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path, scheme):
     past = OpponentConfig(scheme=scheme, versions=4, seats=2, renewal=CHUNK, payoff_games=8)
@@ -265,6 +265,7 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
     assert eqx.tree_equal(self_play_starts, [(best.network, None)])
 
 
+@pytest.mark.slow
 def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkeypatch):
     """A random evader mostly loses by itself, so the one with most wins may be one that waits."""
     wins = iter([(1, 5), (2, 9), (8, 2), (3, 0)])
@@ -295,6 +296,7 @@ def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupte
     assert first["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
 
 
+@pytest.mark.slow
 def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path):
     """No update in the first chunk, so what plays in it is what was given."""
     mine = uninterrupted / "agents"

@@ -89,6 +89,7 @@ def test_two_seeds_differ_in_first_weights_starts_and_actions(stage):
     assert share_equal(*first_actions) < 0.4  # by chance: 1 in 9
 
 
+@pytest.mark.slow
 def test_disturbed_robots_play_the_same_game_otherwise(stage):
     """Same starts, networks and random bits, and as many games; what the learner sees and is paid differs."""
     disturbed = replace(PLAN, stage=replace(PLAN.stage, disturbance=Disturbance(delay=1, turn_time=0.4, limits=0.1)))

@@ -41,7 +41,7 @@ def bounds():
 
 
 @pytest.mark.parametrize("payoff", ["win", pytest.param("time", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("role", list(Role))
+@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
 def test_the_table_is_that_of_brute_force(robot, captures, role, payoff):
     told = []
     duel = make_duel(zero_sum_game(CRAMPED, role, FEW, payoff))

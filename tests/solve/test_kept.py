@@ -1,5 +1,8 @@
 """The solved game of both sides, kept in a folder: solved once, by anyone who asks for the same."""
 
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,36 +14,44 @@ from apollonius.solve.solving import solve_problem
 from tests.solve.small import CRAMPED, FEW
 
 
-def test_what_lies_in_the_folder_is_not_solved_again(tmp_path):
-    swept = []
-    first = kept_tables(CRAMPED, FEW, tmp_path, lambda role, sweep: swept.append(role))
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A folder and the tables in it. More may be kept there."""
+    folder, swept = tmp_path_factory.mktemp("kept"), []
+    tables = kept_tables(CRAMPED, FEW, folder, lambda role, sweep: swept.append(role))
     assert set(swept) == set(Role)
-    files = sorted(tmp_path.iterdir())
-    assert [path.name.split("-")[0] for path in files] == ["evader", "pursuer"]
-    swept.clear()
-    again = kept_tables(CRAMPED, FEW, tmp_path, lambda role, sweep: swept.append(role))
+    return folder, tables
+
+
+def test_what_lies_in_the_folder_is_not_solved_again(kept):
+    swept = []
+    folder, first = kept
+    assert sorted(path.name.split("-")[0] for path in folder.iterdir()) == ["evader", "pursuer"]
+    again = kept_tables(CRAMPED, FEW, folder, lambda role, sweep: swept.append(role))
     assert swept == []
     for role in Role:
         problem = joint_problem(CRAMPED, role, FEW)
         assert first[role].zero_sum_game == again[role].zero_sum_game == zero_sum_game_of(problem, CRAMPED)
         np.testing.assert_array_equal(first[role].table, again[role].table)
-    other = kept_tables(CRAMPED, (4, 3, 2, 6), tmp_path, lambda role, sweep: swept.append(role))
+    nearer = replace(CRAMPED, capture_distance=0.8 * CRAMPED.capture_distance)
+    other = kept_tables(nearer, FEW, folder, lambda role, sweep: swept.append(role))
     assert swept
-    assert other.pursuer.table.size != first.pursuer.table.size
+    assert np.any(other.pursuer.table != first.pursuer.table)
 
 
-def test_without_a_folder_nothing_is_kept_and_the_same_is_found(tmp_path):
+@pytest.mark.slow
+def test_without_a_folder_nothing_is_kept_and_the_same_is_found(kept):
     tables = kept_tables(CRAMPED, FEW, None)
     for role, table in zip(ROLES, tables, strict=True):
         solved = solve_problem(joint_problem(CRAMPED, role, FEW), CRAMPED)
         np.testing.assert_array_equal(table.table, solved.table)
 
 
-def test_a_damaged_file_is_refused(tmp_path):
-    kept_tables(CRAMPED, FEW, tmp_path)
-    for path in tmp_path.iterdir():
+def test_a_damaged_file_is_refused(kept, tmp_path):
+    folder = shutil.copytree(kept[0], tmp_path / "damaged")
+    for path in folder.iterdir():
         path.write_bytes(path.read_bytes()[:1000])
         with pytest.raises(InvalidInput, match="solve it again"):
             table_player(path, CRAMPED)
     with pytest.raises(InvalidInput, match="solve it again"):
-        kept_tables(CRAMPED, FEW, tmp_path)
+        kept_tables(CRAMPED, FEW, folder)

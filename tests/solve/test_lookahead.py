@@ -66,7 +66,7 @@ def weighed(player, seen):
     return np.asarray(eqx.filter_jit(lambda one: one.weigh_together(seen, bits))(player))
 
 
-@pytest.mark.parametrize("role", Role)
+@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
 def test_an_action_is_worth_what_its_worst_answer_leaves(starts, role):
     few = [jax.tree.map(lambda leaf: leaf[game], starts) for game in range(GAMES)]  # noqa: B023
     seen = Views(MOVING, jax.tree.map(lambda leaf: leaf[:GAMES], starts), role)

@@ -60,6 +60,7 @@ def test_the_table_is_that_of_brute_force():
     assert np.any(expected == 0)
 
 
+@pytest.mark.slow
 def test_the_table_captures_when_it_said_it_would(reach, starts):
     results = play_out(SMALL, BySide(solo(TablePolicy(reach)), solo(Still())), starts, jax.random.key(0))
     captured = np.asarray(results.outcome) == Outcome.CAPTURED
@@ -129,6 +130,7 @@ def test_at_constant_speed_the_least_time_is_that_of_dubins_paths():
     assert np.quantile(np.abs(error), 0.9) < 0.04
 
 
+@pytest.mark.slow
 def test_the_target_of_a_smaller_capture_is_farther(reach):
     small = replace(SMALL, capture_distance=0.2)
     farther, _ = solve_reach(make_chase(small, GRID, HOLD), TARGET)

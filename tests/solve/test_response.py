@@ -36,9 +36,9 @@ def zero_sum_game(role):
     ("role", "opponent", "draws"),
     [
         (Role.PURSUER, FleeAware.for_side(CRAMPED, Role.EVADER), 1),
-        (Role.EVADER, CHASER, 1),
+        pytest.param(Role.EVADER, CHASER, 1, marks=pytest.mark.slow),
         pytest.param(Role.PURSUER, Uniform(), COURSES, marks=pytest.mark.slow),
-        (Role.EVADER, Uniform(), COURSES),
+        pytest.param(Role.EVADER, Uniform(), COURSES, marks=pytest.mark.slow),
     ],
     ids=["pursuer", "evader", "pursuer, by chance", "evader, by chance"],
 )
@@ -107,6 +107,7 @@ def test_a_capture_in_passing_counts_in_its_own_step(ahead, steps):
     assert float(straight_on) == pytest.approx(zero_sum_game.win * np.exp(-steps / HORIZON), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_where_nothing_ends_a_saddle_player_is_sure_of_what_one_more_sweep_says(robot, captures):
     duel = make_duel(zero_sum_game(Role.PURSUER))
     found = solve_duel(duel, tolerance=1e-5)

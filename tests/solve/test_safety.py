@@ -65,7 +65,7 @@ def test_each_sweep_goes_down_and_the_last_moves_nothing():
     assert 0 < shares[1] < 1
 
 
-@pytest.mark.parametrize(("counts", "hold"), [((8, 8, 4, 7), 1), (TINY, HOLD)])
+@pytest.mark.parametrize(("counts", "hold"), [pytest.param((8, 8, 4, 7), 1, marks=pytest.mark.slow), (TINY, HOLD)])
 def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
     """Where a hold moves less than a cell, sweeps change little and yet go far: many more of them change nothing."""
     grid = make_grid(SMALL.arena, BODY, counts)

@@ -21,7 +21,8 @@ from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
 
 
-@pytest.mark.parametrize("hold", [pytest.param(1, marks=pytest.mark.slow), 5], ids=["between speeds", "whole speeds"])
+@pytest.mark.slow
+@pytest.mark.parametrize("hold", [1, 5], ids=["between speeds", "whole speeds"])
 def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
     motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (6, 7, 5, 8))
     table = jnp.asarray(np.random.default_rng(0).normal(size=grid.shape), jnp.float32)

@@ -15,6 +15,7 @@ def result(*wins):
     return replace(NO_MATCH, pursuer_win_rate=rate, arenas=ByArena(wins, (10,) * len(wins)))
 
 
+@pytest.mark.slow
 def test_what_is_quicker_trains_for_more_steps_in_the_same_time(tmp_path):
     study = Inputs(out=tmp_path, seeds=2, env_steps=1000)
     steps = {folder.name: config.fixed_target.env_steps for folder, (config, _) in study.trainings().items()}

@@ -1,5 +1,7 @@
 """The page in Firefox: a person plays a game to its end by keys, and sees why."""
 
+import pytest
+
 from tests.web.firefox import needs_firefox, opened
 
 UP, SPACE = "\ue013", " "
@@ -7,6 +9,7 @@ PHASE = "document.body.dataset.phase"
 
 
 @needs_firefox
+@pytest.mark.slow
 def test_a_person_plays_in_firefox(address, tmp_path):
     with opened(tmp_path) as tab:
         tab.open(f"{address}?pursuer=P_any&evader=you&game=maze")

@@ -42,8 +42,8 @@ def apollonius(*arguments):
 @pytest.mark.parametrize(
     ("to", "files"),
     [
-        ("onnx", ["new/evader.onnx"]),
-        ("numpy", ["new/evader.npz", "new/evader.py"]),
+        pytest.param("onnx", ["new/evader.onnx"], marks=pytest.mark.slow),
+        pytest.param("numpy", ["new/evader.npz", "new/evader.py"], marks=pytest.mark.slow),
         pytest.param(
             "c",
             ["new/evader.c", "new/evader.chart", "new/evader.h"],

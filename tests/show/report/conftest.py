@@ -20,15 +20,18 @@ from tests.learn.tiny import RUN
 
 @pytest.fixture(scope="package")
 def coarsely_viable_starts():
-    """Robots that cannot stop take hundreds of sweeps on the reference grid; a coarse one does for games to show."""
+    """Robots that cannot stop take hundreds of sweeps; on a coarse grid they are quick, and do for games to show."""
 
     def coarse(game, role):
         grid, hold = reference_grid(game, role)
-        return make_grid(game.arena, game.body(role), (17, 17, 3, grid.counts[3])), hold
+        return make_grid(game.arena, game.body(role), (9, 9, 2, grid.counts[3])), hold
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(viability, "reference_grid", coarse)
         viability._remembered.cache_clear()
+        jax.config.update("jax_disable_most_optimizations", False)  # it runs for longer than it takes to compile well
+        viability.solve_viability(RUN.game)
+        jax.config.update("jax_disable_most_optimizations", True)
         yield
     viability._remembered.cache_clear()
 
