@@ -31,7 +31,7 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     desk.let_pass(20)
     ended, last = desk.match("seconds"), page.evaluate("apollonius.page.lostAt") / 10
     could = f"Until {last:.1f}\u00a0s you could have braked in time."
-    said = f"You ran into a wall after {ended:.1f}\u00a0s. You lose. {could} Your best so far."
+    said = f"You ran into a wall after {ended:.1f}\u00a0s. You lose. {could} Your longest so far."
     assert page.inner_text("#message") == said
     assert ended - 3 < last < ended
     assert page.inner_text("#go") == "Try again"
@@ -153,7 +153,7 @@ def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
         desk.let_pass(0.25)
     lost_at = page.evaluate("apollonius.page.lostAt")
     assert 0 < lost_at < 10 * ended
-    assert f"You lose. Until {lost_at / 10:.1f}\u00a0s E_any would have got away." in page.inner_text("#message")
+    assert f"You lose. Until {lost_at / 10:.1f}\u00a0s the agent E_any would have got away." in page.inner_text("#message")
     begun = float(page.inner_text("#when").removesuffix("\u00a0s"))
     assert lost_at / 10 <= begun < ended
     assert page.is_visible("#mark")

@@ -86,8 +86,8 @@ export function describeBrake({ game }, last) {
  */
 export function describeChance({ game }, me, chance) {
   const better = me === EVADER ? "have got away" : "have won";
-  if (chance.number === null) return `${STAND_IN[me]} would not ${better} either, even ${chance.seconds.toFixed(1)}\u00a0s before.`;
-  return `Until ${(chance.number * game.dt).toFixed(1)}\u00a0s ${STAND_IN[me]} would ${better}.`;
+  if (chance.number === null) return `The agent ${STAND_IN[me]} would not ${better} either, even ${chance.seconds.toFixed(1)}\u00a0s before.`;
+  return `Until ${(chance.number * game.dt).toFixed(1)}\u00a0s the agent ${STAND_IN[me]} would ${better}.`;
 }
 
 /** How a game is begun and steered by so many people. */

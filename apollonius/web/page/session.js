@@ -168,7 +168,8 @@ export class Session {
     const { match, me, isBest } = this;
     this.lostAt = lostAt;
     if (lostAt !== null && !this.seen) this.ending.play(lostAt, performance.now() / 1000);
-    this.enter("over", [describeEnd(match, me), loss, isBest ? "Your best so far." : ""].filter(Boolean).join(" "));
+    const best = isBest && (match.winner === me ? "Your best so far." : "Your longest so far.");
+    this.enter("over", [describeEnd(match, me), loss, best].filter(Boolean).join(" "));
   }
 
   /** Begin to look for the moment when a game was lost; where nobody can take the person's place, nothing is said. */
