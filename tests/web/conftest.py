@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
@@ -13,6 +14,25 @@ from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.types import Role
 from apollonius.web.site import Choice, write_site
 from tests.web.test_server import serving
+
+FLOOR = """
+image: floor.pgm
+resolution: 0.1
+origin: [-1.0, 2.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+@pytest.fixture
+def floor(tmp_path):
+    """The two files of a ROS map."""
+    shades = np.full((60, 80), 254, np.uint8)
+    shades[20:24, :50] = 0
+    Image.fromarray(shades).save(tmp_path / "floor.pgm")
+    (tmp_path / "floor.yaml").write_text(FLOOR)
+    return tmp_path / "floor.yaml", tmp_path / "floor.pgm"
 
 
 @pytest.fixture(scope="package")

@@ -21,13 +21,17 @@ user_pref("network.captive-portal-service.enabled", false);
 user_pref("network.connectivity-service.enabled", false);
 user_pref("app.update.disabledForTesting", true);
 user_pref("extensions.systemAddon.update.enabled", false);
+user_pref("browser.download.folderList", 2);
+user_pref("browser.download.dir", "{downloads}");
+user_pref("browser.download.alwaysOpenPanel", false);
 """
 
 
 class Firefox:
     """One tab; commands are those of WebDriver."""
 
-    def __init__(self, port):
+    def __init__(self, port, downloads):
+        self.downloads = downloads
         self.socket = self._connected(port)
         self.stream = self.socket.makefile("rb")
         self._read()
@@ -77,13 +81,33 @@ class Firefox:
         actions = [{"type": event, "value": key} for event, key in events]
         self.ask("PerformActions", {"actions": [{"type": "key", "id": "keyboard", "actions": actions}]})
 
-    def click(self, element):
-        """The middle of an element, by its id."""
-        box = self.evaluate(f"document.getElementById('{element}').getBoundingClientRect().toJSON()")
-        place = {"x": round(box["x"] + box["width"] / 2), "y": round(box["y"] + box["height"] / 2)}
-        press = [{"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0}]
-        actions = [{"type": "pointerMove", **place}, *press]
+    def drag(self, start, end):
+        """The mouse, pressed at one place [px] and released at another."""
+        (first, *ways) = [{"type": "pointerMove", "x": round(x), "y": round(y)} for x, y in (start, end)]
+        actions = [first, {"type": "pointerDown", "button": 0}, *ways, {"type": "pointerUp", "button": 0}]
         self.ask("PerformActions", {"actions": [{"type": "pointer", "id": "mouse", "actions": actions}]})
+
+    def click(self, selector):
+        """The middle of an element."""
+        box = self.evaluate(f"document.querySelector('{selector}').getBoundingClientRect().toJSON()")
+        middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        self.drag(middle, middle)
+
+    def choose(self, selector, path):
+        """A file for an input."""
+        (element,) = self.ask("FindElement", {"using": "css selector", "value": selector})["value"].values()
+        self.ask("ElementSendKeys", {"id": element, "text": str(path)})
+
+    def download(self, selector):
+        """What comes of a click on an element: the file, whole."""
+        before = {*self.downloads.iterdir()}
+        self.click(selector)
+        for _ in range(10 * PATIENCE):
+            new = {*self.downloads.iterdir()} - before
+            if new and not any(path.suffix == ".part" or path.stat().st_size == 0 for path in new):
+                return new.pop()
+            time.sleep(0.1)
+        raise TimeoutError("nothing is saved")
 
 
 @contextmanager
@@ -92,12 +116,14 @@ def opened(folder):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    (folder / "user.js").write_text(PREFERENCES.format(port=port))
+    downloads = folder / "downloads"
+    downloads.mkdir()
+    (folder / "user.js").write_text(PREFERENCES.format(port=port, downloads=downloads))
     command = [FIREFOX, "--headless", "--no-remote", "--profile", str(folder), "--marionette"]
     environment = {"HOME": str(folder), "MOZ_REMOTE_SETTINGS_DEVTOOLS": "0", "PATH": "/usr/bin:/bin"}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        tab = Firefox(port)
+        tab = Firefox(port, downloads)
         with tab.socket, tab.stream:
             yield tab
     finally:

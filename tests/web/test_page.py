@@ -153,7 +153,9 @@ def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
         desk.let_pass(0.25)
     lost_at = page.evaluate("apollonius.page.lostAt")
     assert 0 < lost_at < 10 * ended
-    assert f"You lose. Until {lost_at / 10:.1f}\u00a0s the agent E_any would have got away." in page.inner_text("#message")
+    assert f"You lose. Until {lost_at / 10:.1f}\u00a0s the agent E_any would have got away." in page.inner_text(
+        "#message"
+    )
     begun = float(page.inner_text("#when").removesuffix("\u00a0s"))
     assert lost_at / 10 <= begun < ended
     assert page.is_visible("#mark")

@@ -5,36 +5,15 @@ import json
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from apollonius.arenas.file import load_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
 from apollonius.replay import load_replay
 from tests.web.browser import needs_chromium, playwright
+from tests.web.scripts import DROP, PLACING, spot
 
 pytestmark = needs_chromium
-PLACING = """async arena => {
-  const canvas = document.getElementById("canvas");
-  const { placing } = await import("./draw.js");
-  const { left, top } = canvas.getBoundingClientRect();
-  return { ...placing(canvas, arena), left, top, ratio: devicePixelRatio };
-}"""
-DROP = """files => {
-  const dataTransfer = new DataTransfer();
-  for (const [name, base64] of files) {
-    dataTransfer.items.add(new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name));
-  }
-  document.body.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
-}"""
-FLOOR = """
-image: floor.pgm
-resolution: 0.1
-origin: [-1.0, 2.0, 0.0]
-negate: 0
-occupied_thresh: 0.65
-free_thresh: 0.196
-"""
 
 
 class Hand:
@@ -51,9 +30,7 @@ class Hand:
 
     def at(self, x, y):
         """The place [px] of a place in the arena [m]."""
-        to = self.placing
-        right, down = to["x"] + to["scale"] * x, to["y"] - to["scale"] * y
-        return to["left"] + right / to["ratio"], to["top"] + down / to["ratio"]
+        return spot(self.placing, x, y)
 
     def use(self, tool, start, end=None):
         self.page.click(f"#tools [data-tool={tool}]")
@@ -122,16 +99,6 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk):
     playwright.expect(page.locator("#findings")).not_to_contain_text("falls into", timeout=20_000)
     page.click("#back")
     assert page.get_attribute("body", "data-phase") == "ready"
-
-
-@pytest.fixture
-def floor(tmp_path):
-    """The two files of a ROS map."""
-    shades = np.full((60, 80), 254, np.uint8)
-    shades[20:24, :50] = 0
-    Image.fromarray(shades).save(tmp_path / "floor.pgm")
-    (tmp_path / "floor.yaml").write_text(FLOOR)
-    return tmp_path / "floor.yaml", tmp_path / "floor.pgm"
 
 
 def test_a_map_is_dropped_and_played_on(desk, floor):
