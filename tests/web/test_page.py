@@ -305,3 +305,47 @@ def test_an_agent_that_cannot_be_loaded_is_said(desk):
     (complaint,) = desk.complaints
     assert "404" in complaint
     desk.complaints.clear()
+
+
+LEGIBLE = """() => {
+  const numbers = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const luminance = (colour) => {
+    const parts = numbers(colour).slice(0, 3).map((part) => part / 255);
+    const linear = parts.map((part) => (part <= 0.03928 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+  };
+  const isOpaque = (colour) => (numbers(colour)[3] ?? 1) === 1;
+  const ground = (element) => {
+    const { backgroundColor } = getComputedStyle(element);
+    return isOpaque(backgroundColor) || !element.parentElement ? backgroundColor : ground(element.parentElement);
+  };
+  const isShown = (element) => element.checkVisibility({ opacityProperty: true, visibilityProperty: true });
+  const hasWords = ({ childNodes }) => [...childNodes].some(({ nodeType, data }) => nodeType === 3 && data.trim());
+  return [...document.querySelectorAll("body *")]
+    .filter((element) => isShown(element) && hasWords(element) && !element.disabled)
+    .map((element) => {
+      const [less, more] = [getComputedStyle(element).color, ground(element)].map(luminance).sort((a, b) => a - b);
+      return [element.textContent.trim(), (more + 0.05) / (less + 0.05)];
+    });
+}"""
+"""The words that are shown, and their contrast by WCAG 2.2."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_all_words_have_contrast_and_all_that_can_be_used_has_a_name(desk, scheme):
+    page = desk.open("?pursuer=P_pool&evader=you")
+    page.emulate_media(color_scheme=scheme)
+    for opening, closing in ((None, None), ("#menu", "#play"), ("#draw", "#back")):
+        if opening:
+            page.click(opening)
+            desk.let_pass(0.5)
+        words = page.evaluate(LEGIBLE)
+        assert len(words) > 8
+        assert [(text, contrast) for text, contrast in words if contrast < 4.5] == []
+        for role in ("button", "combobox", "slider", "spinbutton", "checkbox"):
+            used = page.get_by_role(role)
+            assert used.count() == page.get_by_role(role, name=re.compile(r"\S")).count(), role
+        if closing:
+            page.click(closing)
+            page.wait_for_selector("#go:enabled")
+    page.emulate_media(color_scheme="light")

@@ -128,7 +128,7 @@ export class Workshop {
   #makeSliders() {
     this.sliders = [];
     const add = (place, text, [least, most, step], get, set) => {
-      const [label, value, input] = ["label", "output", "input"].map((kind) => document.createElement(kind));
+      const [label, value, input] = ["label", "span", "input"].map((kind) => document.createElement(kind));
       Object.assign(input, { type: "range", min: least, max: most, step });
       input.addEventListener("change", () => this.editor.change(set(this.editor.game, Number(input.value))));
       input.addEventListener("input", () => (value.textContent = input.value));
