@@ -9,6 +9,7 @@ import re
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from apollonius.errors import require, shown
@@ -28,17 +29,17 @@ def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
 
 def count(counted: Counted) -> Callable[[str], int]:
     """A whole number of something that is counted."""
+    return partial(_count, counted)
 
-    def parse(text: str) -> int:
-        try:
-            number = int(text)
-        except ValueError:  # also for thousands of digits
-            number = None
-        if number is None or not counted.least <= number <= counted.limit:
-            raise unfit(text, counted.bound())
-        return number
 
-    return parse
+def _count(counted: Counted, text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:  # also for thousands of digits
+        number = None
+    if number is None or not counted.least <= number <= counted.limit:
+        raise unfit(text, counted.bound())
+    return number
 
 
 def real(text: str) -> float:
@@ -101,19 +102,19 @@ def existing_folder(text: str) -> Path:
 
 def new_file(*suffixes: str) -> Callable[[str], Path]:
     """A file to write, with a name that ends in one of these, in a place where that can be done."""
+    return partial(_new_file, suffixes)
 
-    def parse(text: str) -> Path:
-        path = Path(named(text))
-        if path.suffix not in suffixes:
-            kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
-            raise unfit(text, f"a file that ends in {kinds}")
-        if _is(path.exists) and not _is(path.is_file):
-            raise unfit(text, "a file, and something else has that name; choose another")
-        if reason := _unwritable(path, path.parent):
-            raise unfit(text, reason)
-        return path
 
-    return parse
+def _new_file(suffixes: tuple[str, ...], text: str) -> Path:
+    path = Path(named(text))
+    if path.suffix not in suffixes:
+        kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
+        raise unfit(text, f"a file that ends in {kinds}")
+    if _is(path.exists) and not _is(path.is_file):
+        raise unfit(text, "a file, and something else has that name; choose another")
+    if reason := _unwritable(path, path.parent):
+        raise unfit(text, reason)
+    return path
 
 
 def new_folder(text: str) -> Path:

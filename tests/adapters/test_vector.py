@@ -153,6 +153,7 @@ def test_bad_input_is_refused(env):
         env.reset(seed=[1, 2])
 
 
+@pytest.mark.slow
 def test_an_opponent_that_reads_a_chart_plays_as_it_would_in_the_charted_game():
     """The environment's own observation reads none."""
     env = ManyGames(Role.PURSUER, 4, opponent="E_any")

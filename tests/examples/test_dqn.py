@@ -14,6 +14,7 @@ from apollonius.game.types import Role
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dqn.py"
 
 
+@pytest.mark.slow
 def test_it_trains_and_its_agent_is_found(tmp_path, capsys):
     with jax.numpy_dtype_promotion("standard"):  # which optax needs
         main = runpy.run_path(str(EXAMPLE))["main"]

@@ -169,6 +169,7 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
     assert_same_end(folder, uninterrupted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", Role)
 def test_the_shipped_recipes_can_be_begun(role):
     name = role.name.lower()

@@ -27,6 +27,7 @@ from tests.matches import a_match
 STAGE = SelfPlayConfig(env_steps=4 * CHUNK, evader_observation="opponent-aware")
 
 
+@pytest.mark.slow
 def test_it_learns_from_more_than_the_pursuer_reads():
     plan = Plan(replace(DQN, learning_starts=CHUNK // 2), STAGE)
     state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))

@@ -109,6 +109,7 @@ console.log(JSON.stringify([marks, reaches, player.facts(game.game, states[0]), 
 
 
 @needs_chromium
+@pytest.mark.slow
 def test_a_report_plays_teams_from_disk(replay, tmp_path):
     save_page(Page("Games", "One.", games=[Shown(replay, 1)]), tmp_path / "report.html")
     complaints = []

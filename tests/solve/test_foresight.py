@@ -78,7 +78,8 @@ def by_hand(role, holds, start):
     return best
 
 
-@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("role", Role)
 def test_two_holds_ahead_are_the_best_of_all_sequences(role, starts):
     own, other = responder(role, 2).zero_sum_game.pair(starts.pursuer, starts.evader)
     found = np.asarray(VALUES(responder(role, 2), own, other, jnp.zeros(GAMES, jnp.uint32)))

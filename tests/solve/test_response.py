@@ -32,13 +32,14 @@ def zero_sum_game(role):
     return make_zero_sum_game(CRAMPED, (GRID, GRID), HOLD, role, "win")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("role", "opponent", "draws"),
     [
         (Role.PURSUER, FleeAware.for_side(CRAMPED, Role.EVADER), 1),
-        pytest.param(Role.EVADER, CHASER, 1, marks=pytest.mark.slow),
-        pytest.param(Role.PURSUER, Uniform(), COURSES, marks=pytest.mark.slow),
-        pytest.param(Role.EVADER, Uniform(), COURSES, marks=pytest.mark.slow),
+        (Role.EVADER, CHASER, 1),
+        (Role.PURSUER, Uniform(), COURSES),
+        (Role.EVADER, Uniform(), COURSES),
     ],
     ids=["pursuer", "evader", "pursuer, by chance", "evader, by chance"],
 )

@@ -60,7 +60,7 @@ class Case:
     role: Role
 
 
-MORE = ("office", "courtyard")
+MORE = ("office", "courtyard", "paper", "map")
 """Games of which one more like them is compared in every run."""
 
 
