@@ -53,6 +53,21 @@ def forget_compilations(held_memory):
         held_memory["bytes"] = resident()
 
 
+RUNNING = ("test_attackers.py", "test_guarantee.py", "test_response.py")
+"""Files whose programs solve games, and run for longer than it takes to compile them well."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def optimised_where_that_pays(request):
+    """Comes before the fixtures of the module, which solve."""
+    if request.path.name not in RUNNING:
+        yield
+    else:
+        jax.config.update("jax_disable_most_optimizations", False)
+        yield
+        jax.config.update("jax_disable_most_optimizations", True)
+
+
 TRAINING = ("exploit", "learn", "reproduce", "studies")
 """Folders whose tests train."""
 
