@@ -58,9 +58,10 @@ def run_pursuers(options: argparse.Namespace) -> int:
     display = options.display
     if options.out:
         _drawing()
-    for name, default in _PLAYED.items():
-        if not options.games and getattr(options, name) != default:
-            raise InvalidInput(f"--{name} is about games and needs --games: say how many to play with each team.")
+    if not options.games:
+        for name, default in _PLAYED.items():
+            if getattr(options, name) != default:
+                raise InvalidInput(f"--{name} is about games and needs --games: say how many to play with each team.")
     game = find_game(options.game)
     require(game.scenario is None, "ARENA", options.game, "one arena, not several; name one of them")
     matches = _matches(options, game) if options.games else None

@@ -118,10 +118,8 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
     assert_same_end(folder, uninterrupted)
 
 
-@pytest.mark.parametrize(
-    "scheme",
-    [pytest.param("prioritised-hard", marks=pytest.mark.slow), pytest.param("psro", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["prioritised-hard", "psro"])
 def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path, scheme):
     past = OpponentConfig(scheme=scheme, versions=4, seats=2, renewal=CHUNK, payoff_games=8)
     config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))

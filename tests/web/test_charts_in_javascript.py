@@ -61,7 +61,7 @@ class Case:
 
 
 MORE = ("office", "courtyard", "paper", "map")
-"""Games of which one more like them is compared in every run."""
+"""Games that are compared where slow tests are run; the rest are in every run."""
 
 
 @pytest.fixture(

@@ -61,7 +61,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(address, floor, tmp_path
         link = tab.evaluate("location.hash")
         tab.click("#clear")
         tab.choose("#file", saved)
-        tab.wait_for("document.getElementById('said').textContent !== ''")
+        tab.wait_for("document.getElementById('file').value === ''")  # it is emptied when the file is read
         assert to_dict(load_game(tab.download("#save"))) == to_dict(game)
 
         tab.open("about:blank")
