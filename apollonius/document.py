@@ -5,7 +5,11 @@ Before one is read its size is looked at, and no content is an error of the prog
 
 import json
 import os
+import secrets
+import tempfile
 import tomllib
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,21 +45,39 @@ def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES) -> by
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that at every moment either the old or the new content is there, whole.
+    """Write a file, in a folder that need not be there, so that at every moment it is whole: the old one or the new.
 
     Raises:
         OSError: when the disk is full or read-only; the old content is untouched.
     """
-    temporary = path.with_name(path.name + ".tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")  # others may be writing this file too
     try:
         with open(temporary, "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-    except OSError:
+    except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Generator[Path, None, None]:
+    """Make a folder that is new or empty, so that everything the block writes is in it, or there is none.
+
+    Yields:
+        The folder to write to, which then takes the other's place.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
+        filled = Path(beside) / "folder"
+        filled.mkdir()
+        yield filled
+        if folder.exists():
+            folder.rmdir()
+        os.replace(filled, folder)
 
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:

@@ -85,7 +85,6 @@ def run_list(options: argparse.Namespace) -> int:
         print(f"{name:<12} {about_game(name)}")
     if options.out:
         options.display.begin("drawing the arenas")
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery(shown, options.out)
         finish(options.out, then=command("show", "P_any", "E_any", "--game", "office", "--out", "office.gif"))
     return 0
@@ -115,7 +114,6 @@ def run_check(options: argparse.Namespace) -> int:
         with plots():
             from apollonius.show.plan import save_plan
         found = survey(game)
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         save_plan(Path(options.game).stem, game, found, options.out)
     else:
         found = survey(game)
@@ -161,7 +159,6 @@ def run_suite(options: argparse.Namespace) -> int:
         options.display.begin("drawing the picture")
         kinds = dict.fromkeys(entry.kind for entry in entries)
         some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
         play = command("show", "P_any", "E_any", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
         finish(options.out, then=play, json=options.json)
@@ -177,7 +174,6 @@ def run_chart(options: argparse.Namespace) -> int:
     game = find_game(options.game)
     options.display.begin("drawing the chart", compiles=True)
     parts = chart_parts(game)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(options.out, chart_bytes(parts, options.out.suffix))
     options.display.end()
     x, y, side = (float(parts[name]) for name in ("x", "y", "side"))

@@ -37,7 +37,6 @@ def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Rep
     from apollonius.replay import save_replay
 
     if options.record:
-        options.replays.mkdir(parents=True, exist_ok=True)
         options.display.begin(f"writing {options.record} replays")
     written = []
     for replay in islice(replays, options.record):

@@ -50,6 +50,7 @@ def add_play(subparsers: Any) -> None:
 
 def run_play(options: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C, or write it to a folder."""
+    from apollonius.document import whole_folder
     from apollonius.errors import require
     from apollonius.game.types import Role
     from apollonius.web.server import make_server
@@ -60,14 +61,16 @@ def run_play(options: argparse.Namespace) -> int:
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
-        write_site(options.site, choice)
+        with whole_folder(options.site) as folder:
+            write_site(folder, choice)
         options.display.end()
         finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0
-    with tempfile.TemporaryDirectory() as folder:
-        write_site(Path(folder), choice)
+    with tempfile.TemporaryDirectory() as private:
+        folder = Path(private) / "site"  # which takes the mode of the page's own folder
+        write_site(folder, choice)
         options.display.end()
-        with make_server(Path(folder), options.port) as server:
+        with make_server(folder, options.port) as server:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
             try:
                 print(f"play at {address}  (Ctrl-C ends)", flush=True)

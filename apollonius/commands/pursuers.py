@@ -87,7 +87,6 @@ def run_pursuers(options: argparse.Namespace) -> int:
     else:
         print(_told(options.game, enough), *([sizes_table(sizes)] if sizes else []), sep="\n\n")
     if options.out:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(Path(options.game).stem, game, enough, options.out, sizes)
         then = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=then, json=options.json)

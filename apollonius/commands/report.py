@@ -37,7 +37,6 @@ def run_report(options: argparse.Namespace) -> int:
     require(is_study or is_run, "RUN", folder, f"{bound}; {remedy}")
     options.display.begin("playing games and drawing", compiles=True)
     page = study_page(folder) if is_study else training_page(folder)
-    out.parent.mkdir(parents=True, exist_ok=True)
     save_page(page, out)
     options.display.end()
     finish(out, then=f"open {out} in a browser")

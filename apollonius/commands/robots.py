@@ -64,7 +64,6 @@ def run_robots(options: argparse.Namespace) -> int:
         options.display.report,
     )
     if options.out:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(table, options.out)
     options.display.end()
     if options.json:

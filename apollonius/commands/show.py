@@ -52,7 +52,6 @@ def run_show(options: argparse.Namespace) -> int:
 
         replay = record_game(requested_match(options), 0)
     display.begin(f"drawing {len(replay.states)} states")
-    options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
     elif options.out.suffix == ".png":

@@ -72,11 +72,9 @@ def run_solve(options: argparse.Namespace) -> int:
     else:
         display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
         solution = solve_problem(problem, game, sweeps_on(display))
-        path.parent.mkdir(parents=True, exist_ok=True)
         save_solution(solution, path)
         written.append(path)
     if options.plot:
-        options.plot.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(solution, game, options.plot)
         written.append(options.plot)
     display.begin("judging the table", compiles=True)

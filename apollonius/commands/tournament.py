@@ -78,7 +78,6 @@ def run_tournament(options: argparse.Namespace) -> int:
         options.display.report,
     )
     if options.plot:
-        options.plot.parent.mkdir(parents=True, exist_ok=True)
         _drawing()(tournament, options.plot)
     options.display.end()
     if options.json:

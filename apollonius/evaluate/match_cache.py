@@ -37,7 +37,6 @@ def cached_result(path: Path, asked: Mapping[str, Any], kind: type[T], make: Cal
             raise InvalidInput(f"'{path}' is of other players, rules, games or starts: choose another folder.")
         return from_dict(kind, kept["result"], bad)
     result = make()
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps({**asked, "result": to_dict(result)}, indent=1).encode())
     return result
 

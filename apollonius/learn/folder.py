@@ -1,14 +1,20 @@
 """The folder of a training run: how it is made, and how its configuration is read back."""
 
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import tomli_w
 
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.document import parse_toml, read_bytes, write_atomically
-from apollonius.errors import require
+from apollonius.errors import InvalidInput, require
 from apollonius.learn.config import RunConfig
 
+_HOLDER = ".process"
+"""File with the number of the process that trains in a folder."""
+_LONGEST_NUMBER = 20
 _FORMER = ("margin", "exploiter_seats")
 """Numbers of `[self_play.opponents]` that only schemes had which are gone: older files name them."""
 
@@ -29,10 +35,43 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
             is_run = (folder / "config.toml").is_file()
             require(is_run, "folder", folder, "a run's folder, new or empty, but holds something else; choose another")
             require(force, "folder", folder, "a new folder, as this one holds a run; choose another or force it")
-            _remove_run(folder)
+            with held(folder):
+                _remove_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / "config.toml", tomli_w.dumps(to_dict(config)).encode())
     (folder / "agents").mkdir(exist_ok=True)
+
+
+@contextmanager
+def held(folder: Path) -> Generator[None, None, None]:
+    """Keep other processes from training in a run's folder, where the system can.
+
+    Raises:
+        InvalidInput: when one is training there.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    holder, directory = folder / _HOLDER, os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            process = holder.read_text()[:_LONGEST_NUMBER] if holder.is_file() else "another"
+            raise InvalidInput(f"'{folder}' is being trained by process {process}: wait for it, or stop it.") from error
+        except OSError:
+            pass  # a file system without locks
+        for abandoned in folder.rglob("*.tmp"):  # by a process that was killed
+            abandoned.unlink()
+        holder.write_text(str(os.getpid()))
+        try:
+            yield
+        finally:
+            holder.unlink(missing_ok=True)
+    finally:
+        os.close(directory)
 
 
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:
@@ -49,7 +88,7 @@ def _remove_run(folder: Path) -> None:
         "*.jsonl",
         "evaluation.json",
         "report.html",
-        "**/*.tmp",
+        _HOLDER,
         "config.toml",
     ):
         for path in folder.glob(pattern):

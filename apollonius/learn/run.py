@@ -6,6 +6,7 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +31,7 @@ from apollonius.learn.devices import agreed, begun, gathered, own_share, placed
 from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.evaluation import greedy_outcomes
 from apollonius.learn.fixed_target import fixed_target, start_fixed_target
-from apollonius.learn.folder import agent_file
+from apollonius.learn.folder import agent_file, held
 from apollonius.learn.plans import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, load_first, plans_of
 from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
 from apollonius.learn.school import TABLES, School, open_schools
@@ -95,8 +96,13 @@ class Run:
 
         Raises:
             OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-            InvalidInput: when there is a checkpoint that this run cannot go on from, or not the devices it asks for.
+            InvalidInput: when there is a checkpoint that this run cannot go on from, or not the devices it asks for, or
+                when another process trains in the folder.
         """
+        with held(self.folder) if self.leads else nullcontext():
+            return self._execute()
+
+    def _execute(self) -> bool:
         stand = load_stand(self.checkpoint) if self.checkpoint.exists() else None
         if stand is not None and stand.stage not in self.plans:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")

@@ -28,7 +28,6 @@ class Finding:
 
 def write_finding(finding: Finding, folder: Path, name: str) -> None:
     """Write one finding into a folder, as `NAME.md` and `NAME.json`, atomically."""
-    folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / f"{name}.json", json.dumps(finding.data, indent=1).encode())
     write_atomically(folder / f"{name}.md", f"{as_markdown(finding)}\n".encode())
 

@@ -1,6 +1,9 @@
 """A game as a moving picture: GIF or WebP, or MP4 with the `video` extra. Needs no display."""
 
+import errno
+import io
 import math
+import tempfile
 import warnings
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageColor
 
+from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.replay import Replay
 from apollonius.show.caption import Captioned
@@ -37,12 +41,11 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     """
     require(path.suffix in FORMATS, "path", path, f"a file that ends in one of {', '.join(FORMATS)}")
     require(SLOWEST <= speed <= FASTEST, "speed", speed, f"from {SLOWEST:g} to {FASTEST:g} times real time")
-    path.parent.mkdir(parents=True, exist_ok=True)
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
     pictures = list(frames(replay, steps, speed))
     if path.suffix == ".mp4":
-        _save_mp4(pictures, path, 1 / (pace * (steps[1] - steps[0])))
+        write_atomically(path, _mp4(pictures, 1 / (pace * (steps[1] - steps[0]))))
         return
     # Rounded to what the format knows, in such a way that nothing adds up.
     tick, shortest = 10 if path.suffix == ".gif" else 1, round(1000 * _SHORTEST)
@@ -52,7 +55,9 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
         palette = _palette()
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     options: dict[str, Any] = {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
-    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
+    content, kind = io.BytesIO(), path.suffix[1:]
+    pictures[0].save(content, kind, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
+    write_atomically(path, content.getvalue())
 
 
 def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
@@ -79,19 +84,29 @@ def _palette() -> Image.Image:
     return palette
 
 
-def _save_mp4(pictures: list[Image.Image], path: Path, per_second: float) -> None:
+def _mp4(pictures: list[Image.Image], per_second: float) -> bytes:
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:
         raise InvalidInput("MP4 needs imageio-ffmpeg: pip install 'apollonius[video]', or use .gif.") from error
-    writer = imageio_ffmpeg.write_frames(
-        str(path), pictures[0].size, fps=per_second,  # pyright: ignore[reportArgumentType]  # ffmpeg takes parts too
-        macro_block_size=2, ffmpeg_log_level="error",
-        output_params=["-preset", "veryfast"],
-    )  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # JAX fears a fork, but this one becomes ffmpeg at once
-        writer.send(None)
-    for picture in [*pictures, *pictures[-1:] * round(_LAST_SECONDS * per_second)]:
-        writer.send(np.ascontiguousarray(picture))
-    writer.close()
+    pictures += pictures[-1:] * round(_LAST_SECONDS * per_second)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "game.mp4"
+        writer = imageio_ffmpeg.write_frames(
+            str(file), pictures[0].size, fps=per_second,  # pyright: ignore[reportArgumentType]  # ffmpeg takes parts too
+            macro_block_size=2, ffmpeg_log_level="error",
+            output_params=["-preset", "veryfast"],
+        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # JAX fears a fork, but this one becomes ffmpeg at once
+            writer.send(None)
+        for picture in pictures:
+            writer.send(np.ascontiguousarray(picture))
+        writer.close()
+        try:
+            written, _ = imageio_ffmpeg.count_frames_and_secs(str(file))
+        except RuntimeError:  # ffmpeg wrote half a file, which it does not tell
+            written = 0
+        if written != len(pictures):
+            raise OSError(errno.ENOSPC, "ffmpeg could not write the whole video", folder)
+        return file.read_bytes()

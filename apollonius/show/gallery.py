@@ -1,10 +1,12 @@
 """The arenas of several games side by side, empty or with a game that was played there. Needs Pillow only."""
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
+from apollonius.document import write_atomically
 from apollonius.game.game import Game
 from apollonius.replay import Replay
 from apollonius.show.canvas import Canvas
@@ -46,4 +48,6 @@ def save_gallery(games: Mapping[str, Game | Replay], path: Path, columns: int = 
         draw.text((left, below), f"{name}, {size}", fill=INK, font=font)
         if isinstance(one, Replay):
             draw.text((left, below + _LETTERS + 4), describe_end(game, one), fill=INK, font=font)
-    whole.save(path, optimize=True)
+    content = io.BytesIO()
+    whole.save(content, "PNG", optimize=True)
+    write_atomically(path, content.getvalue())

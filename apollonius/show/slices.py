@@ -122,7 +122,6 @@ def save_slice(
         game.arena.clearance(opponent.x, opponent.y) > game.body(role.other).radius, "opponent", place,
         "a place [m] inside the walls and outside the discs",
     )  # fmt: skip
-    path.parent.mkdir(parents=True, exist_ok=True)
     found = slice_values(player, game, role, own, opponent)
     with style.picture(path, columns=2, width=4.6, height=5.0) as (left, right):
         _draw_values(left, found, solved=isinstance(player, SaddlePolicy))

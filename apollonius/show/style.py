@@ -11,6 +11,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from apollonius.document import write_atomically
 from apollonius.show.palette import GRID, INK, LIGHT
 
 _SETTINGS: dict[Any, Any] = {
@@ -43,7 +44,7 @@ def picture(
     """A figure of panels in rows, saved as PNG when the block ends.
 
     Args:
-        path: where to save it; its folder must exist.
+        path: where to save it.
         columns, rows: number of panels.
         width, height: of a panel [inches].
 
@@ -53,7 +54,9 @@ def picture(
     with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
         yield list(figure.subplots(rows, columns, squeeze=False).flat)
-        figure.savefig(path)
+        content = io.BytesIO()
+        figure.savefig(content)
+    write_atomically(path, content.getvalue())
 
 
 def inline_svg(draw: Callable[[Axes], None], label: str, width: float = 4.6, height: float = 3.0) -> str:

@@ -48,7 +48,6 @@ def kept_tables(
             return found if played is None else replace(found, zero_sum_game=zero_sum_game_of(problem, played))
         solution = solve_problem(problem, game, lambda sweep: report(role, sweep))
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
             save_solution(solution, path)
         return SaddlePolicy(zero_sum_game_of(problem, played or game), jnp.asarray(solution.table))
 

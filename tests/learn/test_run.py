@@ -21,7 +21,7 @@ from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import evaluation, fixed_target, self_play
 from apollonius.learn import run as run_module
-from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.folder import create_run, held, load_config
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.run import Run
 from apollonius.playout import Results
@@ -207,6 +207,35 @@ def test_a_process_killed_by_the_system_leaves_a_run_that_ends_the_same(uninterr
     assert len(metrics(folder)) == 7
     assert Run(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
+
+
+def test_two_processes_never_train_in_one_folder(tmp_path):
+    folder = begin(tmp_path / "run")
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, folder], cwd=REPOSITORY, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as child:
+        assert child.stdout.readline() == "holds\n"
+        before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for begins in (Run(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
+            with pytest.raises(InvalidInput, match=f"is being trained by process {child.pid}: wait for it"):
+                begins()
+        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+        child.kill()  # which lets go of the folder
+    (folder / "half.tmp").touch()
+    with held(folder):
+        assert not (folder / "half.tmp").exists()
+    assert not (folder / ".process").exists()
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from apollonius.learn.folder import held
+
+with held(Path(sys.argv[1])):
+    print("holds", flush=True)
+    sys.stdin.read()
+"""
 
 
 @pytest.mark.usefixtures("checkpoint_after_every_chunk")

@@ -11,9 +11,12 @@ from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
+from apollonius.show import style
 from apollonius.show.animation import frames, save_animation
+from apollonius.show.arena import save_picture
 from apollonius.show.canvas import SIZE, Canvas
 from apollonius.show.caption import LINE, MARGIN, Captioned
+from apollonius.show.gallery import save_gallery
 from apollonius.show.palette import EVADER, PAPER, PURSUER
 
 STEPS = 12
@@ -179,3 +182,30 @@ def test_what_cannot_be_animated_is_refused(replay, tmp_path, name, speed, namin
     with pytest.raises(InvalidInput, match=naming):
         save_animation(replay, tmp_path / name, speed)
     assert not list(tmp_path.iterdir())
+
+
+def save_panel(path):
+    with style.picture(path):
+        pass
+
+
+@pytest.mark.parametrize("name", ["g.gif", "g.webp", "g.mp4", "g.png", "panel.png", "gallery.png"])
+def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
+    """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
+    resource = pytest.importorskip("resource")
+    write = {
+        "g.png": lambda path: save_picture(replay, path),
+        "panel.png": save_panel,
+        "gallery.png": lambda path: save_gallery({"paper": replay.game}, path),
+    }.get(name, lambda path: save_animation(replay, path))
+    (tmp_path / name).write_bytes(b"good")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match=r"too large|whole video"):
+            write(tmp_path / name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"good")]
+    write(tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 1000

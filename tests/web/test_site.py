@@ -1,6 +1,8 @@
 """The folder that is served holds all the page needs, and the choice it begins with is one it has."""
 
+import errno
 import json
+import os
 import re
 import shutil
 from contextlib import nullcontext
@@ -176,6 +178,17 @@ def test_an_agent_with_continuous_actions_is_served_too(tmp_path):
 def test_what_there_is_not_is_refused(arguments, complaint):
     with pytest.raises(InvalidInput, match=complaint):
         choose(*arguments)
+
+
+def test_a_full_disk_leaves_no_half_site(tmp_path, monkeypatch, capsys):
+    def fail(path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "site").mkdir()
+    monkeypatch.setattr("apollonius.web.site.load_header", fail)  # when the page itself is written
+    assert main(["play", "--site", str(tmp_path / "site")]) == 2
+    assert "No space left" in capsys.readouterr().err
+    assert list(tmp_path.rglob("*")) == [tmp_path / "site"]
 
 
 def test_the_command_writes_a_site_once(tmp_path, capsys):

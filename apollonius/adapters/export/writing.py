@@ -103,7 +103,6 @@ def write_policy(agent: Agent, name: str, game: Game, format_: Format, out: Path
         for file, content in files.items():
             file.write_bytes(content)
         checked = _check(blueprint, agent, lambda: format_.load(Path(folder) / out.name))
-    out.parent.mkdir(parents=True, exist_ok=True)
     written = {out.with_name(file.name): content for file, content in files.items()}
     for file, content in written.items():
         write_atomically(file, content)
