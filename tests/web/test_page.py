@@ -88,6 +88,24 @@ def test_choices_change_the_game_and_the_address(desk):
     assert desk.match("start") == start
 
 
+@pytest.mark.parametrize(
+    ("query", "unknown"),
+    [
+        ("?level=99", 'level "99"'),
+        ("?pursuer=nobody", 'pursuer "nobody"'),
+        ("?evader=encirclement", 'evader "encirclement"'),
+        ("?game=nope", 'game "nope"'),
+        ("?game=team-17v1", 'game "team-17v1"'),
+        ("?difficulty=none", 'difficulty "none"'),
+        ("?seed=-1", 'seed "-1"'),
+    ],
+)
+def test_what_an_address_asks_for_in_vain_is_said(desk, query, unknown):
+    page = desk.open(query)
+    assert page.inner_text("#message") == f"There is no {unknown}: Start plays another game, or choose under Games."
+    assert page.get_attribute("body", "data-phase") == "ready"
+
+
 def test_a_finger_on_the_pad_steers(phone):
     page = phone.open()
     assert page.evaluate("document.documentElement.scrollWidth") <= 375

@@ -1,6 +1,7 @@
 """Arenas drawn in a real browser: by pointers and fingers, saved, loaded, shared, dropped, and played in."""
 
 import base64
+import itertools
 import json
 
 import numpy as np
@@ -99,6 +100,28 @@ def test_what_is_wrong_is_said_while_it_is_drawn(desk):
     playwright.expect(page.locator("#findings")).not_to_contain_text("falls into", timeout=20_000)
     page.click("#back")
     assert page.get_attribute("body", "data-phase") == "ready"
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 768), (375, 667)])
+def test_findings_push_what_is_below_them_down(desk, size):
+    page = desk.open()
+    page.click("#draw")
+    page.wait_for_selector("#tools button[data-tool=disc]")
+    before = page.viewport_size
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    edges = page.evaluate(
+        """() => {
+          const findings = document.getElementById("findings");
+          findings.replaceChildren(...Array.from({ length: 9 }, () => document.createElement("li")));
+          for (const line of findings.children) line.textContent = "The free space falls into two parts. ".repeat(4);
+          const parts = [...document.querySelector(".sheet").children].filter((part) => part.checkVisibility());
+          return parts.map((part) => [part.id, part.getBoundingClientRect().top + part.scrollHeight, part.getBoundingClientRect().top]);
+        }"""
+    )
+    page.set_viewport_size(before)
+    covered = [name for (name, bottom, _), (_, _, top) in itertools.pairwise(edges) if bottom > top + 1]
+    assert len(edges) == 8
+    assert covered == []
 
 
 def test_a_map_is_dropped_and_played_on(desk, floor):

@@ -104,25 +104,28 @@ export class Choices {
     return /^[PE]_\w+$/.test(name);
   }
 
-  /** Fill the form by names and values; what there is not is left as it was at the beginning. */
+  /** Fill the form by names and values. What there is not stays as it is; returns the names of these fields. */
   fill(values) {
     const wanted = { ...this.chosen, ...values };
     const [arena, counts] = partsOf(String(wanted.game), this.games);
-    this.#set("game", arena, partsOf(this.chosen.game, this.games)[0]);
-    this.#offerSizes(counts?.every((count) => count >= 1 && count <= MOST) ? counts : [1, 1]);
+    const isFew = !counts || counts.every((count) => count >= 1 && count <= MOST);
+    const known = { game: this.#set("game", arena) && isFew };
+    this.#offerSizes((isFew && counts) || [1, 1]);
     this.refit();
-    for (const role of ROLES) {
-      const [name, usual] = [wanted[role], this.chosen[role]].map((one) => this.#asTeam(role, bare(String(one))));
-      this.#set(role, name, usual);
-    }
-    for (const name of ["difficulty", "seed"]) this.#set(name, wanted[name], this.chosen[name]);
+    for (const role of ROLES) known[role] = this.#set(role, this.#asTeam(role, bare(String(wanted[role]))));
+    for (const name of ["difficulty", "seed"]) known[name] = this.#set(name, wanted[name]);
     this.#field("shield").checked = ROLES.some((role) => String(wanted[role]).includes(SHIELDED));
+    return Object.keys(known).filter((name) => !known[name]);
   }
 
-  #set(name, value, usual) {
+  /** Set a field, if it takes the value; returns whether it does. */
+  #set(name, value) {
     const field = this.#field(name);
+    const before = field.value;
     field.value = value;
-    if (!field.value) field.value = usual;
+    const isTaken = field.value !== "" && field.checkValidity();
+    if (!isTaken) field.value = before;
+    return isTaken;
   }
 
   /** What the form says: {pursuer, evader, game, difficulty, seed, level}, agents with `shielded:` where wanted. */
@@ -135,15 +138,21 @@ export class Choices {
     return { pursuer: named(said.pursuer), evader: named(said.evader), game, difficulty, seed: Number(seed), level: null };
   }
 
-  /** What an address asks for: a level, or what the form then says. `linked` is the game that a link brings, if one does. */
+  /**
+   * What an address asks for: a level, or what the form then says; and what is wrong with the address, or null.
+   *
+   * @param linked the game that a link brings, if one does
+   */
   fromAddress(query, linked = null) {
     const values = Object.fromEntries(new URLSearchParams(query));
-    const number = values.level ?? (query || linked ? null : this.chosen.level);
+    const level = levelOf(values.level ?? (query || linked ? null : this.chosen.level));
     const [, counts] = partsOf(values.game ?? "", this.games);
-    this.fill(linked ? { ...values, game: counts ? teamName(linked, counts) : linked } : values);
+    const missing = this.fill(linked ? { ...values, game: counts ? teamName(linked, counts) : linked } : values);
     if (linked && !query) this.refit(); // nobody is asked for who knows another arena only
-    const level = levelOf(number);
-    return level ? asChoice(level) : this.read();
+    if ("level" in values && !level) missing.unshift("level");
+    const name = missing.find((one) => one in values);
+    const said = name ? `There is no ${name} "${values[name].slice(0, 60)}": Start plays another game, or choose under Games.` : null;
+    return [level ? asChoice(level) : this.read(), said];
   }
 }
 

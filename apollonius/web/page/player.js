@@ -180,9 +180,10 @@ async function main() {
   drawing = new Drawing(element, page, choices);
   wire();
   requestAnimationFrame(frame);
-  const complaint = await drawing.offerLinked(location.hash);
-  await page.begin(choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn"));
-  if (complaint) element("message").textContent = complaint;
+  const unplayable = await drawing.offerLinked(location.hash);
+  const [choice, unknown] = choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn");
+  await page.begin(choice);
+  if (page.match && (unplayable ?? unknown)) element("message").textContent = unplayable ?? unknown;
 }
 
 main().catch((error) => page.enter("loading", `This page cannot start: ${error.message}`));
