@@ -107,10 +107,6 @@ ENV_STEPS = Counted(0, most=2**30 - 1)
 """Env steps of a training: its counter holds no more."""
 SEED = Counted(0, most=2**32 - 1, least=0)
 """What a seed of random numbers can be."""
-DEVICES = Counted(0, most=10_000)
-"""Devices, or processes, that share a training."""
-PROCESS = Counted(0, most=9_999, least=0)
-"""Number of a process among those."""
 PORT = Counted(0, most=2**16 - 1)
 """Port of a server."""
 ROBOTS = Counted(0, most=16)

@@ -36,12 +36,12 @@ KINDS: dict[str, set[str]] = {
     "name": EVERYTHING | {"9" * 5_000},
 }
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
-COUNTS = "games targets hold responses env_steps seeds port devices processes most"
+COUNTS = "games targets hold responses env_steps seeds port most"
 REALS = "gap size opponent opponent_speed opponent_heading speed heading target"
 CHOICES = "action what role attackers on to starts stage algorithm opponents preset profile budget payoff side"
 ARGUMENTS = {
     **dict.fromkeys(COUNTS.split(), "count"),
-    **dict.fromkeys(["record", "response_games", "discs", "process"], "count from 0"),
+    **dict.fromkeys(["record", "response_games", "discs"], "count from 0"),
     "seed": "seed",
     **dict.fromkeys(
         ["gap", "size", "opponent", "opponent_speed", "opponent_heading", "speed", "heading", "target"], "real"

@@ -12,7 +12,7 @@ from apollonius.commands.values import count, existing_file, existing_folder, na
 from apollonius.errors import require
 from apollonius.interrupts import answer, go_on
 from apollonius.learn.opponents.schemes import SCHEMES
-from apollonius.limits import DEVICES, PROCESS, SEED
+from apollonius.limits import SEED
 
 if TYPE_CHECKING:
     from apollonius.display import Display
@@ -66,8 +66,6 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
-    parser.add_argument("--devices", type=count(DEVICES), help="devices that share the training (default: 1)")
-    _add_processes(parser)
     parser.add_argument("--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     parser.set_defaults(run=run_train)
@@ -77,32 +75,7 @@ def add_resume(subparsers: Any) -> None:
     """The parser of `resume`."""
     parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
     parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
-    _add_processes(parser)
     parser.set_defaults(run=run_resume)
-
-
-def _add_processes(parser: argparse.ArgumentParser) -> None:
-    """What each of several processes is told that train together."""
-    several = parser.add_argument_group("several processes or hosts, each of which is given the same command")
-    several.add_argument("--coordinator", type=named, metavar="HOST:PORT", help="where the first process listens")
-    several.add_argument("--processes", type=count(DEVICES), default=1, help="how many there are (default: 1)")
-    several.add_argument(
-        "--process", type=count(PROCESS), default=0, help="number of this one, from 0, who leads (default: 0)"
-    )
-
-
-def _join(options: argparse.Namespace) -> bool:
-    """Meet the other processes, if there are some. Whether this one leads: it writes the files."""
-    together = bool(options.coordinator) == (options.processes > 1)
-    require(together, "--coordinator", options.coordinator, "given if and only if there are several --processes")
-    require(
-        options.process < options.processes, "--process", options.process, f"less than {options.processes} --processes"
-    )
-    if options.coordinator:
-        import jax
-
-        jax.distributed.initialize(options.coordinator, options.processes, options.process)
-    return options.process == 0
 
 
 def run_train(options: argparse.Namespace) -> int:
@@ -110,27 +83,23 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
-    from apollonius.learn.plans import load_first, plans_of
+    from apollonius.learn.plans import load_first
 
-    leads = _join(options)
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
     folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
     find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
     for role in Role:
         load_first(config, role)
-    plans_of(config)
-    if leads:
-        create_run(config, folder, force=options.force)
-    return _train_and_judge(config, folder, options.display, leads)
+    create_run(config, folder, force=options.force)
+    return _train_and_judge(config, folder, options.display)
 
 
 def run_resume(options: argparse.Namespace) -> int:
     """Go on from a run's checkpoint."""
     from apollonius.learn.folder import load_config
 
-    leads = _join(options)
-    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display, leads)
+    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -162,13 +131,12 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
         "pursuer": options.pursuer,
         "dqn": PROFILES[options.profile] if options.profile else None,
         "game": find_game(options.game) if options.game else None,
-        "devices": options.devices,
     }
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", leads: bool) -> int:
-    """Train to the end or to Ctrl-C; at the end, whoever leads plays the new agents and says how good they are."""
+def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
+    """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
     from apollonius.arenas.scenarios import each_alone
     from apollonius.learn.run import Run
     from apollonius.learn.school import TABLES
@@ -212,11 +180,11 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", lead
         signal.signal(signal.SIGINT, before)
     if not finished:
         raise KeyboardInterrupt
-    if leads and distils:
+    if distils:
         display.end()
         (agent,) = (folder / "agents").glob("*.safetensors")
         finish(folder, then=command("exploit", config.distillation.role, agent))
-    elif leads:
+    else:
         display.begin(_JUDGING, compiles=True)
         _judge(config, folder, display)
     return 0

@@ -35,12 +35,10 @@ class UpdateContext:
     Attributes:
         env_steps: played so far, those of this iteration included.
         stage: env steps of the whole stage.
-        across: axis of the devices that share the stage, each with a batch of its own; None if there is one.
     """
 
     env_steps: Int[Array, ""]
     stage: int
-    across: str | None = None
 
     def between(self, first: Real, last: Real) -> Scalar:
         """What goes from the first number to the last one, in a straight line over the stage."""
@@ -107,7 +105,7 @@ def _update_values(
     learner: dqn.DQNLearner, batch: Batch, key: PRNGKeyArray, config: DQNConfig, context: UpdateContext
 ) -> tuple[dqn.DQNLearner, Scalar]:
     rate = context.between(config.learning_rate, config.final_learning_rate)
-    return dqn.update(learner, batch, rate, config, context.across)
+    return dqn.update(learner, batch, rate, config)
 
 
 def _copy_when_due(learner: dqn.DQNLearner, config: DQNConfig, env_steps: Int[Array, ""]) -> dqn.DQNLearner:
@@ -119,7 +117,7 @@ def _update_actor(
     learner: sac.SACLearner, batch: Batch, key: PRNGKeyArray, config: SACConfig, context: UpdateContext
 ) -> tuple[sac.SACLearner, Scalar]:
     rate = context.between(config.learning_rate, config.final_learning_rate)
-    return sac.update(learner, batch, key, rate, config, context.across)
+    return sac.update(learner, batch, key, rate, config)
 
 
 ALGORITHMS: dict[type[LearnerConfig], Algorithm] = {

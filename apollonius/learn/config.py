@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from apollonius.catalogue import TABLE
-from apollonius.errors import require, require_positive
+from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -43,15 +43,11 @@ class RunConfig:
     that reads `egocentric` goes on with weights of 0 for what is new."""
     evader: str | None = None
     """Agent that the evader of a lone self-play or distillation goes on from; None is from scratch (Algorithm 2)."""
-    devices: int = 1
-    """Devices that share the training, of all processes together: as many updates of as many transitions as on one,
-    with other random numbers."""
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
         if self.sac is not None:
             self.game.require_two("soft actor-critic")
-        require_positive(self, "devices")
         told = find_observation(self.learner.observation).is_told
         require(not told, "observation", self.learner.observation, "what both can read; one side at most is told")
         past, games = self.self_play.opponents, self.learner.games
@@ -81,7 +77,6 @@ class RunConfig:
     def _check_distillation(self) -> None:
         self.game.require_two("a distillation")
         require(self.sac is None, "sac", "given", "left out for distillation, which fits the values of nine actions")
-        require(self.devices == 1, "devices", self.devices, "1 for distillation")
         stage, games = self.distillation, self.dqn.games
         attackers = stage.near_sighted + stage.far_sighted
         bound = f"more than the {attackers} of its attackers, so that each opponent has one"

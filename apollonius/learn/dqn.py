@@ -67,17 +67,9 @@ def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Sca
     return jnp.mean(errors) if batch.active is None else jnp.mean(jnp.where(batch.active, errors, 0.0))
 
 
-def update(
-    learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig, across: str | None = None
-) -> tuple[DQNLearner, Scalar]:
-    """The learner after one step of Adam on a batch, and the loss before it.
-
-    Args:
-        across: axis of devices, each with a batch of its own; all take the step of all batches together.
-    """
+def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQNConfig) -> tuple[DQNLearner, Scalar]:
+    """Return the learner after one step of Adam on a batch, and the loss before it."""
     value, gradient = eqx.filter_value_and_grad(loss)(learner.network, learner.target, batch, config.double)
-    if across is not None:
-        value, gradient = jax.lax.pmean((value, gradient), across)
     return step(learner, gradient, learning_rate, config.averaging), value
 
 

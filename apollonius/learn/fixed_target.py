@@ -5,7 +5,7 @@ stays.
 from collections.abc import Iterator
 
 import jax
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool
@@ -22,7 +22,6 @@ def start_fixed_target(
     opponents: Pool,
     network: Network | None = None,
     role: Role = Role.PURSUER,
-    device: Int[Array, ""] | None = None,
 ) -> TrainState:
     """The state before the first step: an empty memory, the networks (lines 1 to 3). The key is consumed.
 
@@ -30,12 +29,8 @@ def start_fixed_target(
         opponents: who is learned against.
         network: the one to go on from; None starts from random weights (line 2).
         role: the side that learns.
-        device: number of the device, if several share the stage: all begin with the same network, each with games and
-            random numbers of its own.
     """
     network_key, stage_key = jax.random.split(key)
-    if device is not None:
-        stage_key = jax.random.fold_in(stage_key, device)
     learner = first_learner(plan, role, network_key, network)
     return start(plan, game, stage_key, {role: learner}, {role.other: opponents})
 

@@ -5,7 +5,6 @@ from apollonius.agents.trained import load_network
 from apollonius.game.types import Role
 from apollonius.learn.algorithm import fitted
 from apollonius.learn.config import RunConfig
-from apollonius.learn.devices import share
 from apollonius.learn.stage_config import StageConfig
 from apollonius.learn.train_state import Plan
 
@@ -13,18 +12,14 @@ FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "d
 
 
 def plans_of(config: RunConfig) -> dict[str, Plan]:
-    """The stages of a run in their order, by name: each device's share of them.
-
-    Raises:
-        InvalidInput: when there are not so many devices, or a number cannot be shared out between them.
-    """
+    """Return the stages of a run in their order, by name."""
     stages: dict[str, StageConfig] = {
         FIXED_TARGET: config.fixed_target,
         SELF_PLAY: config.self_play,
         DISTILLATION: config.distillation,
     }
     asked = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
-    return {stage: share(Plan(config.learner, stages[stage]), config.devices) for stage in asked}
+    return {stage: Plan(config.learner, stages[stage]) for stage in asked}
 
 
 def load_first(config: RunConfig, role: Role) -> Network | None:

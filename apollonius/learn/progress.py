@@ -41,13 +41,12 @@ def measure(stand: Stand, plan: Plan, train: TrainState, metrics: Metrics, speed
 
     Args:
         stand: where the run stands after it.
-        train: the state of one device.
-        metrics: sums over the chunk, of all devices.
+        train: the state then.
+        metrics: sums over the chunk.
         speed: env steps per second in the chunk.
     """
-    updates, devices = int(metrics.updates), plan.devices
-    env_steps, total = devices * int(train.env_steps), devices * plan.chunks * plan.env_steps_per_chunk
-    idle = devices * plan.learner.learning_starts if devices * plan.learner.learning_starts < total else 0
+    updates, env_steps, total = int(metrics.updates), int(train.env_steps), plan.chunks * plan.env_steps_per_chunk
+    idle = plan.learner.learning_starts if plan.learner.learning_starts < total else 0
     losses = {role.name.lower(): float(metrics.losses[role]) / max(1, updates) for role in train.learners}
     return Progress(
         stage=stand.stage,

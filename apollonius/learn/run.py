@@ -6,7 +6,6 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,6 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import solo
@@ -27,7 +25,6 @@ from apollonius.game.by_side import BySide
 from apollonius.game.types import ROLES, Role
 from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
 from apollonius.learn.config import RunConfig
-from apollonius.learn.devices import agreed, begun, gathered, own_share, placed
 from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.evaluation import greedy_outcomes
 from apollonius.learn.fixed_target import fixed_target, start_fixed_target
@@ -51,8 +48,7 @@ class Saved(eqx.Module):
 
 
 class Run:
-    """One training run. `execute` begins it or goes on from its checkpoint. Where several processes share it, each has
-    its own `Run`, and the first one writes the files.
+    """One training run. `execute` begins it or goes on from its checkpoint.
 
     Args:
         config: what to train.
@@ -72,7 +68,6 @@ class Run:
         self.folder = folder
         self.report = report
         self.should_stop = should_stop
-        self.leads = jax.process_index() == 0
         reads = find_observation(config.learner.observation)
         self.game = charted(config.game) if reads.charted else config.game
         self.checkpoint = folder / "checkpoint.safetensors"
@@ -89,17 +84,17 @@ class Run:
     def work(self) -> dict[str, int]:
         """About how much each stage takes, by name: its env steps, once for each side that learns."""
         sides = {FIXED_TARGET: 1, SELF_PLAY: 2, DISTILLATION: 1}
-        return {stage: sides[stage] * plan.devices * plan.stage.env_steps for stage, plan in self.plans.items()}
+        return {stage: sides[stage] * plan.stage.env_steps for stage, plan in self.plans.items()}
 
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
 
         Raises:
             OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-            InvalidInput: when there is a checkpoint that this run cannot go on from, or not the devices it asks for, or
-                when another process trains in the folder.
+            InvalidInput: when there is a checkpoint that this run cannot go on from, or when another process trains in
+                the folder.
         """
-        with held(self.folder) if self.leads else nullcontext():
+        with held(self.folder):
             return self._execute()
 
     def _execute(self) -> bool:
@@ -108,17 +103,16 @@ class Run:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
         stages = list(self.plans)
         done = stages.index(stand.stage) if stand else 0
-        self._truncate_metrics(stand.metrics_bytes if stand else 0)
+        truncate_metrics(self.metrics, stand.metrics_bytes if stand else 0)
         best: Network | None = None
         for stage in stages[done:]:
             plan = self.plans[stage]
             if stand is None or stand.stage != stage:
                 first = ROLES.map(lambda role: load_first(self.config, role))
                 saved = self._start(stage, plan, BySide(first.pursuer or best, first.evader))
-                stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size if self.leads else 0)
+                stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
                 saved = load_checkpoint(self.checkpoint, self._start(stage, plan, BySide(None, None)))
-                saved = Saved(placed(plan, saved.train), saved.best)
             saved, finished = self._train_stage(plan, saved, stand)
             if not finished:
                 return False
@@ -129,15 +123,11 @@ class Run:
         """What a stage begins with, whose networks go on from these."""
         game, key = self.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == SELF_PLAY:
-            return Saved(begun(plan, lambda device: start_self_play(plan, game, key, networks, device)), None)
+            return Saved(start_self_play(plan, game, key, networks), None)
         if stage == DISTILLATION:
             return Saved(start_distillation(plan, self.schools, key, networks[self.config.distillation.side]), None)
-
-        def start(device: Int[Array, ""] | None) -> TrainState:
-            return start_fixed_target(plan, game, key, self.evaders, networks.pursuer, device=device)
-
-        train = begun(plan, start)
-        return Saved(train, _copy(own_share(plan, train).learners[Role.PURSUER].learner.average))
+        train = start_fixed_target(plan, game, key, self.evaders, networks.pursuer)
+        return Saved(train, _copy(train.learners[Role.PURSUER].learner.average))
 
     def _train_stage(self, plan: Plan, saved: Saved, stand: Stand) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
@@ -151,22 +141,19 @@ class Run:
         began, last_save = time.monotonic() - stand.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:
-            own = own_share(plan, train)
-            ended = int(own.env_steps) >= plan.stage.env_steps
-            speed = plan.devices * plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
+            ended = int(train.env_steps) >= plan.stage.env_steps
+            speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, stand = stand.chunks, replace(stand, chunks=stand.chunks + 1)
             if _crosses(before, stand.chunks, plan.chunks, plan.stage.evaluations):
-                best, stand = self._evaluate(plan, own, best, stand)
-            self._keep_snapshots(plan, own, before, stand)
+                best, stand = self._evaluate(plan, train, best, stand)
+            self._keep_snapshots(plan, train, before, stand)
             stand = replace(stand, seconds=time.monotonic() - began)
-            progress = measure(stand, plan, own, metrics, speed)
-            if self.leads:
-                size = append_metrics(self.metrics, progress, metrics, stand.seconds)
-                stand = replace(stand, metrics_bytes=size)
+            progress = measure(stand, plan, train, metrics, speed)
+            stand = replace(stand, metrics_bytes=append_metrics(self.metrics, progress, metrics, stand.seconds))
             self.report(progress)
-            stop = agreed(self.should_stop())
-            if agreed(stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS):
-                self._save(Saved(train, best), stand)
+            stop = self.should_stop()
+            if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
+                save_checkpoint(self.checkpoint, Saved(train, best), stand)
                 last_save = time.monotonic()
             if stop and stand.chunks < plan.chunks:
                 return Saved(train, best), False
@@ -176,20 +163,20 @@ class Run:
         return Saved(train, best), True
 
     def _evaluate(
-        self, plan: Plan, own: TrainState, best: Network | None, stand: Stand
+        self, plan: Plan, train: TrainState, best: Network | None, stand: Stand
     ) -> tuple[Network | None, Stand]:
         """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
         most wins would be one that waits until a random evader has failed.
         """
-        networks = {role: side.learner.average for role, side in own.learners.items()}
+        networks = {role: side.learner.average for role, side in train.learners.items()}
         taught = stand.stage == DISTILLATION
         fixed = solo(self.schools[0].opponents[0]) if taught else self.evaders
         outcomes = greedy_outcomes(
             self.schools[0].game if taught else self.game, networks, fixed, plan.stage.evaluation_games
         )
-        found = Evaluation(plan.devices * int(own.env_steps), int(own.episodes), outcomes)
+        found = Evaluation(int(train.env_steps), int(train.episodes), outcomes)
         stand = replace(stand, evaluation=found)
         if stand.stage != FIXED_TARGET:
             return None, stand
@@ -198,25 +185,19 @@ class Run:
             return _copy(networks[Role.PURSUER]), replace(stand, best=found)
         return best, stand
 
-    def _keep_snapshots(self, plan: Plan, own: TrainState, before: int, stand: Stand) -> None:
+    def _keep_snapshots(self, plan: Plan, train: TrainState, before: int, stand: Stand) -> None:
+        record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
         if stand.stage == DISTILLATION and stand.chunks == plan.chunks:
-            for role, side in own.learners.items():
-                record = {"env_steps": int(own.env_steps), "episodes": int(own.episodes)}
+            for role, side in train.learners.items():
                 self._save_agent(side.learner.average, role, f"{role.name[0]}_optimal", record, stand)
         if stand.stage != SELF_PLAY:
             return
         kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
-        record = {"env_steps": plan.devices * int(own.env_steps), "episodes": int(own.episodes)}
         for percent in self.config.self_play.snapshot_percents:
             if before < -(-plan.chunks * percent // 100) <= stand.chunks:
-                for role, side in own.learners.items():
+                for role, side in train.learners.items():
                     name = f"{role.name[0]}_{kind}"
                     self._save_agent(side.learner.average, role, name, record, stand, percent)
-
-    def _save(self, saved: Saved, stand: Stand) -> None:
-        train = gathered(self.plans[stand.stage], saved.train)
-        if self.leads:
-            save_checkpoint(self.checkpoint, Saved(train, saved.best), stand)
 
     def _save_agent(
         self, network: Network, role: Role, name: str, record: Mapping[str, object], stand: Stand, percent: int = 100
@@ -224,13 +205,8 @@ class Run:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
         training = {"command": command, "seed": self.config.seed, "stage": stand.stage, **record, "config": config}
-        if self.leads:
-            agent = describe(network, role, to_dict(self.config.game), training)
-            save_agent(agent, agent_file(self.folder, name, percent))
-
-    def _truncate_metrics(self, size: int) -> None:
-        if self.leads:
-            truncate_metrics(self.metrics, size)
+        agent = describe(network, role, to_dict(self.config.game), training)
+        save_agent(agent, agent_file(self.folder, name, percent))
 
 
 def _stage1_name(evaders: tuple[str, ...]) -> str:

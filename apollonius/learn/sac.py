@@ -127,18 +127,9 @@ def temperature_slope(log_density: Scalar, target_entropy: float) -> Scalar:
 
 
 def update(
-    learner: SACLearner,
-    batch: Batch,
-    key: PRNGKeyArray,
-    learning_rate: Scalar,
-    config: SACConfig,
-    across: str | None = None,
+    learner: SACLearner, batch: Batch, key: PRNGKeyArray, learning_rate: Scalar, config: SACConfig
 ) -> tuple[SACLearner, Scalar]:
-    """The learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed.
-
-    Args:
-        across: axis of devices, each with a batch of its own; all take the step of all batches together.
-    """
+    """Return the learner after one step of Adam on a batch, and the critics' loss before it. The key is consumed."""
     noise, next_noise = jax.random.normal(key, (2, *batch.action.shape))
     temperature = jnp.exp(learner.log_temperature)
     next_action, next_density = sample(learner.network, batch.next_observation, next_noise)
@@ -152,8 +143,6 @@ def update(
     )
     of_temperature = temperature_slope(log_density, config.target_entropy)
     gradient: Any = (of_actor, of_critics, of_temperature)
-    if across is not None:
-        loss, gradient = jax.lax.pmean((loss, gradient), across)
     direction: Any
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     of_actor, of_critics, of_temperature = direction

@@ -11,13 +11,12 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, Role
-from apollonius.learn.devices import on_each, own_share
 from apollonius.learn.opponents import archive
 from apollonius.learn.opponents.payoffs import play_missing
 from apollonius.learn.opponents.seats import has_seat
@@ -29,24 +28,14 @@ from apollonius.rollout import Games, fresh_player, reset_where_done
 Mixtures = BySide[Float[Array, " versions"]]
 
 
-def start_self_play(
-    plan: Plan,
-    game: Game,
-    key: PRNGKeyArray,
-    networks: BySide[Network | None],
-    device: Int[Array, ""] | None = None,
-) -> TrainState:
+def start_self_play(plan: Plan, game: Game, key: PRNGKeyArray, networks: BySide[Network | None]) -> TrainState:
     """The state before the first step: empty memories, the networks (lines 1 to 4). The key is consumed.
 
     Args:
         networks: the ones to go on from, in the paper the pursuer's best of stage 1 (line 2); None starts from scratch,
             as the paper's evader (line 3).
-        device: number of the device, if several share the stage: all begin with the same networks, each with games and
-            random numbers of its own.
     """
     *network_keys, stage_key = jax.random.split(key, 3)
-    if device is not None:
-        stage_key = jax.random.fold_in(stage_key, device)
     learners = {role: first_learner(plan, role, network_keys[role], networks[role]) for role in Role}
     return start(plan, game, stage_key, learners, {})
 
@@ -71,29 +60,23 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     off and begin anew. The state is consumed.
     """
     state = admit(plan, game, state)
-    return _reseat(plan, game, state, _mixtures(plan, own_share(plan, state).past))
+    return _reseat(plan, game, state, _mixtures(plan, state.past))
 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
     """New versions in both archives, where they are due; where a scheme asks for it, all then play each other."""
-
-    def admitted(state: TrainState, game: Game) -> TrainState:
-        if state.past is None:
-            return state
-        config, payoffs = plan.opponents, state.past.payoffs
-        interval = max(1, plan.stage.env_steps // config.versions)
-        since = plan.sitting * plan.learner.games
-        due = state.env_steps // interval > (state.env_steps - since) // interval
-        old, averages = state.past.archives, {role: side.learner.average for role, side in state.learners.items()}
-        archives = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
-        if payoffs is not None:
-            key = jax.random.fold_in(state.key, 3)
-            payoffs = play_missing(payoffs, game, archives, config.payoff_games, key)
-            payoffs = payoffs if plan.across is None else jax.lax.pmean(payoffs, plan.across)
-        return replace(state, past=Past(archives, payoffs))
-
-    return on_each(plan, admitted)(state, game)
+    if state.past is None:
+        return state
+    config, payoffs = plan.opponents, state.past.payoffs
+    interval = max(1, plan.stage.env_steps // config.versions)
+    since = plan.sitting * plan.learner.games
+    due = state.env_steps // interval > (state.env_steps - since) // interval
+    old, averages = state.past.archives, {role: side.learner.average for role, side in state.learners.items()}
+    archives = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
+    if payoffs is not None:
+        payoffs = play_missing(payoffs, game, archives, config.payoff_games, jax.random.fold_in(state.key, 3))
+    return replace(state, past=Past(archives, payoffs))
 
 
 def _mixtures(plan: Plan, past: Past | None) -> Mixtures | None:
@@ -111,32 +94,28 @@ def _mixtures(plan: Plan, past: Past | None) -> Mixtures | None:
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None) -> TrainState:
     """Who sits is drawn anew, and the games of seats begin anew."""
+    if state.past is None:
+        return state
+    config, games = plan.opponents, plan.learner.games
+    start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
+    seated = has_seat(config, games)
+    bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
+    disturbance, robots = plan.stage.disturbance, state.games.state.robots
+    fresh = ROLES.map(
+        lambda role: fresh_player(state.games.sides[role].member, bits[role], disturbance, len(robots[role]))
+    )
+    old = state.past.archives
 
-    def reseated(state: TrainState, game: Game, mixtures: Mixtures | None) -> TrainState:
-        if state.past is None:
-            return state
-        config, games = plan.opponents, plan.learner.games
-        start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
-        seated = has_seat(config, games)
-        bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
-        disturbance, robots = plan.stage.disturbance, state.games.state.robots
-        fresh = ROLES.map(
-            lambda role: fresh_player(state.games.sides[role].member, bits[role], disturbance, len(robots[role]))
-        )
-        old = state.past.archives
+    def cut_short(side: LearnerState) -> LearnerState:
+        assert isinstance(side.buffer, ReplayBuffer)
+        return replace(side, buffer=cut(side.buffer, seated))
 
-        def cut_short(side: LearnerState) -> LearnerState:
-            assert isinstance(side.buffer, ReplayBuffer)
-            return replace(side, buffer=cut(side.buffer, seated))
-
-        archives = ROLES.map(
-            lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
-        )
-        return replace(
-            state,
-            games=jax.vmap(reset_where_done)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
-            learners={role: cut_short(side) for role, side in state.learners.items()},
-            past=Past(archives, state.past.payoffs),
-        )
-
-    return on_each(plan, reseated)(state, game, mixtures)
+    archives = ROLES.map(
+        lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
+    )
+    return replace(
+        state,
+        games=jax.vmap(reset_where_done)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
+        learners={role: cut_short(side) for role, side in state.learners.items()},
+        past=Past(archives, state.past.payoffs),
+    )

@@ -25,11 +25,8 @@ from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.observe.registry import find_observation
 from apollonius.rollout import Games, begin
 
-DEVICE_AXIS = "devices"
-"""Name of the axis of devices that share a training."""
 _CHUNK_ENV_STEPS = 8192
-"""Env steps of all devices between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small
-enough."""
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +35,6 @@ class Plan:
 
     learner: LearnerConfig
     stage: StageConfig
-    devices: int = 1
-    """How many devices share the stage; the numbers above are then the share of each (`apollonius.learn.devices`)."""
-
-    @property
-    def across(self) -> str | None:
-        """The axis over which devices agree, if there are several."""
-        return DEVICE_AXIS if self.devices > 1 else None
 
     @property
     def opponents(self) -> OpponentConfig:
@@ -58,7 +48,7 @@ class Plan:
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.devices // self.learner.env_steps_per_iteration)
+        return max(8, _CHUNK_ENV_STEPS // self.learner.env_steps_per_iteration)
 
     @property
     def env_steps_per_chunk(self) -> int:

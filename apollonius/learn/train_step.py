@@ -7,7 +7,6 @@ updated in place.
 
 import functools
 from collections.abc import Mapping
-from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -20,7 +19,6 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
 from apollonius.learn import replay_buffer
 from apollonius.learn.algorithm import Learner, UpdateContext, algorithm_of
-from apollonius.learn.devices import on_each
 from apollonius.learn.opponents import archive
 from apollonius.learn.train_state import LearnerState, Past, Plan, TrainState, players
 from apollonius.rollout import Players, Transition, collect
@@ -51,38 +49,22 @@ def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Rol
         fixed: who plays the sides that do not learn.
 
     Returns:
-        The state after it, and what happened; on several devices the sums over all of them.
+        The state after it, and what happened.
     """
 
-    def chunk(state: TrainState, game: Game, fixed: Mapping[Role, Pool]) -> tuple[TrainState, Metrics]:
-        steps = plan.learner.steps_per_iteration
-        drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
-        rows = max(1, drawn_at_once // (plan.learner.games * steps))
-        pool_key = jax.random.fold_in(jax.random.fold_in(state.key, 0), state.iterations)
-        drawn = reset_batch(game, pool_key, rows * steps * plan.learner.games)
-        starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, plan.learner.games), drawn)
+    steps = plan.learner.steps_per_iteration
+    drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
+    rows = max(1, drawn_at_once // (plan.learner.games * steps))
+    pool_key = jax.random.fold_in(jax.random.fold_in(state.key, 0), state.iterations)
+    drawn = reset_batch(game, pool_key, rows * steps * plan.learner.games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, plan.learner.games), drawn)
 
-        def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
-            fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
-            return _iterate(plan, game, state, fixed, fresh)
+    def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
+        fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
+        return _iterate(plan, game, state, fixed, fresh)
 
-        after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.iterations_per_chunk))
-        metrics = jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
-        return (after, metrics) if plan.across is None else _added_up(plan.across, state, after, metrics)
-
-    return on_each(plan, chunk, gives_sums=True)(state, game, fixed)
-
-
-def _added_up(across: str, before: TrainState, after: TrainState, metrics: Metrics) -> tuple[TrainState, Metrics]:
-    """What is counted over games, counted over those of all devices; losses are those of steps that all took."""
-    mine = metrics.outcomes, metrics.returns, after.episodes - before.episodes
-    outcomes, returns, episodes = jax.lax.psum(mine, across)
-    past = after.past
-    if before.past is not None and past is not None:
-        old, new = before.past.archives, past.archives
-        past = replace(past, archives=ROLES.map(lambda role: archive.added_up(old[role], new[role], across)))
-    after = replace(after, episodes=before.episodes + episodes, past=past)
-    return after, replace(metrics, outcomes=outcomes, returns=returns)
+    after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.iterations_per_chunk))
+    return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
 def _iterate(
@@ -137,7 +119,7 @@ def _learn(
     config, algorithm = plan.learner, algorithm_of(plan.learner)
     assert isinstance(side.buffer, replay_buffer.ReplayBuffer)
     buffer = replay_buffer.add(side.buffer, _row(transitions, role))
-    context = UpdateContext(env_steps, plan.stage.env_steps, plan.across)
+    context = UpdateContext(env_steps, plan.stage.env_steps)
     n_step = jnp.round(context.between(config.n_step, config.final_n_step)).astype(jnp.int32)
 
     def update(learner: Learner, sample_key: PRNGKeyArray) -> tuple[Learner, Scalar]:

@@ -186,7 +186,6 @@ def test_the_shipped_recipes_can_be_begun(role):
     ("change", "message"),
     [
         ({"sac": SACConfig()}, "sac = given is not possible: it must be left out"),
-        ({"devices": 2}, "devices = 2 is not possible"),
         (
             {"dqn": replace(FITTING, games=20, env_steps_per_update=100)},
             "games = 20 .* more than the 20",

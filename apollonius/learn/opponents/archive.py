@@ -154,16 +154,6 @@ def record(
     )
 
 
-def added_up(before: Archive, after: Archive, across: str) -> Archive:
-    """The records after games on several devices, each with seats of its own: what all of them have seen since.
-
-    Args:
-        across: name of the axis of devices.
-    """
-    games, lost = jax.lax.psum((after.games - before.games, after.lost - before.lost), across)
-    return replace(after, games=before.games + games, lost=before.lost + lost)
-
-
 def seat(archive: Archive, config: OpponentConfig, role: Role, learner: Network, amount: Scalar, games: int) -> Seated:
     """All who play one side of a batch of games: its learner, and in the seats its earlier versions.
 
