@@ -35,10 +35,7 @@ CHANGED = (
     "agents/shield.py",
 )  # fmt: skip
 """The files and folders of the package that are changed."""
-LEARNING = (
-    "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_payoffs.py"
-    " learn/test_train_step.py learn"
-)
+LEARNING = "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_train_step.py learn"
 ONE_ROBOT = "solve/test_grid.py solve/test_transition_map.py solve/test_safety.py solve/test_reach.py"
 TWO_ROBOTS = "solve/test_event.py solve/test_response.py solve/test_guarantee.py solve/test_chance.py"
 FILES = "solve/test_store.py solve/test_solved.py"

@@ -86,22 +86,16 @@ def load_checkpoint(path: Path, template: T) -> T:
     """The saved pytree, in the structure of `template`, whose values are not used.
 
     Raises:
-        InvalidInput: when the file does not hold this structure, or numbers that are not finite where the template's
-            are: matches that nobody has played yet have no payoff.
+        InvalidInput: when the file does not hold this structure, or numbers that are not finite.
     """
     expected = named_leaves(template)
     with opened(path, "train again", "checkpoint") as file:
         if kinds_in(file) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
             raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
         saved = {name: file.get_tensor(name) for name in expected}
-    finite = {name: saved[name] for name, leaf in expected.items() if _is_finite(leaf)}
-    require_finite(path, finite, "train again")
+    require_finite(path, saved, "train again")
     leaves = [_like(leaf, saved[name]) for name, leaf in expected.items()]
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
-
-
-def _is_finite(leaf: Any) -> bool:
-    return not jnp.issubdtype(leaf.dtype, jnp.floating) or bool(jnp.isfinite(leaf).all())
 
 
 def _is_key(leaf: Any) -> bool:

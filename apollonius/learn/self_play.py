@@ -10,22 +10,18 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, Role
 from apollonius.learn.opponents import archive
-from apollonius.learn.opponents.payoffs import play_missing
 from apollonius.learn.opponents.seats import has_seat
 from apollonius.learn.replay_buffer import ReplayBuffer, cut
-from apollonius.learn.train_state import LearnerState, Past, Plan, TrainState, first_learner, start
+from apollonius.learn.train_state import LearnerState, Plan, TrainState, first_learner, start
 from apollonius.learn.train_step import Metrics, play_and_learn
 from apollonius.rollout import Games, fresh_player, reset_where_done
-
-Mixtures = BySide[Float[Array, " versions"]]
 
 
 def start_self_play(plan: Plan, game: Game, key: PRNGKeyArray, networks: BySide[Network | None]) -> TrainState:
@@ -55,48 +51,18 @@ def self_play(plan: Plan, game: Game, state: TrainState, done: int = 0) -> Itera
         yield state, metrics
 
 
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
-    """Both learners enter their archives where that is due, and who sits is drawn anew; the games of seats are broken
-    off and begin anew. The state is consumed.
+    """Enter both learners into their archives where that is due, and draw again who sits; the games of seats are
+    broken off and begin again. The state is consumed.
     """
-    state = admit(plan, game, state)
-    return _reseat(plan, game, state, _mixtures(plan, state.past))
-
-
-@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def admit(plan: Plan, game: Game, state: TrainState) -> TrainState:
-    """New versions in both archives, where they are due; where a scheme asks for it, all then play each other."""
-    if state.past is None:
-        return state
-    config, payoffs = plan.opponents, state.past.payoffs
-    interval = max(1, plan.stage.env_steps // config.versions)
-    since = plan.sitting * plan.learner.games
-    due = state.env_steps // interval > (state.env_steps - since) // interval
-    old, averages = state.past.archives, {role: side.learner.average for role, side in state.learners.items()}
-    archives = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
-    if payoffs is not None:
-        payoffs = play_missing(payoffs, game, archives, config.payoff_games, jax.random.fold_in(state.key, 3))
-    return replace(state, past=Past(archives, payoffs))
-
-
-def _mixtures(plan: Plan, past: Past | None) -> Mixtures | None:
-    """How likely either side's versions are to sit, where a scheme solves the game between them. A linear programme is
-    not compiled, so it is solved between two calls that are.
-    """
-    if past is None or past.payoffs is None:
-        return None
-    counts = past.archives.map(lambda kept: int(kept.count))
-    known = np.asarray(past.payoffs, np.float64)[: counts.pursuer, : counts.evader]
-    mixed = plan.opponents.rule.mix(known)
-    return mixed and mixed.map(lambda shares: jnp.zeros(plan.opponents.versions).at[: len(shares)].set(shares))
-
-
-@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
-def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None) -> TrainState:
-    """Who sits is drawn anew, and the games of seats begin anew."""
-    if state.past is None:
+    if state.archives is None:
         return state
     config, games = plan.opponents, plan.learner.games
+    interval = max(1, plan.stage.env_steps // config.versions)
+    due = state.env_steps // interval > (state.env_steps - plan.sitting * games) // interval
+    old, averages = state.archives, {role: side.learner.average for role, side in state.learners.items()}
+    entered = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
     start_key, *keys = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, 2), state.iterations), 3)
     seated = has_seat(config, games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
@@ -104,18 +70,14 @@ def _reseat(plan: Plan, game: Game, state: TrainState, mixtures: Mixtures | None
     fresh = ROLES.map(
         lambda role: fresh_player(state.games.sides[role].member, bits[role], disturbance, len(robots[role]))
     )
-    old = state.past.archives
 
     def cut_short(side: LearnerState) -> LearnerState:
         assert isinstance(side.buffer, ReplayBuffer)
         return replace(side, buffer=cut(side.buffer, seated))
 
-    archives = ROLES.map(
-        lambda role: archive.renew(old[role], config, keys[role], mixtures[role] if mixtures else None)
-    )
     return replace(
         state,
         games=jax.vmap(reset_where_done)(seated, Games(reset_batch(game, start_key, games), fresh), state.games),
         learners={role: cut_short(side) for role, side in state.learners.items()},
-        past=Past(archives, state.past.payoffs),
+        archives=ROLES.map(lambda role: archive.renew(entered[role], config, keys[role])),
     )

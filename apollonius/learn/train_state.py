@@ -20,7 +20,6 @@ from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.lessons import Lessons
 from apollonius.learn.opponents import archive
 from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.opponents.payoffs import Payoffs, nothing_played
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.observe.registry import find_observation
 from apollonius.rollout import Games, begin
@@ -82,18 +81,11 @@ class LearnerState(eqx.Module):
     buffer: replay_buffer.ReplayBuffer | Lessons
 
 
-class Past(eqx.Module):
-    """Both sides' earlier versions and, where a scheme asks for it, how they fare against each other."""
-
-    archives: BySide[archive.Archive]
-    payoffs: Payoffs | None
-
-
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
     `learners` are the sides that learn. `key` is folded with the number of iterations, never replaced. `env_steps`
-    counts steps of single games. `past` is None where nobody meets earlier versions.
+    counts steps of single games. `archives` hold the earlier versions of both sides, None where nobody meets them.
     """
 
     games: Games
@@ -102,7 +94,7 @@ class TrainState(eqx.Module):
     iterations: Int[Array, ""]
     env_steps: Int[Array, ""]
     episodes: Int[Array, ""]
-    past: Past | None = None
+    archives: BySide[archive.Archive] | None = None
 
 
 def start(
@@ -124,13 +116,11 @@ def start(
         of_teams = game.teams is not None
         return replay_buffer.init(plan.learner.rows, games * robots, size, algorithm.action, of_teams)
 
-    past = None
+    archives = None
     if plan.opponents.share > 0:
         archives = ROLES.map(lambda role: archive.init(learners[role].network, plan.opponents))
-        payoffs = nothing_played(plan.opponents.versions) if plan.opponents.rule.keeps_payoffs else None
-        past = Past(archives, payoffs)
     networks = {role: learner.network for role, learner in learners.items()}
-    playing = ROLES.map(lambda role: players(plan, role, networks, fixed, past, jnp.ones(())))
+    playing = ROLES.map(lambda role: players(plan, role, networks, fixed, archives, jnp.ones(())))
     return TrainState(
         games=begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance),
         learners={role: LearnerState(learner, memory(role)) for role, learner in learners.items()},
@@ -138,7 +128,7 @@ def start(
         iterations=jnp.zeros((), jnp.int32),
         env_steps=jnp.zeros((), jnp.int32),
         episodes=jnp.zeros((), jnp.int32),
-        past=past,
+        archives=archives,
     )
 
 
@@ -155,7 +145,7 @@ def players(
     role: Role,
     learning: Mapping[Role, Network],
     fixed: Mapping[Role, Pool],
-    past: Past | None,
+    archives: BySide[archive.Archive] | None,
     amount: Scalar,
 ) -> Pool | Seated:
     """Who plays one side: a given pool, or its learner, exploring by some amount (`agents.trained.exploring`), and, in
@@ -163,6 +153,6 @@ def players(
     """
     if role in fixed:
         return fixed[role]
-    if past is None:
+    if archives is None:
         return solo(exploring(learning[role], amount))
-    return archive.seat(past.archives[role], plan.opponents, role, learning[role], amount, plan.learner.games)
+    return archive.seat(archives[role], plan.opponents, role, learning[role], amount, plan.learner.games)

@@ -20,7 +20,7 @@ from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
 from apollonius.learn import replay_buffer
 from apollonius.learn.algorithm import Learner, UpdateContext, algorithm_of
 from apollonius.learn.opponents import archive
-from apollonius.learn.train_state import LearnerState, Past, Plan, TrainState, players
+from apollonius.learn.train_state import LearnerState, Plan, TrainState, players
 from apollonius.rollout import Players, Transition, collect
 
 _STARTS_PER_CHUNK = 4096
@@ -88,7 +88,7 @@ def _iterate(
         iterations=state.iterations + 1,
         env_steps=env_steps,
         episodes=state.episodes + jnp.sum(ended.astype(jnp.int32)),
-        past=_recorded(plan, game, state, transitions, ended),
+        archives=_recorded(plan, game, state, transitions, ended),
     )
     first = min(state.learners)
     return after, Metrics(
@@ -104,7 +104,7 @@ def _players(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Poo
     algorithm = algorithm_of(plan.learner)
     amount = algorithm.exploration(plan.learner, plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
     networks = {role: side.learner.network for role, side in state.learners.items()}
-    playing = players(plan, role, networks, fixed, state.past, amount)
+    playing = players(plan, role, networks, fixed, state.archives, amount)
     rounds = algorithm.noise_steps(plan.learner) // plan.learner.steps_per_iteration
     if role in fixed or rounds <= 1:
         return playing
@@ -156,12 +156,11 @@ def _of_side(values: Float[Array, "steps games *robots"]) -> Float[Array, "steps
 
 def _recorded(
     plan: Plan, game: Game, state: TrainState, transitions: Transition, ended: Bool[Array, "steps games"]
-) -> Past | None:
+) -> BySide[archive.Archive] | None:
     """The earlier versions, with the games counted that say how good they are."""
-    if state.past is None:
+    if state.archives is None:
         return None
     before = state.iterations * plan.learner.steps_per_iteration % plan.sitting
     over = archive.counted(ended, state.games.state.steps, before, plan.sitting, game.max_steps)
-    old = state.past.archives
-    new = ROLES.map(lambda role: archive.record(old[role], plan.opponents, role, transitions.outcome, over))
-    return Past(new, state.past.payoffs)
+    old = state.archives
+    return ROLES.map(lambda role: archive.record(old[role], plan.opponents, role, transitions.outcome, over))

@@ -21,7 +21,7 @@ from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.learn.opponents import archive as archives
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.opponents.schemes import INSTEAD
-from apollonius.learn.self_play import admit, renew_opponents, start_self_play
+from apollonius.learn.self_play import renew_opponents, start_self_play
 from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan, players
 from apollonius.learn.train_step import play_and_learn
@@ -216,7 +216,7 @@ def test_no_opponent_changes_within_a_game(played):
         "games at large go on"
     )
     for one, other in pairwise(played[:4]):
-        assert same(one.past.archives.pursuer.seated, other.past.archives.pursuer.seated)
+        assert same(one.archives.pursuer.seated, other.archives.pursuer.seated)
     members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
@@ -236,7 +236,7 @@ def test_an_opponents_number_is_in_every_transition_of_a_game(played):
     """Over several games in each place of the batch, which begin and end at different times."""
     plan, state = plan_of(CONFIG), played[-1]
     networks = {role: side.learner.network for role, side in state.learners.items()}
-    playing = ROLES.map(lambda role: players(plan, role, networks, {}, state.past, jnp.ones(())))
+    playing = ROLES.map(lambda role: players(plan, role, networks, {}, state.archives, jnp.ones(())))
     starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(GAME, jax.random.key(1), GAMES))
     _, transitions = collect(GAME, playing, state.games, starts, jax.random.key(2), 200)
     assert (transitions.terminated | transitions.truncated).sum(axis=0).min() > 1
@@ -257,7 +257,7 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
 
 
 def test_the_version_that_enters_is_the_average_that_learned(played):
-    before, after = (state.past.archives.pursuer for state in played[3:5])
+    before, after = (state.archives.pursuer for state in played[3:5])
     assert (int(before.count), int(after.count)) == (1, 2)
     entered = after.version(jnp.asarray(1))
     assert same(entered, played[3].learners[Role.PURSUER].learner.average)
@@ -272,7 +272,7 @@ def test_seated_games_that_began_in_time_end_in_the_records(played):
         ends = [np.flatnonzero(game) for game in over.T]
         begins = [np.concatenate([[0], game[:-1] + 1]) for game in ends]
         counted = sum(int(np.sum(game <= CHUNK // GAMES - GAME.max_steps)) for game in begins)
-        archive = played[1].past.archives[role]
+        archive = played[1].archives[role]
         assert over.sum() > counted == archive.games[0] >= 2 * SEAT_GAMES
         assert 0 < archive.lost[0] < archive.games[0]
 
@@ -288,7 +288,7 @@ def test_seats_change_hands_no_sooner_than_they_are_told_to():
 
 def test_one_seed_is_identical_and_two_are_not(played):
     again, other = (play(CONFIG, 4, seed, renewed=(3,))[-1] for seed in (0, 1))
-    keyless = lambda state: jax.tree.leaves((state.games, state.learners, state.past))  # noqa: E731
+    keyless = lambda state: jax.tree.leaves((state.games, state.learners, state.archives))  # noqa: E731
     assert same(keyless(again), keyless(played[-1]))
     assert not same(keyless(other), keyless(played[-1]))
 
@@ -306,8 +306,8 @@ def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
     state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
     counts = []
     for chunks in (1, 2, 3):
-        state = admit(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))
-        counts.append(int(state.past.archives.pursuer.count))
+        state = renew_opponents(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))
+        counts.append(int(state.archives.pursuer.count))
     assert counts == [1, 2, 3]
 
 
@@ -318,7 +318,6 @@ def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
         ({"seats": 0}, "seats = 0"),
         ({"versions": 0}, "versions = 0"),
         ({"renewal": 0}, "renewal = 0"),
-        ({"payoff_games": 0}, "payoff_games = 0"),
         *(({"scheme": gone}, f"^scheme = {gone} .* it must be {take}, .*gone.$") for gone, take in INSTEAD.items()),
     ],
 )

@@ -46,10 +46,6 @@ class Archive(eqx.Module):
         """Which versions there are."""
         return jnp.arange(self.games.shape[0]) < self.count
 
-    def version(self, number: Int[Array, ""]) -> Network:
-        """One of the kept networks."""
-        return jax.tree.map(lambda leaf: leaf[number], self.networks)
-
 
 def init(network: Network, config: OpponentConfig) -> Archive:
     """An archive of one version, which has all seats."""
@@ -78,20 +74,14 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
 
 
 def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
-    """How likely each version is to be given a seat, for schemes that do not solve the game between versions."""
+    """Return how likely each version is to be given a seat."""
     weights = jnp.where(archive.filled, config.rule.weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
     return weights / jnp.sum(weights)
 
 
-def renew(
-    archive: Archive, config: OpponentConfig, key: PRNGKeyArray, mixture: Float[Array, " versions"] | None = None
-) -> Archive:
-    """The archive with its seats drawn anew and its records aged. The key is consumed.
-
-    Args:
-        mixture: how likely each version is to be given a seat; None leaves it to `probabilities`.
-    """
-    chance = probabilities(archive, config) if mixture is None else mixture
+def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
+    """Return the archive with its seats drawn again and its records aged. The key is consumed."""
+    chance = probabilities(archive, config)
     seats = jax.random.choice(key, chance.shape[0], (config.seats,), p=chance).astype(jnp.int32)
     return replace(
         archive,

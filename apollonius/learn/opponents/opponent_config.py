@@ -23,14 +23,12 @@ class OpponentConfig:
     renewal: int = 524_288
     """Env steps between two draws of who plays. Versions are judged by games that can last to the time limit before the
     next draw, so it must leave that time."""
-    payoff_games: int = 32
-    """Games of every version with every version of the other side, where the scheme asks who beats whom."""
 
     def __post_init__(self) -> None:
         instead = INSTEAD.get(self.scheme)
         bound = f"{instead}, as this scheme is gone" if instead else f"one of {', '.join(SCHEMES)}"
         require(self.scheme in SCHEMES, "scheme", self.scheme, bound)
-        require_positive(self, "versions", "seats", "renewal", "payoff_games")
+        require_positive(self, "versions", "seats", "renewal")
         require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
 
     @property

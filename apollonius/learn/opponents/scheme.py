@@ -3,13 +3,7 @@
 import importlib
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
-
-from apollonius.game.by_side import BySide
-
-Mixture = Float[np.ndarray, " versions"]
-"""How likely each version of a side is to play."""
 
 
 class AbstractScheme:
@@ -18,12 +12,10 @@ class AbstractScheme:
     Attributes:
         share: share of the games with an earlier version, half of them of either side; None leaves it to the config.
         keeps_records: whether `weigh` looks at how versions fare against the other side's learner.
-        keeps_payoffs: whether the versions of both sides play each other, for `mix`.
     """
 
     share: float | None = None
     keeps_records: bool = False
-    keeps_payoffs: bool = False
 
     def weigh(self, lost: Float[Array, " versions"]) -> Float[Array, " versions"]:
         """How likely a side's versions are to play, up to a factor. It is compiled.
@@ -32,16 +24,6 @@ class AbstractScheme:
             lost: the share of its recent games that each version lost to the other side's learner.
         """
         return jnp.ones_like(lost)
-
-    def mix(self, payoffs: Float[np.ndarray, "pursuers evaders"]) -> BySide[Mixture] | None:
-        """How likely both sides' versions are to play, by how they fare against each other; None leaves it to `weigh`.
-
-        It is not compiled, so that it can solve a linear programme.
-
-        Args:
-            payoffs: the pursuer's share of wins, a row for each of its versions, a column for each of the evader's.
-        """
-        return None
 
 
 def find_scheme(name: str) -> AbstractScheme:
