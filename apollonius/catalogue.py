@@ -1,4 +1,4 @@
-"""Players by name: every kind that there is, and whoever is put behind a shield or searches."""
+"""Players by name: every kind that there is, and whoever is put behind a shield."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +10,6 @@ from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
 from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.shield import shielded
 from apollonius.agents.squashed import SquashedMean
@@ -19,15 +18,12 @@ from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.solve.lookahead import lookahead
 from apollonius.solve.solved import Solved
 
 KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
 SHIELDED = "shielded:"
 """Before a player's name: the same, behind a shield."""
-LOOKAHEAD = "lookahead:"
-"""Before the name of an agent trained by DQN: the same, searching one hold ahead."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
@@ -36,9 +32,8 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
     """The player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), `lookahead:` lets it
-            search one hold ahead (`apollonius.solve.lookahead`); both may stand there. `RUN/NAME` is an agent of a
-            training run, by the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`). `RUN/NAME` is an agent
+            of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
         role: the side it is to play.
         game: what is played, which shields, classical players and those of solved games have to know.
 
@@ -46,26 +41,13 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
         InvalidInput: when there is none, its file is bad or of another game, it plays the other side only, it has to
             know the game and there is none, or a shield cannot help.
     """
-    for prefix, improved in (SHIELDED, _shielded), (LOOKAHEAD, _looking_ahead):
-        if name.startswith(prefix):
-            bare = find_player(name.removeprefix(prefix), role, game)
-            policy = improved(bare, known_game(game, name), role)
-            return replace(bare, name=prefix + bare.name, policy=policy)
+    if name.startswith(SHIELDED):
+        bare = find_player(name.removeprefix(SHIELDED), role, game)
+        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
     for kind in KINDS:
         if name.endswith(kind.suffix) and (found := kind.find(name, role, game)):
             return found
     raise unknown(name, *KINDS)
-
-
-def _shielded(bare: Named, game: Game, role: Role) -> AbstractPolicy:
-    return shielded(bare.policy, game, role)
-
-
-def _looking_ahead(bare: Named, game: Game, role: Role) -> AbstractPolicy:
-    bound = "an agent trained by DQN or distillation, whose values can stand behind a search"
-    require(isinstance(bare.policy, Greedy), "lookahead", f"'{bare.name}'", bound)
-    assert isinstance(bare.policy, Greedy)
-    return lookahead(bare.policy, game.duel("a search"), role, price_of_losing(bare, game))
 
 
 def price_of_losing(player: Named, game: Game) -> float:

@@ -25,7 +25,6 @@ from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.solve.lookahead import Lookahead
 
 
 @pytest.fixture(scope="module")
@@ -70,22 +69,6 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
     )
     with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
         find_player("demo/P_stage2", Role.PURSUER)
-
-
-def test_an_agent_may_look_ahead_behind_a_shield_or_not(pursuer, tmp_path):
-    game = make_game("paper")
-    looking = find_player("lookahead:E_optimal", Role.EVADER, game)
-    assert (looking.name, type(looking.policy)) == ("lookahead:E_optimal", Lookahead)
-    assert looking.policy.scale == 1, "a table taught it what a game is worth"
-    assert find_player("lookahead:P_optimal", Role.PURSUER, game).policy.scale == game.reward.failure
-    save_agent(pursuer, tmp_path / "chaser.safetensors")
-    both = find_player(f"shielded:lookahead:{tmp_path / 'chaser.safetensors'}", Role.PURSUER, game)
-    assert both.name == "shielded:lookahead:chaser"
-    assert isinstance(both.policy, Shielded)
-    assert isinstance(both.policy.policy, Lookahead)
-    for name in ("lookahead:random", "lookahead:E_smooth", "lookahead:shielded:E_optimal"):
-        with pytest.raises(InvalidInput, match=f"lookahead = '{name.removeprefix('lookahead:')}' .* trained by DQN"):
-            find_player(name, Role.EVADER, game)
 
 
 def test_a_file_plays_no_other_side(pursuer, tmp_path):

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 AGENT = (
     "a built-in player (random, still, potential-field, territory; pursuers: pure-pursuit, proportional-navigation, "
     "intercept; evaders: flee, flee-aware, circle), a zoo agent, RUN/NAME of a training run, a .safetensors file, or a "
-    ".npz file of solve game; shielded:NAME never crashes, by the rules, where it starts at rest; "
-    "lookahead:NAME, of an agent trained by DQN, searches one hold ahead"
+    ".npz file of solve game; shielded:NAME never crashes, by the rules, where it starts at rest"
 )
 """Help for an argument that names a player."""
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"

@@ -147,8 +147,7 @@ def play_makes(
 ) -> MakeTable:
     """Play a match of two players with robots of every make, all with the same seed, and with the game's own.
 
-    All numbers that differ are data: what is compiled for one make serves all, but for players that search
-    (`lookahead:`), whose grids depend on their robots.
+    All numbers that differ are data: what is compiled for one make serves all.
 
     Args:
         game: the rules, and the robots that others are compared with.

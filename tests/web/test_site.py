@@ -168,7 +168,6 @@ def test_an_agent_with_continuous_actions_is_served_too(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ((Role.EVADER, "lookahead:P_optimal", "paper", 0), "no agent is called 'lookahead:P_optimal'"),
         ((Role.EVADER, "E_scratch", "paper", 0), "plays the evader"),
         ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
         ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),
