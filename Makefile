@@ -54,9 +54,9 @@ paper: $(VENV)/installed
 	$(BIN)/apollonius reproduce --budget $(BUDGET) --seeds $(SEEDS) --out runs/paper --resume
 
 bench: $(VENV)/installed-dev
-	$(BIN)/apollonius bench env --games 4096
-	$(BIN)/apollonius bench train
-	$(BIN)/apollonius bench train --profile fast
+	$(BIN)/python benchmarks/speed.py env
+	$(BIN)/python benchmarks/speed.py train
+	$(BIN)/python benchmarks/speed.py train --profile fast
 	$(BIN)/python benchmarks/latency.py
 	$(BIN)/python benchmarks/page.py
 	$(BIN)/python benchmarks/animations.py

@@ -6,7 +6,6 @@ import sys
 from typing import Any, NoReturn
 
 from apollonius.commands.arena import add_arena
-from apollonius.commands.bench import add_bench
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
 from apollonius.commands.export import add_export
@@ -33,7 +32,7 @@ COMMANDS = {
     "Solve": (add_solve, add_regret, add_pursuers),
     "Watch and play": (add_show, add_play, add_slice, add_report),
     "Arenas and robots of your own": (add_arena, add_robots, add_export),
-    "The paper, and speed": (add_reproduce, add_bench),
+    "The paper": (add_reproduce,),
 }
 """By purpose, in the order of the help."""
 

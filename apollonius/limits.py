@@ -87,7 +87,7 @@ RECORDS = Counted(250, least=0)
 """Games of a match that are written as replays, one after the other."""
 SIMULATED_GAMES = Counted(100_000)
 """Games between robots with bodies: the physics of each, and all its states."""
-BENCHED_GAMES = Counted(2_500)
+PARALLEL_GAMES = Counted(2_500)
 """Games that are played at a time, with what training keeps of them."""
 TRANSITIONS = Counted(100)
 """Transitions of one side that training keeps, or learns from at a time."""

@@ -45,10 +45,9 @@ ARROWS = {
     "apollonius": "learn adapters",
     "reproduce": "apollonius",
     "studies": "simulate exploit reproduce",
-    "bench": "learn evaluate",
     "display": "errors estimate interrupts",
     "terminal": "display learn evaluate",
-    "commands": "simulate exploit reproduce web bench terminal",
+    "commands": "simulate exploit reproduce web terminal",
     "cli": "commands",
 }
 """What each part may know besides itself, with all that stands behind it. `apollonius` is the list of public names,

@@ -206,15 +206,6 @@ def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, c
         Path("new/s.png").unlink()
 
 
-def test_bench_prints_one_json_object_and_nothing_else(capsys):
-    assert run_main("bench", "env", "--games", "8", "--json") == 0
-    printed = capsys.readouterr()
-    assert printed.out.count("\n") == 1
-    result = json.loads(printed.out)
-    assert result["games"] == 8
-    assert 0 < result["env_steps_per_second_worst"] <= result["env_steps_per_second"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "naming"),
     [
@@ -257,13 +248,6 @@ def test_bench_prints_one_json_object_and_nothing_else(capsys):
         (["evaluate", "random", "still", "--game", "chess"], ["chess", "paper", "zero-sum"]),
         (["evaluate", "random", "still", "--starts", "flying"], ["flying", "rest", "moving"]),
         (["evaluate", "random"], ["EVADER"]),
-        (["bench", "env", "--games", "0"], ["games = 0", "at least 1"]),
-        (["bench", "train", "--games", "0"], ["games = 0", "at least 1"]),
-        (["bench", "train", "--profile", "slow"], ["slow", "classic", "fast", "paper"]),
-        (["bench", "train", "--stage", "third"], ["third", "fixed-target", "self-play"]),
-        (["bench", "train", "--game", "maze"], ["--game = maze", "left out"]),
-        (["bench", "env", "--observation", "smell"], ["smell", "paper", "egocentric"]),
-        (["bench", "sleep"], ["sleep", "env", "train"]),
     ],
     ids=" ".join,
 )

@@ -223,7 +223,6 @@ ELSEWHERE = {
     "python3": "tests/examples runs the node with stand-ins for ROS",
     "python": "tests/examples and tests/studies",
     "reproduce": "tests/reproduce/test_reproduce.py",
-    "bench": "tests/test_cli.py",
     "exploit": "tests/exploit/test_exploit.py",
     "simulate": "tests/bodies and tests/test_simulate_command.py",
 }

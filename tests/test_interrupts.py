@@ -106,7 +106,6 @@ except KeyboardInterrupt:
         (5.0, ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9]),
         (2.0, ["regret", "P_stage1", "--games", 10**6]),
         (3.0, ["simulate", "random", "still", "--games", 10**4]),
-        (4.0, ["bench", "train"]),
         (6.0, ["reproduce", "--budget", "quick", "--out", "study"]),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else str(value),

@@ -117,7 +117,6 @@ ENOUGH = {
     "arena random": {"--out": ["new.toml"]},
     "export": {"agent": ["P_pool"], "--to": ["numpy"], "--out": ["a.py"]},
     "reproduce": {},
-    "bench": {"what": ["env"]},
 }
 """Arguments that each command cannot do without."""
 
@@ -216,7 +215,6 @@ def test_no_odd_value_is_the_name_of_anything(capsys, command, name):
         ["pursuers", "paper", "--evader", "E_pool"],
         ["regret", "still", "--games", "7"],
         ["regret", "still", "--games", "2147483647"],
-        ["bench", "train", "--games", "5000000"],
     ],
     ids=" ".join,
 )
@@ -278,9 +276,7 @@ def test_a_written_grid_is_read():
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.arenas import random_arena, suite
-    from apollonius.bench.training import CLASSIC
     from apollonius.commands import arena
-    from apollonius.commands.bench import BENCHES
     from apollonius.commands.exploit import ATTACKERS
     from apollonius.commands.options import LENGTHS
     from apollonius.commands.show import FORMATS
@@ -297,8 +293,6 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert suite.PARTS == arena.PARTS
     assert [kind for kind in arena.KINDS if random_arena.random_arena(kind, 0).map] == list(arena.CELLS)
     assert set(PROFILES) == set(learner_config.PROFILES)
-    assert set(BENCHES) == {"classic", *learner_config.PROFILES}
-    assert CLASSIC.batch == 128
     assert set(FORMATS) == {".png", ".json", *animation.FORMATS}
 
 
@@ -314,7 +308,6 @@ def test_a_value_is_shown_on_one_short_line():
     "words",
     [
         ["evaluate", "random", "still", "--games", str(10**10)],
-        ["bench", "env", "--games", str(2**63)],
         ["regret", "P_stage1", "--hold", str(10**11)],
         ["reproduce", "--seeds", str(10**9)],
         ["exploit", "pursuer", "P_stage1", "--games", "0"],

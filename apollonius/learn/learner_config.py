@@ -5,7 +5,7 @@ from math import log
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.errors import require, require_positive
-from apollonius.limits import BENCHED_GAMES, TRANSITIONS
+from apollonius.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.observe.registry import find_observation
 
 
@@ -51,7 +51,7 @@ class LearnerConfig:
         require_positive(self, "games", "replay_capacity")
         require(self.width <= MOST_WIDTH, "width", self.width, f"at most {MOST_WIDTH:,}")
         require(self.depth <= MOST_LAYERS, "depth", self.depth, f"at most {MOST_LAYERS}")
-        BENCHED_GAMES.require("games", self.games)
+        PARALLEL_GAMES.require("games", self.games)
         TRANSITIONS.require("replay_capacity", self.replay_capacity)
         TRANSITIONS.require("batch", self.batch)
         require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")

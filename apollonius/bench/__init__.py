@@ -1,1 +1,0 @@
-"""How fast it is: env steps and updates per second, on the machine at hand."""

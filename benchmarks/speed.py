@@ -1,0 +1,225 @@
+"""Env steps and updates per second on this machine: `python benchmarks/speed.py env|train [OPTIONS]`.
+
+`env` plays at random with auto-reset, in any game, with any observation; one env step moves the robots of both sides.
+`train` trains in the `paper` game from the first update on. In turns with it go its updates and its acting alone, with
+no game and no replay, so that a busy machine slows all alike. Wall seconds; pin it to a core (`taskset -c 0`).
+"""
+
+import argparse
+import functools
+import os
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.agents.classical import Still
+from apollonius.agents.network import QNetwork
+from apollonius.agents.pool import Pool, solo
+from apollonius.agents.uniform import Uniform
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState, Role
+from apollonius.learn import dqn
+from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.learner_config import PROFILES, DQNConfig
+from apollonius.learn.replay_buffer import Batch
+from apollonius.learn.self_play import start_self_play
+from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
+from apollonius.learn.train_state import Plan
+from apollonius.learn.train_step import play_and_learn
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.registry import find_observation
+from apollonius.random_bits import fold_in
+from apollonius.rollout import Games, begin, collect
+
+STEPS, START_ROWS = 250, 16
+UPDATES, MOVES, BATCHES = 200, 200, 10
+"""Of what is timed alone."""
+CLASSIC = DQNConfig(
+    observation="paper", double=False, n_step=1, final_n_step=1, averaging=1.0, learning_rate=1e-4,
+    final_learning_rate=1e-4, batch=128, env_steps_per_update=4, target_period=32_000, games=4, learning_starts=10_000,
+)  # fmt: skip
+"""Plain DQN on the 8 numbers, an update every 4 env steps: how published trainers are measured."""
+
+
+class Reader(Uniform):
+    """A random player whose transitions have the observation that is measured."""
+
+    reads: AbstractObservation = eqx.field(static=True)
+
+    @property
+    def observation(self) -> AbstractObservation:
+        """Return what it is given, and does not look at."""
+        return self.reads
+
+
+class Stepped(eqx.Module):
+    """Games under way, and what an environment returns of a step: observations, rewards, flags."""
+
+    games: Games
+    returned: tuple[Array, ...]
+
+
+def measure_env(game: Game, observation: str, games: int) -> dict[str, Any]:
+    """Time random play; every step computes the states, outcomes, rewards and observations of both sides."""
+    reads = find_observation(observation)
+    game = charted(game) if reads.charted else game
+    start_key, word_key = jax.random.split(jax.random.key(0))
+    drawn = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), drawn)
+    players = BySide(*[solo(Reader(reads))] * 2)
+    first, row = (jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1)))
+    begun = begin(first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
+    carry = _step(game, players, begun, row, jax.random.key(0))
+
+    def run(repeat: int) -> Stepped:
+        nonlocal carry
+        carry = _random_play(game, players, carry, starts, jax.random.key(repeat))
+        return carry
+
+    (seconds,) = in_turns([run], 20)
+    return {"games": games, **rates("env_steps", games * STEPS, seconds)}
+
+
+def _step(game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray) -> Stepped:
+    games, step = collect(game, players, games, starts, key, steps=1)
+    returned = (*(side.next_observation for side in step.sides), *(side.reward for side in step.sides))
+    return Stepped(games, (*returned, step.terminated, step.truncated))
+
+
+@functools.partial(jax.jit, donate_argnames="carry")
+def _random_play(game: Game, players: BySide[Pool], carry: Stepped, starts: GameState, key: PRNGKeyArray) -> Stepped:
+    def one_step(step: Int[Array, ""], carry: Stepped) -> Stepped:
+        row = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, step % START_ROWS, 1), starts)
+        return _step(game, players, carry.games, row, fold_in(key, step))
+
+    # What a step returns overwrites what the one before returned, so all of it is computed.
+    return jax.lax.fori_loop(0, STEPS, one_step, carry)
+
+
+def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
+    """Time training, and compare it with its arithmetic: updates of all sides that learn, and their networks asked once
+    in each step of every game.
+    """
+    game, key = make_game("paper"), jax.random.key(0)
+    fixed: Mapping[Role, Pool] = {} if stage == "self-play" else {Role.EVADER: solo(Still())}
+    if fixed:
+        plan = Plan(config, StageConfig(env_steps=10**9))
+        state = start_fixed_target(plan, game, key, fixed[Role.EVADER])
+    else:
+        plan = Plan(config, SelfPlayConfig(env_steps=10**9))
+        state = start_self_play(plan, game, key, BySide(None, None))
+
+    def run(repeat: int) -> Any:
+        nonlocal state
+        state, metrics = play_and_learn(plan, game, state, fixed)
+        return metrics
+
+    while int(state.env_steps) < config.learning_starts:
+        run(0)
+    learner, size = dqn.init(config, jax.random.key(0)), find_observation(config.observation).size
+    seconds, *alone = in_turns([run, _updates_alone(config, learner, size), _acting_alone(config, learner, size)], 9)
+    updates = len(state.learners) * plan.iterations_per_chunk * config.updates_per_iteration
+    moves = len(state.learners) * plan.env_steps_per_chunk // config.games
+    turns = [
+        (updates * updating / UPDATES / one, moves * acting / MOVES / one)
+        for one, updating, acting in zip(seconds, *alone, strict=True)
+    ]
+    return {
+        "games": config.games,
+        **rates("env_steps", plan.env_steps_per_chunk, seconds),
+        **rates("updates", updates, seconds),
+        "bare_updates_per_second": UPDATES / statistics.median(alone[0]),
+        "share_of_bare_updates": statistics.median(updating for updating, _ in turns),
+        "share_of_arithmetic": statistics.median(map(sum, turns)),
+    }
+
+
+def _updates_alone(config: DQNConfig, learner: dqn.DQNLearner, size: int) -> Callable[[int], Any]:
+    """Return `UPDATES` updates on given batches. Each batch differs from the one before and its next observations from
+    its observations: what is the same, the compiler computes only once.
+    """
+    observation, after = jax.random.normal(jax.random.key(1), (2, BATCHES, config.batch, size))
+    flat = observation[:, :, 0]
+    batches = jax.vmap(Batch)(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
+
+    @jax.jit
+    def run(learner: dqn.DQNLearner) -> dqn.DQNLearner:
+        def update(learner: dqn.DQNLearner, step: Int[Array, ""]) -> tuple[dqn.DQNLearner, None]:
+            batch = jax.tree.map(lambda leaf: leaf[step % BATCHES], batches)
+            return dqn.update(learner, batch, jnp.asarray(1e-4), config)[0], None
+
+        return jax.lax.scan(update, learner, jnp.arange(UPDATES))[0]
+
+    return lambda repeat: run(learner)
+
+
+def _acting_alone(config: DQNConfig, learner: dqn.DQNLearner, size: int) -> Callable[[int], Any]:
+    """Return `MOVES` times the best actions in all games, by a network that is given observations."""
+    observations = jax.random.normal(jax.random.key(1), (BATCHES, config.games, size))
+
+    @jax.jit
+    def run(network: QNetwork) -> Int[Array, " games"]:
+        def act(chosen: Int[Array, " games"], step: Int[Array, ""]) -> tuple[Int[Array, " games"], None]:
+            return chosen + jnp.argmax(network.together(observations[step % BATCHES]), axis=1), None
+
+        return jax.lax.scan(act, jnp.zeros(config.games, jnp.int32), jnp.arange(MOVES))[0]
+
+    return lambda repeat: run(learner.network)
+
+
+def in_turns(runs: Sequence[Callable[[int], Any]], repeats: int) -> list[list[float]]:
+    """Return the wall seconds of each repeat of each; one that compiles and warms up goes before."""
+    seconds: list[list[float]] = [[] for _ in runs]
+    for repeat in range(repeats + 1):
+        for run, spent in zip(runs, seconds, strict=True):
+            began = time.perf_counter()
+            jax.block_until_ready(run(repeat))
+            if repeat > 0:
+                spent.append(time.perf_counter() - began)
+    return seconds
+
+
+def rates(name: str, amount: int, seconds: list[float]) -> dict[str, float]:
+    """Return the median rate of several repeats, the best and the worst."""
+    each = [amount / one for one in seconds]
+    return {
+        f"{name}_per_second": statistics.median(each),
+        f"{name}_per_second_best": max(each),
+        f"{name}_per_second_worst": min(each),
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("env", "train"))
+    parser.add_argument("--games", type=int, help="at a time (default: 4096 for env, the profile's for train)")
+    parser.add_argument("--game", default="paper", help="of env: a name or file (default: %(default)s)")
+    parser.add_argument("--observation", default="paper", help="of env (default: %(default)s)")
+    parser.add_argument("--profile", choices=("classic", *PROFILES), default="classic", help="of train")
+    parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
+    options = parser.parse_args()
+    if options.what == "env":
+        result = measure_env(find_game(options.game), options.observation, options.games or 4096)
+    else:
+        config = {"classic": CLASSIC, **PROFILES}[options.profile]
+        config = config if options.games is None else replace(config, games=options.games)
+        result = measure_training(config, options.stage)
+    print(f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}")
+    for name, value in result.items():
+        print(f"{name:<30} {value:,.{0 if value >= 100 else 2}f}")
+
+
+if __name__ == "__main__":
+    main()
