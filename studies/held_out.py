@@ -41,11 +41,8 @@ from studies import driver
 from studies.worst import SOLVED, SPECIALIST, arena_table, read_attacks, verdict
 
 SUITE = "suite-v1"
-CLASSICAL = BySide(
-    ("pure-pursuit", "proportional-navigation", "intercept", "potential-field"),
-    ("flee", "flee-aware", "potential-field"),
-)
-"""Of whom the best is taken, behind a shield; `circle` wants a disc to drive around."""
+CLASSICAL = BySide(("pure-pursuit", "intercept"), ("flee", "flee-aware"))
+"""Of whom the best is taken, behind a shield."""
 KINDS = ("table", "foresight-1")
 """Attackers, by their names in `apollonius.exploit.attackers`; those with more foresight take longer than all else."""
 IGNORANT = 1

@@ -346,7 +346,7 @@ SHORTER = {
     "--games 500": "--games 4",
     "--targets 20": "--targets 1 --grid 10x7x3x9",
     "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
-    "random flee-aware circle": "flee-aware",
+    "random flee-aware": "flee-aware",
 }
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.chasing import Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical, Still
-from apollonius.agents.fleeing import Circle, Flee, FleeAware
+from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
 from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.potential import PotentialField
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
@@ -20,14 +19,11 @@ PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
     "random": (Uniform, EITHER),
     "still": (Still, EITHER),
     "pure-pursuit": (PurePursuit, (Role.PURSUER,)),
-    "proportional-navigation": (ProportionalNavigation, (Role.PURSUER,)),
     "intercept": (Intercept, (Role.PURSUER,)),
     "voronoi-pursuit": (VoronoiPursuit, (Role.PURSUER,)),
     "encirclement": (Encirclement, (Role.PURSUER,)),
-    "potential-field": (PotentialField, EITHER),
     "flee": (Flee, (Role.EVADER,)),
     "flee-aware": (FleeAware, (Role.EVADER,)),
-    "circle": (Circle, (Role.EVADER,)),
     "territory": (Territory, EITHER),
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""

@@ -1,10 +1,10 @@
-"""Players that chase by a law of guidance: pure pursuit, proportional navigation, constant bearing."""
+"""Players that chase by a law of guidance: pure pursuit, constant bearing."""
 
 import jax.numpy as jnp
 
 from apollonius.agents.classical import AbstractSteering, direction, separation
 from apollonius.game.dynamics import Unicycle, wrap_angle
-from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.view import View
 
 
@@ -18,32 +18,6 @@ class PurePursuit(AbstractSteering):
         """Straight at the opponent."""
         own, opponent = seen.own.state, seen.opponent.state
         return direction(own, opponent), arc_speed(seen.own.body, own, opponent)
-
-
-class ProportionalNavigation(AbstractSteering):
-    """Turns in proportion to the turn of the line of sight (Zarchan, "Tactical and Strategic Missile Guidance").
-
-    The law is made for an opponent ahead; towards any other it turns by the shorter way first.
-
-    Attributes:
-        gain: how many times faster than the line of sight it turns; 3 to 5 are usual.
-        cone: largest angle [rad] off its heading at which the opponent is ahead.
-    """
-
-    gain: Real = 3.0
-    cone: Real = 0.8
-
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """The heading that the law leads to within one step."""
-        own, opponent = seen.own.state, seen.opponent.state
-        x, y = opponent.x - own.x, opponent.y - own.y
-        vx = opponent.v * jnp.cos(opponent.heading) - own.v * jnp.cos(own.heading)
-        vy = opponent.v * jnp.sin(opponent.heading) - own.v * jnp.sin(own.heading)
-        sight_rate = (x * vy - y * vx) / jnp.maximum(x * x + y * y, 1e-6)
-        sight = direction(own, opponent)
-        ahead = jnp.abs(wrap_angle(sight - own.heading)) < self.cone
-        heading = jnp.where(ahead, own.heading + self.gain * sight_rate * self.dt, sight)
-        return heading, arc_speed(seen.own.body, own, opponent)
 
 
 class Intercept(AbstractSteering):

@@ -1,4 +1,4 @@
-"""Players that flee: straight away, past walls and obstacles, around an obstacle."""
+"""Players that flee: straight away, past walls and obstacles."""
 
 from math import ceil
 from typing import Any
@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
-from apollonius.errors import require
+from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, separation
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
 from apollonius.observe.view import Robot, View
@@ -67,49 +66,3 @@ class FleeAware(AbstractClassical):
             return jnp.where(room > self.margin, lasts, runs_out)
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))
-
-
-class Circle(AbstractSteering):
-    """Drives around the nearest obstacle, the way round that leads away from the pursuer (the paper's Fig. 5c).
-
-    The course is the vector field of an orbit (Nelson, Barber, McLain and Beard, "Vector Field Path Following for
-    Miniature Air Vehicles", 2007): the tangent, and towards the orbit the more the further it is.
-
-    Attributes:
-        height: how far from the obstacle the orbit is [m].
-        gain: how sharply it makes for the orbit [1/m].
-        habit: how much the way it drives counts against the way that leads away.
-    """
-
-    height: Real = 0.6
-    gain: Real = 2.0
-    habit: Real = 1.0
-
-    @classmethod
-    def fits(cls, game: Game) -> bool:
-        """Whether there is an obstacle."""
-        return bool(game.arena.obstacles)
-
-    @classmethod
-    def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """The player of one side of a game.
-
-        Raises:
-            InvalidInput: when there is nothing to circle.
-        """
-        require(cls.fits(game), "obstacles", "none", "one at least for 'circle', which drives around it")
-        return super().for_side(game, role, **rule)
-
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Along the orbit, as fast as the turn still to be made allows."""
-        body, own = seen.own.body, seen.own.state
-        distance, (out_x, out_y) = jax.value_and_grad(seen.arena.to_obstacles, argnums=(0, 1))(own.x, own.y)
-        away = direction(seen.opponent.state, own)
-        left_x, left_y = -out_y, out_x
-        leads_away = left_x * jnp.cos(away) + left_y * jnp.sin(away)
-        drives = left_x * jnp.cos(own.heading) + left_y * jnp.sin(own.heading)
-        side = jnp.where(leads_away + self.habit * drives >= 0, 1.0, -1.0)
-        outwards = jnp.arctan2(out_y, out_x)
-        # Counter-clockwise around the obstacle is a quarter turn left of outwards; inwards is half a turn.
-        heading = outwards + side * (jnp.pi / 2 + jnp.arctan(self.gain * (distance - body.radius - self.height)))
-        return heading, facing_speed(body, own, heading)

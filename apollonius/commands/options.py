@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from apollonius.solve.grid import Grid
 
 AGENT = (
-    "a built-in player (random, still, potential-field, territory; pursuers: pure-pursuit, proportional-navigation, "
-    "intercept; evaders: flee, flee-aware, circle), a zoo agent, RUN/NAME of a training run, a .safetensors file, or a "
+    "a built-in player (random, still, territory; pursuers: pure-pursuit, intercept, and of teams voronoi-pursuit, "
+    "encirclement; evaders: flee, flee-aware), a zoo agent, RUN/NAME of a training run, a .safetensors file, or a "
     ".npz file of solve game; shielded:NAME never crashes, by the rules, where it starts at rest"
 )
 """Help for an argument that names a player."""

@@ -1,7 +1,5 @@
 """What a robot sees from where it is, in its own frame: the same in every arena, so that it carries over to others."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -21,17 +19,14 @@ NEAR, AHEAD = 1.5, 5.0
 """How far in them [m], before an obstacle."""
 _BEFORE = 0.1
 """How far before it [m]."""
-_PATCH, _STEP = 16, 0.4
-"""Places along the sides of the patch, and how far they are apart [m]."""
 _SHARPNESS = 4.0
 """How much the best direction counts more than one along which nothing is gained."""
 _SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 """Units of the limits: those of the paper's robots."""
 
 
-@dataclass(frozen=True)
 class Egocentric(AbstractObservation):
-    """The robots, and of the arena rays, ways or a patch.
+    """The robots, and of the arena rays and ways.
 
     Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
     and the room where it stands and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
@@ -46,25 +41,12 @@ class Egocentric(AbstractObservation):
     log(1 + w) / 2; in sixteen directions how much farther that way would be from 1.5 m ahead, over 1.5 m; where those
     point where it gets shorter (2); and who would be first 5 m ahead, as the difference of the times that both robots
     would take at their top speeds over their sum (16).
-
-    Patch (256): the room at 16 by 16 places 0.4 m apart around the robot, clipped to [-0.5, 2].
     """
 
-    name: str  # pyright: ignore[reportIncompatibleVariableOverride]
-    rays: bool = False
-    ways: bool = False
-    patch: bool = False
+    name = "egocentric"
+    size = 23 + RAYS + 5 + 2 * COURSES
     charted = True
-
-    @property
-    def exported(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether exported policies can make it: with rays and ways, and nothing else."""
-        return self.rays and self.ways and not self.patch
-
-    @property
-    def size(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How many numbers they are."""
-        return 23 + RAYS * self.rays + (5 + 2 * COURSES) * self.ways + _PATCH**2 * self.patch
+    exported = True
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """The numbers for a view.
@@ -79,20 +61,14 @@ class Egocentric(AbstractObservation):
         cos, sin = turned(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)
-        parts = [_robots(view, chart, (cos, sin), (dx, dy), distance)]
-        if self.rays or self.ways:
-            angles = own.heading + jnp.arange(RAYS, dtype=jnp.float32) * (2 * jnp.pi / RAYS)
-            directions = jnp.cos(angles), jnp.sin(angles)
-            ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
-            if self.rays:
-                parts.append(1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0)))
-            if self.ways:
-                every = RAYS // COURSES
-                some = ranges[::every], directions[0][::every], directions[1][::every]
-                parts.append(_ways(view, chart, (dx, dy), distance, *some))
-        if self.patch:
-            parts.append(_patch(view, chart, cos, sin))
-        return jnp.concatenate(parts)
+        robots = _robots(view, chart, (cos, sin), (dx, dy), distance)
+        angles = own.heading + jnp.arange(RAYS, dtype=jnp.float32) * (2 * jnp.pi / RAYS)
+        directions = jnp.cos(angles), jnp.sin(angles)
+        ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
+        rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
+        every = RAYS // COURSES
+        some = ranges[::every], directions[0][::every], directions[1][::every]
+        return jnp.concatenate([robots, rays, _ways(view, chart, (dx, dy), distance, *some)])
 
 
 @fusion_barrier
@@ -180,16 +156,4 @@ def _ways(
     return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
 
 
-def _patch(view: View, chart: Chart, cos: Scalar, sin: Scalar) -> Float[Array, "256"]:
-    """The room around the robot, row by row from behind at its right."""
-    own = view.own.state
-    offsets = (jnp.arange(_PATCH, dtype=jnp.float32) - (_PATCH - 1) / 2) * _STEP
-    ahead, left = (grid.ravel() for grid in jnp.meshgrid(offsets, offsets, indexing="ij"))
-    rooms = jax.vmap(chart.room)(own.x + ahead * cos - left * sin, own.y + ahead * sin + left * cos)
-    return jnp.clip(rooms - view.own.body.radius, -0.5, 2.0)
-
-
-EGOCENTRIC = Egocentric("egocentric", rays=True, ways=True)
-RAYS_ONLY = Egocentric("rays", rays=True)
-WAYS_ONLY = Egocentric("ways", ways=True)
-PATCH_ONLY = Egocentric("patch", patch=True)
+EGOCENTRIC = Egocentric()

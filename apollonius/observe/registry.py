@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
-from apollonius.observe.egocentric import EGOCENTRIC, PATCH_ONLY, RAYS_ONLY, WAYS_ONLY
+from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.opponent_aware import OPPONENT_AWARE
@@ -13,7 +13,7 @@ from apollonius.observe.paper import PAPER
 from apollonius.observe.team import TEAM
 from apollonius.observe.view import look
 
-_ALL = PAPER, ENCODED, OPPONENT_AWARE, EGOCENTRIC, RAYS_ONLY, WAYS_ONLY, PATCH_ONLY, TEAM
+_ALL = PAPER, ENCODED, OPPONENT_AWARE, EGOCENTRIC, TEAM
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 """By the names that files and configurations have for them."""
 

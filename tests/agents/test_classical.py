@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from apollonius.agents import built_in
-from apollonius.agents.chasing import Intercept, ProportionalNavigation, PurePursuit
+from apollonius.agents.chasing import Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.fleeing import Circle, Flee, FleeAware
-from apollonius.agents.potential import PotentialField
+from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.catalogue import find_player, player_names
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
-from apollonius.game.arena import Arena, Disc
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -125,71 +124,6 @@ def test_an_opponent_that_crosses_too_fast_is_led_by_a_right_angle():
     assert same_direction(heading, pi / 2)
 
 
-def test_proportional_navigation_turns_three_times_as_fast_as_the_line_of_sight():
-    player = ProportionalNavigation.for_side(OPEN, Role.PURSUER)
-    ahead = 0
-    for own, opponent in random_pairs(4):
-        moved = [(x + 1e-3 * v * cos(a), y + 1e-3 * v * sin(a)) for x, y, v, a in (own, opponent)]
-        sight = atan2(opponent[1] - own[1], opponent[0] - own[0])
-        later = atan2(moved[1][1] - moved[0][1], moved[1][0] - moved[0][0])
-        rate = ((later - sight + pi) % (2 * pi) - pi) / 1e-3
-        heading, _ = course_of(player, own, opponent)
-        if same_direction(sight, own[3], within=0.8):
-            ahead += 1
-            assert same_direction(heading, own[3] + 3 * rate * OPEN.dt, within=1e-3)
-        else:
-            assert same_direction(heading, sight)
-    assert 5 < ahead < 40
-
-
-@pytest.mark.parametrize("chases", [True, False])
-def test_the_potentials_force_is_khatibs(chases):
-    """A unit pull or push, and `strength (1/c - 1/reach) / c^2` away from each wall and disc within reach."""
-    game = Game(arena=Arena(0.0, 10.0, 0.0, 10.0, discs=(Disc(5.0, 5.0, 1.0),)), pursuer=Unicycle(radius=0.1))
-    role = Role.PURSUER if chases else Role.EVADER
-    body = (game.pursuer, game.evader)[role]
-    player = PotentialField.for_side(game, role)
-    x, y = 5.0, 7.0
-    seen = view(game, role, robot(x, y), robot(9, 4))
-    push = {(0, -1): 10 - y, (0, 1): y - 5 - 1.0}  # the upper wall and the disc; the others are out of reach
-    force = np.array([9 - x, 4 - y]) / hypot(9 - x, 4 - y) * (1 if chases else -1)
-    for away, clearance in push.items():
-        room = clearance - body.radius
-        force += np.array(away) * max(0.2 * (1 / room - 1 / 2.0) / room**2, 0)
-    slope = jax.grad(player.potential, argnums=(0, 1))(jnp.float32(x), jnp.float32(y), seen)
-    np.testing.assert_allclose([-slope[0], -slope[1]], force, atol=1e-5)
-    heading, _ = player.course(seen)
-    assert same_direction(float(heading), atan2(force[1], force[0]))
-
-
-def play(game, evader, start, steps):
-    """The states of a game against a pursuer that coasts, `[steps, 8]`."""
-    act = find_player(evader, Role.EVADER, game).policy
-
-    @jax.jit
-    def run(state):
-        def one_step(state, _):
-            action = act(look(game, state, Role.EVADER), jnp.uint32(0))
-            after = game.step(state, jnp.int32(4), action).state
-            return after, jnp.stack(jax.tree.leaves((after.pursuer, after.evader)))
-
-        return jax.lax.scan(one_step, state, None, steps)[1]
-
-    return np.asarray(run(start))
-
-
-@pytest.mark.parametrize("pursuer_y", [0.5, 9.5])
-def test_circle_drives_around_the_nearest_disc_away_from_the_pursuer(pursuer_y):
-    game = make_game("one-large")
-    states = play(game, "circle", GameState.of_two(robot(3.4, pursuer_y), robot(3.4, 5.0), jnp.int32(0)), 400)
-    x, y = states[100:, 4] - 5, states[100:, 5] - 5
-    clearance = np.hypot(x, y) - 1.0
-    assert np.all(np.abs(clearance - 0.6) < 0.15)
-    turned = np.unwrap(np.arctan2(y, x))
-    assert abs(turned[-1] - turned[0]) > 2 * pi
-    assert np.sign(states[30, 5] - 5.0) == np.sign(5.0 - pursuer_y)
-
-
 def test_flee_aware_keeps_off_walls_and_discs_where_flee_does_not():
     game = replace(make_game("one-large"), max_steps=150)
     chaser = find_player("pure-pursuit", Role.PURSUER, game).policy
@@ -209,7 +143,7 @@ def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
 def test_chasers_catch_whoever_stands_still():
     """In the open none runs around its target for ever."""
     game = replace(OPEN, starts=replace(OPEN.starts, clearance=4.0))
-    names = ("pure-pursuit", "proportional-navigation", "intercept", "potential-field")
+    names = ("pure-pursuit", "intercept")
     players = [find_player(name, Role.PURSUER, game).policy for name in names]
 
     @jax.jit
@@ -250,12 +184,9 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
         find_player("flee", Role.EVADER)
     with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
         find_player("flee", Role.PURSUER, PAPER)
-    with pytest.raises(InvalidInput, match=r"obstacles = none .* 'circle'"):
-        Circle.for_side(OPEN, Role.EVADER)
     with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):
         find_player("territory", Role.PURSUER, PAPER)
     assert "territory" not in player_names(Role.EVADER, PAPER)
-    assert "circle" not in player_names(Role.EVADER, OPEN)
     assert "flee" not in player_names(Role.PURSUER, PAPER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
 
@@ -265,17 +196,8 @@ def test_players_that_know_obstacles_mind_polygons():
     """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
     corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))
     game = Game(arena=Arena(polygons=(corner, Polygon(((5.0, 6.0), (8.0, 5.0), (6.5, 8.0))))), max_steps=80)
-    pursuer = find_player("shielded:potential-field", Role.PURSUER, game)
+    pursuer = find_player("shielded:intercept", Role.PURSUER, game)
     evader = find_player("flee-aware", Role.EVADER, game)
     outcomes = play_match(a_match(game, pursuer.policy, evader.policy, 48, seed=0)).outcomes
     assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
     assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5
-    bare = find_player("potential-field", Role.PURSUER, game).policy
-    beside, away = (
-        bare.potential(*map(jnp.float32, (3.5, y)), view(game, Role.PURSUER, robot(3.5, y), robot(3.5, 8.0)))
-        for y in (2.6, 3.4)
-    )
-    assert float(beside - away) > 0.8 + 1  # the polygon pushes; the opponent alone makes 0.8 m of it
-    circle = find_player("circle", Role.EVADER, game).policy
-    heading, _ = circle.course(view(game, Role.EVADER, robot(3.5, 1.4, heading=pi), robot(9.0, 9.0)))
-    assert float(heading) == pytest.approx(pi, abs=0.05) or float(heading) == pytest.approx(-pi, abs=0.05)

@@ -16,7 +16,7 @@ from apollonius.game.presets import make_game
 from apollonius.terminal import make_table
 
 PAPER = replace(make_game("paper"), max_steps=150)
-NAMES = BySide("pure-pursuit", "circle")
+NAMES = BySide("pure-pursuit", "flee-aware")
 GAMES = 100
 SEED = 3
 
@@ -46,7 +46,7 @@ def test_every_make_is_played_once_in_ascending_order(table, told):
             assert all(low <= m.pursuer_win_rate <= high for m in row for low, high in [m.pursuer_win_interval])
 
 
-def test_a_faster_pursuer_of_an_evader_that_circles_catches_more(table):
+def test_a_faster_pursuer_of_an_evader_that_minds_walls_catches_more(table):
     captured = [[match.outcomes["captured"] for match in row] for row in table.matches[0]]
     for row in captured:
         assert row[0] <= row[1] <= row[2]
@@ -55,7 +55,7 @@ def test_a_faster_pursuer_of_an_evader_that_circles_catches_more(table):
 
 @pytest.mark.parametrize("name", ["pure-pursuit", pytest.param("shielded:pure-pursuit", marks=pytest.mark.slow)])
 def test_the_games_own_robots_are_those_of_evaluate(name):
-    names = BySide(name, "circle")
+    names = BySide(name, "flee-aware")
     table = play_makes(PAPER, names, (1.0, 1.5), (1.0,), (0.0,), GAMES, SEED)
     match = Match.of_names("paper", *names, GAMES, SEED)
     assert table.own_match == table.matches[0][0][0] == play_match(replace(match, game=PAPER))
@@ -72,7 +72,7 @@ def test_the_games_own_robots_are_played_where_no_make_is_theirs():
 
 @pytest.mark.slow
 def test_one_compilation_serves_all_makes_shields_too():
-    names = BySide("shielded:pure-pursuit", "circle")
+    names = BySide("shielded:pure-pursuit", "flee-aware")
     game = replace(PAPER, max_steps=20)
     play_makes(game, names, (1.5,), (1.0,), (0.0,), 5)
     compiled = playout._advance._cache_size(), starts._draw_block._cache_size()

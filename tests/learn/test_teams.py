@@ -129,8 +129,8 @@ def test_an_agent_that_reads_egocentric_goes_on_in_teams(tmp_path):
     weight = np.asarray(wide.layers[0].weight)
     np.testing.assert_array_equal(weight[:, : network.observation.size], network.layers[0].weight)
     assert not weight[:, network.observation.size :].any()
-    with pytest.raises(InvalidInput, match="'rays'"):
-        load_first(replace(config, dqn=replace(DQN, observation="rays")), Role.PURSUER)
+    with pytest.raises(InvalidInput, match="'paper'"):
+        load_first(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)
 
 
 def test_what_does_not_learn_in_teams_yet_says_so():

@@ -16,13 +16,12 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.charted import Charted
-from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, PATCH_ONLY, RAYS, RAYS_ONLY, WAYS_ONLY
+from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.view import Views, look
 
 SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(pursuer=SLOW, arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), capture_distance=0.6))
-ALL = [EGOCENTRIC, RAYS_ONLY, WAYS_ONLY, PATCH_ONLY]
 
 
 def robot(x, y, v, heading):
@@ -39,18 +38,18 @@ def states(pursuers, evaders):
     return jax.vmap(GameState.of_two)(*robots, jnp.zeros(len(pursuers[0]), jnp.int32))
 
 
-def looked(observation, states, role, game=GAME):
+def looked(states, role, game=GAME):
     """What is seen in several games."""
-    return np.asarray(jax.jit(lambda game, states: observation.together(Views(game, states, role)))(game, states))
+    return np.asarray(jax.jit(lambda game, states: EGOCENTRIC.together(Views(game, states, role)))(game, states))
 
 
-def seen(observation, now, role=Role.PURSUER, game=GAME):
-    return looked(observation, jax.tree.map(lambda leaf: leaf[None], now), role, game)[0]
+def seen(now, role=Role.PURSUER, game=GAME):
+    return looked(jax.tree.map(lambda leaf: leaf[None], now), role, game)[0]
 
 
 def test_robots_number_by_number():
     """The pursuer at (2, 4) looks up at 0.6 m/s; the evader is 3 m to its right and drives away from it."""
-    numbers = seen(RAYS_ONLY, state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
+    numbers = seen(state((2.0, 4.0, 0.6, math.pi / 2), (5.0, 4.0, 1.2, 0.0)))[:23]
     own = [0.5, 0.5, 2.0, 2.0, 0.5, 0.0, 1.0, 1.0]
     apart = [0.0, -1.0, 1 / 4, math.log(4) / 2, (3.0 - 0.6) / 3]
     other = [0.0, -1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.8, 0.6, 2.0]
@@ -58,7 +57,7 @@ def test_robots_number_by_number():
 
 
 def test_rays_number_by_number():
-    numbers = seen(RAYS_ONLY, state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23:]
+    numbers = seen(state((2.0, 4.0, 0.0, 0.0), (5.0, 4.0, 0.0, 0.0)))[23 : 23 + RAYS]
     assert numbers.shape == (RAYS,)
     for angle, wall in ((0, 2.0), (RAYS // 4, 4.0), (RAYS // 2, 2.0), (3 * RAYS // 4, 4.0)):
         assert numbers[angle] == pytest.approx(1 / (1 + wall - 0.15), abs=0.01)
@@ -66,7 +65,7 @@ def test_rays_number_by_number():
 
 def test_ways_say_where_to_go_and_who_is_first():
     """Behind a wall 6 m long the evader is not seen, its way leads up, and it is last wherever the pursuer can go."""
-    hidden = seen(WAYS_ONLY, state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23:]
+    hidden = seen(state((3.0, 4.0, 0.0, math.pi / 2), (5.0, 4.0, 0.0, 0.0)))[23 + RAYS :]
     length = math.hypot(1.15, 2.15) + 0.5 + math.hypot(0.95, 2.15)  # the larger body, 15 cm, stays off the wall's end
     assert hidden[0] == 0
     np.testing.assert_allclose(hidden[1:3], [1 / (1 + length), math.log1p(length) / 2], rtol=0.05)
@@ -79,33 +78,22 @@ def test_ways_say_where_to_go_and_who_is_first():
     theirs = math.hypot(0.95, 2.15) + 0.5 + math.hypot(1.15, 2.15 - 1.9)
     mine, later = along / 0.6, theirs / 1.2
     assert first[0] == pytest.approx((later - mine) / (later + mine), abs=0.06)
-    plain = seen(WAYS_ONLY, state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23:]
+    plain = seen(state((3.0, 7.0, 0.0, 0.0), (5.0, 7.0, 0.0, 0.0)))[23 + RAYS :]
     assert plain[0] == 1
     assert plain[1] == pytest.approx(1 / 3, abs=1e-3)
     assert NEAR < AHEAD
 
 
-def test_a_patch_is_seen_from_the_robot():
-    """Looking at the wall 1 m ahead: the patch's rows go from behind to ahead."""
-    patch = seen(PATCH_ONLY, state((3.0, 4.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)))[23:].reshape(16, 16)
-    assert patch[10, 7] < -0.1
-    assert patch[5, 7] == pytest.approx(2.0 - 0.2 - 0.15, abs=0.25)
-    turned = seen(PATCH_ONLY, state((3.0, 4.0, 0.0, math.pi / 2), (1.0, 1.0, 0.0, 0.0)))[23:].reshape(16, 16)
-    assert turned[7, 5] < -0.1, "to its right"
-
-
-@pytest.mark.parametrize("observation", ALL, ids=lambda one: one.name)
-def test_sizes_and_ranges_wherever_games_begin(observation):
+def test_sizes_and_ranges_wherever_games_begin():
     begun = jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), 300)
     for role in Role:
-        numbers = looked(observation, begun, role)
-        assert numbers.shape == (300, observation.size)
+        numbers = looked(begun, role)
+        assert numbers.shape == (300, EGOCENTRIC.size)
         assert np.isfinite(numbers).all()
         assert np.abs(numbers).max() <= 4.0
 
 
-@pytest.mark.parametrize("observation", ALL, ids=lambda one: one.name)
-def test_what_is_seen_does_not_depend_on_where_the_arena_lies_or_where_north_is(observation):
+def test_what_is_seen_does_not_depend_on_where_the_arena_lies_or_where_north_is():
     """The arena moved and turned by a quarter: but for cells, which do not fall alike, the numbers stay."""
     discs = (Disc(2.0, 5.0, 0.6), Disc(5.5, 3.0, 0.9))
     here = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, discs=discs)))
@@ -118,7 +106,7 @@ def test_what_is_seen_does_not_depend_on_where_the_arena_lies_or_where_north_is(
     before = states((x, y, v, heading), (ex, ey, their_v, their_heading))
     quarter = math.pi / 2
     after = states((18.0 - y, x - 5.0, v, heading + quarter), (18.0 - ey, ex - 5.0, their_v, their_heading + quarter))
-    apart = np.abs(looked(observation, before, Role.PURSUER, here) - looked(observation, after, Role.PURSUER, there))
+    apart = np.abs(looked(before, Role.PURSUER, here) - looked(after, Role.PURSUER, there))
     assert np.median(apart.max(axis=1)) < 0.06
     assert np.mean(apart) < 0.01
 
@@ -130,4 +118,4 @@ def test_without_a_chart_it_says_what_is_missing_and_a_player_can_bring_its_own(
         EGOCENTRIC(look(bare, now, Role.EVADER))
     own = Charted(EGOCENTRIC, GAME.arena.chart)
     found = jax.jit(lambda now: own(look(bare, now, Role.EVADER)))(now)
-    np.testing.assert_allclose(found, seen(EGOCENTRIC, now, Role.EVADER), atol=1e-5)
+    np.testing.assert_allclose(found, seen(now, Role.EVADER), atol=1e-5)

@@ -19,7 +19,7 @@ def arena(own, specialist):
     evader = {
         "E_any": {"table": losses(own), "P_any": losses(own / 2)},
         "specialist": {"table": losses(0.0), "P_any": losses(specialist, wins=0.05)},
-        "shielded:circle": {"table": losses(0.5), "P_any": losses(0.4)},
+        "shielded:flee-aware": {"table": losses(0.5), "P_any": losses(0.4)},
         "solved": {"table": losses(0.05), "P_any": losses(0.1)},
     }
     return {"pursuer": {}, "evader": evader}

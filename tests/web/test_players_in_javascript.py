@@ -59,7 +59,7 @@ def choose_alike(game, role, names):
 
 
 def test_classical_players_are_alike():
-    choose_alike(make_game("territory"), Role.PURSUER, ["intercept", "potential-field"])
+    choose_alike(make_game("territory"), Role.PURSUER, ["intercept", "territory"])
 
 
 @pytest.mark.slow

@@ -1,41 +1,21 @@
-// Players that follow a rule instead of a network, function by function `chasing.py`, `fleeing.py`, `potential.py` and
-// `guarding.py` of `apollonius/agents/`, and `surrounding.js`. Each values the nine actions for one robot of a game.
+// Players that follow a rule instead of a network, function by function `chasing.py`, `fleeing.py` and `guarding.py` of
+// `apollonius/agents/`, and `surrounding.js`. Each values the nine actions for one robot of a game.
 
-import { clearance, clearanceAlong, clearances, clip, toObstacles } from "./clearance.js";
-import { arcSpeed, direction, facingSpeed, separation } from "./driving.js";
+import { clearanceAlong, clip } from "./clearance.js";
+import { arcSpeed, direction, separation } from "./driving.js";
 import { EVADER, PURSUER, move, wrapAngle } from "./rules.js";
 import { encirclement, voronoiPursuit } from "./surrounding.js";
 import { countsOf } from "./teams.js";
 import { look } from "./view.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-const NAVIGATION = { gain: 3, cone: 0.8 }; // times faster than the line of sight turns; where an opponent is ahead [rad]
 const AWARE = { horizon: 4, margin: 0.1, caution: 1 }; // looked ahead [s], room to keep [m], what a metre of it is worth
-const ORBIT = { height: 0.6, gain: 2, habit: 1 }; // from the obstacle [m], how sharply it makes for it [1/m], against habit
-const FIELD = { reach: 2, strength: 0.2 }; // clearance that is felt [m], strength of the repulsion [m]
 const EQUAL = 1e-3; // squares of speeds that differ by less than this share are equal
-const TINY = 1e-6; // a difference [m] by which slopes are taken
-
-/** How a function of a place changes along x and y. */
-function slope(of, x, y) {
-  return [of(x + TINY, y) - of(x - TINY, y), of(x, y + TINY) - of(x, y - TINY)].map((change) => change / (2 * TINY));
-}
 
 // ---- courses: a heading [rad] and a speed [m/s] to have, from what one robot sees
 
 function purePursuit({ body, own, opponent }) {
   return [direction(own, opponent), arcSpeed(body, own, opponent)];
-}
-
-function proportionalNavigation({ game, body, own, opponent }) {
-  const [x, y] = [opponent.x - own.x, opponent.y - own.y];
-  const vx = opponent.v * Math.cos(opponent.heading) - own.v * Math.cos(own.heading);
-  const vy = opponent.v * Math.sin(opponent.heading) - own.v * Math.sin(own.heading);
-  const sightRate = (x * vy - y * vx) / Math.max(x * x + y * y, 1e-6);
-  const sight = direction(own, opponent);
-  const isAhead = Math.abs(wrapAngle(sight - own.heading)) < NAVIGATION.cone;
-  const heading = isAhead ? own.heading + NAVIGATION.gain * sightRate * game.dt : sight;
-  return [heading, arcSpeed(body, own, opponent)];
 }
 
 function intercept({ body, own, opponent }) {
@@ -45,31 +25,6 @@ function intercept({ body, own, opponent }) {
 }
 
 const flee = ({ body, own, opponent }) => [direction(opponent, own), body.v_max];
-
-function circle({ game, body, own, opponent }) {
-  const distance = toObstacles(game.arena, own.x, own.y);
-  const [outX, outY] = slope((x, y) => toObstacles(game.arena, x, y), own.x, own.y);
-  const away = direction(opponent, own);
-  const leadsAway = outX * Math.sin(away) - outY * Math.cos(away);
-  const drives = outX * Math.sin(own.heading) - outY * Math.cos(own.heading);
-  const side = leadsAway + ORBIT.habit * drives >= 0 ? 1 : -1;
-  const inwards = Math.atan(ORBIT.gain * (distance - body.radius - ORBIT.height));
-  const heading = Math.atan2(outY, outX) + side * (Math.PI / 2 + inwards);
-  return [heading, facingSpeed(body, own, heading)];
-}
-
-function potentialField({ game, role, body, own, opponent }) {
-  const sign = role === PURSUER ? 1 : -1;
-  const potential = (x, y) =>
-    clearances(game.arena, x, y).reduce((sum, length) => {
-      const room = Math.max(length - body.radius, 1e-3);
-      return sum + (FIELD.strength / 2) * Math.max(1 / room - 1 / FIELD.reach, 0) ** 2;
-    }, sign * Math.hypot(x - opponent.x, y - opponent.y));
-  const [slopeX, slopeY] = slope(potential, own.x, own.y);
-  const heading = Math.atan2(-slopeY, -slopeX);
-  const room = Math.max(clearance(game.arena, own.x, own.y) - body.radius, 0);
-  return [heading, Math.min(facingSpeed(body, own, heading), Math.sqrt(2 * body.u1_max * room))];
-}
 
 function territory({ game, role, body, own, opponent, opponentBody }) {
   const goal = game.arena.territory;
@@ -131,9 +86,7 @@ function fleeAware({ game, body, own, opponent, opponentBody }) {
 
 const CHASERS = {
   "pure-pursuit": steering(purePursuit),
-  "proportional-navigation": steering(proportionalNavigation),
   intercept: steering(intercept),
-  "potential-field": steering(potentialField),
   "voronoi-pursuit": steering(voronoiPursuit),
   encirclement: steering(encirclement),
 };
@@ -141,8 +94,6 @@ const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];
 const RUNNERS = {
   flee: steering(flee),
   "flee-aware": fleeAware,
-  circle: steering(circle),
-  "potential-field": steering(potentialField),
 };
 
 /** The players of one side by name: from (game, state, who) to the values of the nine actions. */
@@ -157,7 +108,6 @@ export const CLASSICAL = Object.fromEntries(
 export function fits(name, game, [pursuers] = countsOf(game)) {
   const { arena } = game;
   if (FOR_TEAMS.includes(name)) return pursuers > 1;
-  if (name === "circle") return arena.discs.length > 0 || Boolean(arena.polygons?.length) || Boolean(arena.map);
   return name !== "territory" || Boolean(arena.territory);
 }
 

@@ -117,7 +117,7 @@ function mapAlong(map, before, after) {
 const polygonsOf = (arena) => (arena.polygons?.length ? edgesOf(arena.polygons) : null);
 
 /** Distance [m] from a point to the nearest obstacle; negative inside one, endless where there is none. */
-export function toObstacles(arena, x, y) {
+function toObstacles(arena, x, y) {
   let least = Infinity;
   for (const disc of arena.discs) least = Math.min(least, Math.hypot(x - disc.x, y - disc.y) - disc.radius);
   const edges = polygonsOf(arena);
@@ -132,16 +132,6 @@ export const clearance = (arena, x, y) => Math.min(toWalls(arena, x, y), toObsta
 export function toPolygon(polygon, x, y) {
   if (!edgesByPolygons.has(polygon)) edgesByPolygons.set(polygon, edges(polygon.vertices));
   return toPolygons(edgesByPolygons.get(polygon), x, y);
-}
-
-/** The same as `clearance`, to each of the four walls and to each obstacle. */
-export function clearances(arena, x, y) {
-  return [
-    ...[x - arena.x_min, arena.x_max - x, y - arena.y_min, arena.y_max - y],
-    ...arena.discs.map((disc) => Math.hypot(x - disc.x, y - disc.y) - disc.radius),
-    ...(arena.polygons ?? []).map((polygon) => toPolygon(polygon, x, y)),
-    ...(arena.map ? [toMap(arena.map, x, y)] : []),
-  ];
 }
 
 /** Least clearance [m] from any obstacle on the segment between two states of a robot. */

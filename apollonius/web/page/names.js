@@ -29,14 +29,11 @@ const WORDS = {
   stage1: "has caught only what stands",
   still: "stands still",
   "pure-pursuit": "drives at the other",
-  "proportional-navigation": "steers like a missile",
   intercept: "cuts off the way",
-  "potential-field": "is drawn and driven like a magnet",
   "voronoi-pursuit": "leaves the other less and less room",
   encirclement: "surrounds the other",
   flee: "drives straight away",
   "flee-aware": "runs where there is room",
-  circle: "rounds an obstacle",
   territory: "goes for the territory",
 };
 const TRAINED = { random: "learned against random moves" };

@@ -27,7 +27,7 @@ def small(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("apollonius.adapters.export.writing.STATES", 500)
     Path("hall.toml").write_text(HALL)
-    for name in ("egocentric", "rays", "patch"):
+    for name in ("egocentric", "team"):
         network = make_network(name, 8, 1, jax.random.key(0))
         save_agent(describe(network, Role.EVADER, to_dict(Game()), {}), Path(f"{name}.safetensors"))
 
@@ -81,9 +81,8 @@ def test_the_chart_of_another_map_is_written(capsys):
 @pytest.mark.parametrize(
     ("agent", "out", "naming"),
     [
-        ("rays", "a.c", ["observation = rays", "paper, encoded, egocentric"]),
-        ("rays", "a.onnx", ["observation = rays", "paper, encoded, egocentric"]),
-        ("patch", "a.py", ["observation = patch", "paper, encoded, egocentric"]),
+        ("team", "a.c", ["observation = team", "paper, encoded, egocentric"]),
+        ("team", "a.onnx", ["observation = team", "paper, encoded, egocentric"]),
     ],
 )
 def test_what_cannot_be_taken_is_refused_in_a_line(capsys, tmp_path, agent, out, naming):
