@@ -1,1 +1,1 @@
-"""Studies beyond the paper, each with several seeds: `python -m studies.schemes --help`."""
+"""Studies beyond the paper, each with several seeds: `python -m studies.held_out --help`."""

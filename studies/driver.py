@@ -14,10 +14,8 @@ from typing import Any, ClassVar
 
 from apollonius.errors import require
 from apollonius.game.by_side import BySide
-from apollonius.game.types import ROLES, Role
 from apollonius.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import agent_file
 from apollonius.learn.trainings import train_runs
 from apollonius.reproduce.finding import Finding, write_finding
 
@@ -84,7 +82,7 @@ def main(kind: type[AbstractStudy], arguments: Sequence[str] | None = None) -> i
     parser.add_argument("--on", choices=ENGINES, default="local", help="where they run (default: %(default)s)")
     parser.add_argument("--only", choices=("train", "judge"), help="stop after training, or train nothing")
     options = parser.parse_args(arguments)
-    for counted in ("seeds", "games", "processes"):
+    for counted in ("games", "processes"):
         count = getattr(options, counted, None)
         require(count is None or count >= 1, f"--{counted}", count, "at least 1")
     options.out = options.out.absolute()
@@ -103,17 +101,3 @@ def main(kind: type[AbstractStudy], arguments: Sequence[str] | None = None) -> i
     write_finding(finding, study.out, kind.name)
     print(finding.text)
     return 0
-
-
-def entrants(others: BySide[tuple[str, ...]], runs: Mapping[str, Path]) -> BySide[dict[str, str]]:
-    """Who plays, by name: others, who are as they are called, and the file of each run's last agent."""
-
-    def of_side(role: Role) -> dict[str, str]:
-        return {name: name for name in others[role]} | {run: str(agent_file(runs[run], LAST[role])) for run in runs}
-
-    return ROLES.map(of_side)
-
-
-def as_data(found: Mapping[tuple[str, str], Any]) -> dict[str, Any]:
-    """Matches by pursuer and evader, as JSON-like data."""
-    return {"matches": [{"pursuer": names[0], "evader": names[1], **match.to_dict()} for names, match in found.items()]}

@@ -147,7 +147,7 @@ def is_docstring(node):
 
 def test_the_house_is_in_order():
     sources = read(REPOSITORY / "apollonius") | read(REPOSITORY / "studies")
-    assert {"apollonius", "apollonius.rollout", "apollonius.game.arena", "studies", "studies.schemes"} <= set(sources)
+    assert {"apollonius", "apollonius.rollout", "apollonius.game.arena", "studies", "studies.held_out"} <= set(sources)
     assert violations(sources) == []
 
 
@@ -182,7 +182,7 @@ def test_training_and_judging_do_not_know_each_other():
         ("apollonius.commands", "def train():\n    from apollonius.learn.run import Run"),
         ("apollonius.zoo", '"""Nothing but agents."""'),
         ("apollonius.reproduce.study", "from apollonius import Game"),
-        ("studies.schemes", "import studies.driver\nfrom apollonius.exploit.attack import Attack"),
+        ("studies.held_out", "import studies.driver\nfrom apollonius.exploit.attack import Attack"),
     ],
 )
 def test_good_imports_pass(module, source):
@@ -209,9 +209,9 @@ def test_good_imports_pass(module, source):
         ("apollonius.exploit.attack", "from apollonius.reproduce.finding import Finding", "against the arrow"),
         ("apollonius.show.curves", "from apollonius import Game", "against the arrow"),
         ("apollonius.reproduce.study", "from studies.driver import run", "against the arrow"),
-        ("apollonius.commands.train", "def late():\n    import studies.schemes", "against the arrow"),
-        ("studies.schemes", "from apollonius.commands.train import run_train", "against the arrow"),
-        ("studies.schemes", "import matplotlib.pyplot as plt", "for show only"),
+        ("apollonius.commands.train", "def late():\n    import studies.held_out", "against the arrow"),
+        ("studies.held_out", "from apollonius.commands.train import run_train", "against the arrow"),
+        ("studies.held_out", "import matplotlib.pyplot as plt", "for show only"),
         ("apollonius.game.arena", "x = 1\n" * 251, "more than 250 lines"),
         ("apollonius.game.utils", "", "after nothing in particular"),
         ("apollonius.helpers.arena", "", "after nothing in particular"),

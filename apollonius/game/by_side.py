@@ -43,10 +43,6 @@ class BySide(eqx.Module, Generic[T_co]):
         """What a function makes of either side's value."""
         return BySide(function(self.pursuer), function(self.evader))
 
-    def swap(self) -> "BySide[T_co]":
-        """Each side with the other's value."""
-        return BySide(self.evader, self.pursuer)
-
 
 def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
     """The values of the two robots of a game of two: what can only be said of two comes by here.

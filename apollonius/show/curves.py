@@ -1,6 +1,6 @@
 """Curves over training: one line per seed, their mean and how sure it is; and bars with intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,14 +29,6 @@ def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> 
     low, high = mean_band(seeds)
     axes.fill_between(grid, low, high, color=colour, alpha=0.15, linewidth=0)
     axes.plot(grid, seeds.mean(axis=0), color=colour, label=f"{label}: mean of {len(curves)} seeds, 95 % band")
-
-
-def draw_lines(axes: Axes, lines: Mapping[str, Curve]) -> None:
-    """A line with points for each name, in colours and dashes that tell twenty apart."""
-    for number, (name, (x, y)) in enumerate(lines.items()):
-        dashes = "-" if number < 10 else "--"
-        axes.plot(x, y, f"C{number % 10}", linestyle=dashes, marker="o", markersize=3, label=name)
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
 
 
 def draw_rate(

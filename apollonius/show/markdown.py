@@ -22,13 +22,12 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([markdown_head(head), *map(markdown_row, rows)])
 
 
-def mean_over_seeds(values: Sequence[float], form: str, reach: str | None = None) -> str:
+def mean_over_seeds(values: Sequence[float], form: str) -> str:
     """The mean and, where there are several seeds, how far its 95 % interval reaches (Student's t); "-" of nothing.
 
     Args:
         values: one of each seed.
         form: how a number is written, "{:.1f}" for instance.
-        reach: the same for the interval, where it differs.
     """
     if not values:
         return "-"
@@ -36,4 +35,4 @@ def mean_over_seeds(values: Sequence[float], form: str, reach: str | None = None
     if len(values) < 2:
         return middle
     low, high = seeds_interval(values)
-    return f"{middle} ± {(reach or form).format((high - low) / 2)}"
+    return f"{middle} ± {form.format((high - low) / 2)}"

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from apollonius.errors import InvalidInput, exit_status
-from apollonius.evaluate.round_robin import RoundRobin
-from apollonius.game.by_side import BySide
+from apollonius.errors import exit_status
 from apollonius.jobs import available_cores
 from apollonius.reproduce.finding import Finding
-from studies import driver, robust, schemes, sensitivity, smooth
+from studies import driver, held_out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,29 +59,8 @@ def test_jobs_share_their_compilations_unless_a_place_is_given(tmp_path, monkeyp
     assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / ".jax_cache")
 
 
-@pytest.mark.parametrize("study", [robust, schemes, sensitivity, smooth])
-@pytest.mark.parametrize("counted", ["--seeds", "--games", "--processes"])
-def test_a_study_of_none_is_refused_in_one_line(study, counted, tmp_path, capsys):
-    assert exit_status(lambda: study.main([counted, "0", "--out", str(tmp_path / "out")])) == 2
+@pytest.mark.parametrize("counted", ["--games", "--processes"])
+def test_a_study_of_none_is_refused_in_one_line(counted, tmp_path, capsys):
+    assert exit_status(lambda: held_out.main([counted, "0", "--out", str(tmp_path / "out")])) == 2
     assert capsys.readouterr().err == f"{counted} = 0 is not possible: it must be at least 1.\n"
-    assert not (tmp_path / "out").exists()
-
-
-def test_entrants_are_others_and_the_last_agents_of_runs(tmp_path):
-    others = BySide(("P_scratch",), ("E_scratch", "random"))
-    found = driver.entrants(others, {"latest/seed-0": tmp_path / "latest"})
-    assert [list(side) for side in found] == [["P_scratch", "latest/seed-0"], ["E_scratch", "random", "latest/seed-0"]]
-    assert found.evader["random"] == "random"
-    assert found.evader["latest/seed-0"] == str(tmp_path / "latest" / "agents" / "E_curriculum.safetensors")
-
-
-def test_players_who_are_kept_apart_meet_their_own_and_everyone_else(tmp_path):
-    names = dict.fromkeys(("stranger", "seed-0", "seed-1"), "random")
-    everyone = RoundRobin(tmp_path, BySide(names, names), 1, 0, apart=("seed-0", "seed-1"))
-    assert [everyone.row(name) for name in names] == [list(names), ["stranger", "seed-0"], ["stranger", "seed-1"]]
-
-
-def test_a_study_is_refused_what_it_cannot_play(tmp_path):
-    with pytest.raises(InvalidInput, match=r"--config = .*none.toml"):
-        robust.main(["--out", str(tmp_path / "out"), "--config", str(tmp_path / "none.toml")])
     assert not (tmp_path / "out").exists()
