@@ -129,14 +129,7 @@ def step_games(
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
         noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
-
-        def seen(role: Role, announced: Actions | None = None) -> Any:
-            return players[role].observation.together(Views.of_all(game, noisy[role], role, announced))
-
-        def told(role: Role) -> Any:
-            return seen(role, act(role.other, seen(role.other), bits)[0])
-
-        return ROLES.map(lambda role: (told if players[role].observation.is_told else seen)(role))
+        return ROLES.map(lambda role: players[role].observation.together(Views.of_all(game, noisy[role], role)))
 
     seen = sees(games.state, bits)
     actions = ROLES.map(lambda role: act(role, seen[role], bits))

@@ -18,15 +18,13 @@ from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.uniform import Uniform, uniform_action
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
-from apollonius.game.types import ROLES, GameState, Outcome, RobotState, Role
+from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
 from apollonius.playout import play_at_once, play_out
@@ -324,29 +322,6 @@ def test_play_out_draws_members_uniformly():
     outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
     stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
     assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
-
-
-def test_a_side_that_is_told_reads_what_the_other_then_does():
-    """A pursuer of several actions; the evader is told them, also in the observation that a step leads to."""
-    players = BySide(pursuers(8, 4, RANDOM), solo(Scripted(jnp.asarray(RANDOM), OPPONENT_AWARE)))
-    transitions = numpy(played(GAME, players, random_starts(), jax.random.key(3))[1])
-    told = transitions.sides.evader.observation[..., -2:]
-    limits = np.array([AGILE.u1_max, AGILE.u2_max])
-    done = np.stack(jax.vmap(jax.vmap(AGILE.controls))(transitions.sides.pursuer.action), axis=-1)
-    np.testing.assert_allclose(told, done / limits, atol=1e-6)
-    goes_on, sure = ~over(transitions)[:-1], transitions.sides.pursuer.member[:-1] < 2
-    led_to = transitions.sides.evader.next_observation[:-1]
-    np.testing.assert_array_equal(led_to[goes_on & sure], transitions.sides.evader.observation[1:][goes_on & sure])
-    drawn = goes_on & ~sure
-    assert drawn.sum() > 500
-    agree = (led_to[drawn] == transitions.sides.evader.observation[1:][drawn])[:, -2:].all(axis=1)
-    assert agree.mean() == pytest.approx(1 / 9, abs=0.05)  # another draw of the same player
-
-
-def test_two_that_are_told_cannot_play_each_other():
-    players = ROLES.map(lambda role: solo(Scripted(jnp.asarray(RANDOM), OPPONENT_AWARE)))
-    with pytest.raises(InvalidInput, match="only if the opponent is not told in turn"):
-        played(GAME, players, random_starts(), jax.random.key(3))
 
 
 def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():

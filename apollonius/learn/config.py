@@ -12,7 +12,6 @@ from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.opponents.seats import seat_games
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from apollonius.limits import SEED
-from apollonius.observe.registry import find_observation
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,6 @@ class RunConfig:
         SEED.require("seed", self.seed)
         if self.sac is not None:
             self.game.require_two("soft actor-critic")
-        told = find_observation(self.learner.observation).is_told
-        require(not told, "observation", self.learner.observation, "what both can read; one side at most is told")
         past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or seat_games(past, games) > 0
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")

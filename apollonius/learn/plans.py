@@ -31,4 +31,4 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     name = config.first[role]
     if name is None:
         return None
-    return fitted(load_network(name, role), config.self_play.learner_of(role, config.learner), role.name.lower(), name)
+    return fitted(load_network(name, role), config.learner, role.name.lower(), name)

@@ -10,10 +10,8 @@ from apollonius.errors import require, require_positive
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.limits import GAMES
-from apollonius.observe.registry import find_observation
 
 
 @dataclass(frozen=True)
@@ -51,10 +49,6 @@ class StageConfig:
         """Share of random actions of either side when the stage begins, if it learns."""
         return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
-    def learner_of(self, role: Role, learner: LearnerConfig) -> LearnerConfig:
-        """How one side learns, where both learn like this."""
-        return learner
-
     def rewarded(self, game: Game) -> Game:
         """The game with this stage's own weights; only rewards differ, so the judge need not know."""
         return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
@@ -77,22 +71,12 @@ class SelfPlayConfig(StageConfig):
     zero_sum_within: float | None = None
     """Distance [m] beyond which the evader, too, is paid for coming closer (`apollonius.game.reward`), in place of the
     game's own; None leaves that, which is nowhere in the paper's game."""
-    evader_observation: str | None = None
-    """What the evader's network reads, if something else than the pursuer's: `opponent-aware` tells it what the pursuer
-    does in the step to come."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         within = self.zero_sum_within
         require(within is None or 0 < within < inf, "zero_sum_within", within, "more than 0 and finite, or left out")
-        if self.evader_observation is not None:
-            find_observation(self.evader_observation)
         require(1 <= self.snapshots <= 100, "snapshots", self.snapshots, "from 1 to 100")
-
-    def learner_of(self, role: Role, learner: LearnerConfig) -> LearnerConfig:
-        """How one side learns: the evader's network may read something else."""
-        own = self.evader_observation if role == Role.EVADER else None
-        return learner if own is None else replace(learner, observation=own)
 
     def rewarded(self, game: Game) -> Game:
         """The game with this stage's own weights and its own bound of the zero-sum part."""

@@ -40,10 +40,6 @@ class Plan:
         """Whom both sides meet where both learn."""
         return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
 
-    def learner_of(self, role: Role) -> LearnerConfig:
-        """How one side learns."""
-        return self.stage.learner_of(role, self.learner)
-
     @property
     def iterations_per_chunk(self) -> int:
         """Rounds of play and updates in one compiled call."""
@@ -112,7 +108,7 @@ def start(
     algorithm = algorithm_of(plan.learner)
 
     def memory(role: Role) -> replay_buffer.ReplayBuffer:
-        size, robots = find_observation(plan.learner_of(role).observation).size, len(game.bodies[role])
+        size, robots = find_observation(plan.learner.observation).size, len(game.bodies[role])
         of_teams = game.teams is not None
         return replay_buffer.init(plan.learner.rows, games * robots, size, algorithm.action, of_teams)
 
@@ -136,7 +132,7 @@ def first_learner(plan: Plan, role: Role, key: PRNGKeyArray, network: Network | 
     """One side's learner that goes on from a network, or from scratch. The key is consumed."""
     algorithm = algorithm_of(plan.learner)
     if network is None:
-        return algorithm.init(plan.learner_of(role), key)
+        return algorithm.init(plan.learner, key)
     return algorithm.start_from(plan.learner, network, key)
 
 

@@ -16,8 +16,6 @@ from apollonius.observe.view import Robot, View, Views
 class Whole:
     """The view itself, for players that follow a rule."""
 
-    is_told: ClassVar[bool] = False
-    """Whether it reads what the opponent does in the step to come, so that it can only be made once that is decided."""
     charted: ClassVar[bool] = False
     """Whether it reads the arena's chart (`apollonius.arenas.charting`)."""
 

@@ -8,12 +8,11 @@ from apollonius.game.types import GameState, Role
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.observe.paper import PAPER
 from apollonius.observe.team import TEAM
 from apollonius.observe.view import look
 
-_ALL = PAPER, ENCODED, OPPONENT_AWARE, EGOCENTRIC, TEAM
+_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 """By the names that files and configurations have for them."""
 

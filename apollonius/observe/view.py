@@ -9,14 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
-from apollonius.game.types import Action, Actions, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import GameState, Real, RobotState, Role, Scalar
 
 T = TypeVar("T")
 
@@ -38,7 +37,6 @@ class View(eqx.Module):
         mates: the other robots of its side.
         opponents: the robots of the other side.
         capture_distance: how near to each other they are when one is caught [m].
-        announced: the opponent's controls (u1 [m/s^2], u2 [rad/s]) in the step to come, if the robot is told them.
     """
 
     arena: Arena
@@ -46,7 +44,6 @@ class View(eqx.Module):
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
     capture_distance: Real
-    announced: tuple[Scalar, Scalar] | None = None
 
     @property
     def opponent(self) -> Robot:
@@ -87,32 +84,24 @@ class Views(eqx.Module):
         game: the rules.
         states: of the games, leaves `[rows]`.
         role: the side.
-        announced: the opponents' actions in the step to come, leaves `[rows]`, if the side is told them.
         numbers: which of the side's robots looks, which is the first one in `states`; None where it has only one.
     """
 
     game: Game
     states: GameState
     role: Role = eqx.field(static=True)
-    announced: Actions | None = None
     numbers: Int[Array, " rows"] | None = None
 
     @classmethod
-    def of_all(cls, game: Game, states: GameState, role: Role, announced: Actions | None = None) -> "Views":
+    def of_all(cls, game: Game, states: GameState, role: Role) -> "Views":
         """What all robots of one side see in many games.
 
         Args:
             states: of the games, leaves `[games]`.
-            announced: as above, leaves `[games]`.
-
-        Raises:
-            InvalidInput: where a team is to be told.
         """
         count, games = len(states.robots[role]), states.steps.shape[0]
         if count == 1:
-            return cls(game, states, role, announced)
-        bound = "one robot: only games of two have a player that is told what the opponent does next"
-        require(announced is None, "team", count, bound)
+            return cls(game, states, role)
 
         def first(number: int) -> GameState:
             def turned(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
@@ -130,20 +119,16 @@ class Views(eqx.Module):
     def each(self, function: Callable[..., Any], *rest: Any) -> Any:
         """What a function makes of the view in each of the rows, and of the rest, leaves `[rows]`: its `vmap`."""
 
-        def one(state: GameState, announced: Action | None, number: Int[Array, ""] | None, *rest: Any) -> Any:
+        def one(state: GameState, number: Int[Array, ""] | None, *rest: Any) -> Any:
             here = self.game if number is None else _turned(self.game.at(state), self.role, number)
-            view = look(here, state, self.role)
-            if announced is not None:
-                view = replace(view, announced=view.opponent.body.controls(announced))
-            return function(view, *rest)
+            return function(look(here, state, self.role), *rest)
 
-        return jax.vmap(one)(self.states, self.announced, self.numbers, *rest)
+        return jax.vmap(one)(self.states, self.numbers, *rest)
 
     def part(self, rows: Int[Array, " some"]) -> "Views":
         """The views in some of the rows."""
-        parts = jax.tree.map(lambda leaf: leaf[rows], (self.states, self.announced, self.numbers))
-        states, announced, numbers = parts
-        return Views(self.game, states, self.role, announced, numbers)
+        states, numbers = jax.tree.map(lambda leaf: leaf[rows], (self.states, self.numbers))
+        return Views(self.game, states, self.role, numbers)
 
 
 @fusion_barrier

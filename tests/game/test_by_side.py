@@ -10,7 +10,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
 
-def test_values_are_indexed_by_role_mapped_and_swapped():
+def test_values_are_indexed_by_role_and_mapped():
     values = BySide(3, "a")
     assert (values[Role.PURSUER], values[Role.EVADER]) == (3, "a") == tuple(values)
     assert values.map(str) == BySide("3", "a")

@@ -46,12 +46,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
         (SelfPlayConfig, {"zero_sum_within": 0.0}, "zero_sum_within = 0.0 .*more than 0 and finite"),
         (SelfPlayConfig, {"zero_sum_within": math.inf}, "zero_sum_within = inf .*more than 0 and finite"),
-        (SelfPlayConfig, {"evader_observation": "raster"}, "observation = raster .*paper, encoded, opponent-aware"),
-        (
-            RunConfig,
-            {"dqn": DQNConfig(observation="opponent-aware")},
-            "observation = opponent-aware .*one side at most",
-        ),
+        (DQNConfig, {"observation": "raster"}, "observation = raster .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
     ],
@@ -65,9 +60,7 @@ def test_the_replay_that_is_asked_for_is_enough():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
 
 
-ASYMMETRIC = replace(
-    PRESETS["quick"], self_play=SelfPlayConfig(zero_sum_within=2.0, evader_observation="opponent-aware")
-)
+ASYMMETRIC = replace(PRESETS["quick"], self_play=SelfPlayConfig(zero_sum_within=2.0))
 
 
 @pytest.mark.parametrize("config", [*PRESETS.values(), ASYMMETRIC], ids=[*PRESETS, "asymmetric"])

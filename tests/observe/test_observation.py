@@ -1,7 +1,6 @@
 """What a robot sees (Eq. 6, 7), number by number."""
 
 import math
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +13,6 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.encoded import ENCODED
-from apollonius.observe.opponent_aware import OPPONENT_AWARE
 from apollonius.observe.registry import OBSERVATIONS, find_observation
 from apollonius.observe.registry import observe as observe_one
 from apollonius.observe.view import Views, each, look
@@ -66,19 +64,6 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
     np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
 
 
-def test_opponent_aware_is_what_both_see_and_what_the_opponent_does_next():
-    """The pursuer brakes at half its limit and turns right with all that it has."""
-    now = state(PURSUER, EVADER)
-    view = look(GAME, now, Role.EVADER)
-    announced = (jnp.float32(-GAME.pursuer.u1_max / 2), jnp.float32(-GAME.pursuer.u2_max))
-    seen = OPPONENT_AWARE(replace(view, announced=announced))
-    np.testing.assert_allclose(seen[:17], observe(GAME, now, Role.EVADER, "encoded"), atol=1e-6)
-    np.testing.assert_allclose(seen[17:34], observe(GAME, now, Role.PURSUER, "encoded"), atol=1e-6)
-    np.testing.assert_allclose(seen[34:], [-0.5, -1.0], atol=1e-6)
-    with pytest.raises(InvalidInput, match=r"'opponent-aware' reads what the opponent does next.*another observation"):
-        OPPONENT_AWARE(view)
-
-
 def random_states(count):
     rng = np.random.default_rng(0)
     x, y, heading = (rng.uniform(*limits, (2, count)) for limits in ((0, 8), (-2, 2), (-np.pi, np.pi)))
@@ -87,7 +72,7 @@ def random_states(count):
     return jax.vmap(GameState.of_two)(pursuers, evaders, jnp.zeros(count, jnp.int32))
 
 
-@pytest.mark.parametrize("profile", [name for name, one in OBSERVATIONS.items() if not one.is_told and not one.charted])
+@pytest.mark.parametrize("profile", [name for name, one in OBSERVATIONS.items() if not one.charted])
 @pytest.mark.parametrize("role", Role)
 def test_observations_have_the_declared_size_and_lie_in_their_range(profile, role):
     seen = observe_many(GAME, random_states(2000), role, profile)
