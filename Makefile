@@ -59,8 +59,6 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/speed.py train --profile fast
 	$(BIN)/python benchmarks/latency.py
 	$(BIN)/python benchmarks/page.py
-	$(BIN)/python benchmarks/animations.py
-	$(BIN)/python benchmarks/occupancy_map.py
 	taskset -c 0 $(BIN)/python benchmarks/solver.py
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
