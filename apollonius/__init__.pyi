@@ -18,7 +18,6 @@ from apollonius.evaluate.match import MatchResult as MatchResult
 from apollonius.evaluate.match import StartFilter as StartFilter
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game
-from apollonius.evaluate.regret import measure_regret as measure_regret
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc
 from apollonius.game.by_side import BySide as BySide
@@ -51,6 +50,5 @@ from apollonius.solve.reference import reference_grid as reference_grid
 from apollonius.solve.safety import kernel_shielded as kernel_shielded
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.store import load_solution as load_solution
-from apollonius.solve.table_policy import TablePolicy as TablePolicy
 from apollonius.solve.zero_sum_game import make_zero_sum_game as make_zero_sum_game
 from apollonius.version import __version__ as __version__

@@ -91,8 +91,6 @@ PARALLEL_GAMES = Counted(2_500)
 """Games that are played at a time, with what training keeps of them."""
 TRANSITIONS = Counted(100)
 """Transitions of one side that training keeps, or learns from at a time."""
-TARGETS = Counted(1_000)
-"""Places of a standing target."""
 HOLD = Counted(500_000)
 """Control steps for which an action is held: the ways of all nine actions from every node of a usual grid."""
 JOINT_HOLD = Counted(0, most=127)

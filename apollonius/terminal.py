@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from apollonius.evaluate.card import Card
     from apollonius.evaluate.makes import MakeTable
     from apollonius.evaluate.match import MatchResult
-    from apollonius.evaluate.regret import Regret
     from apollonius.evaluate.team_sizes import TeamSizes
     from apollonius.evaluate.tournament import Tournament
     from apollonius.learn.progress import Progress
@@ -176,31 +175,6 @@ def _make_row(match: "MatchResult") -> str:
         counts["no_result"],
     ]
     return "".join([*shares, *(f"{100 * kind / games:>8.1f}" for kind in kinds)])
-
-
-def regret_table(pursuer: str, regret: "Regret") -> str:
-    """A pursuer beside the table's, as lines of text."""
-    width = len("table's player captures")
-    lines = [f"{pursuer} against standing targets: {regret.games:,} games, {regret.targets} targets"]
-    for who, rate, (low, high) in (
-        ("captures", regret.captured, regret.captured_interval),
-        ("table's player captures", regret.ceiling, regret.ceiling_interval),
-    ):
-        lines.append(f"  {who:<{width}}  {rate:>8.2%}  95 % interval {low:.2%} to {high:.2%}")
-    for what, seconds in (
-        ("mean time", regret.mean_seconds),
-        ("table's mean time", regret.mean_seconds_table),
-        ("regret, median", regret.median_regret),
-        ("regret, 1 in 100", regret.regret_99),
-    ):
-        lines.append(f"  {what:<{width}}  {'-' if seconds is None else f'{seconds:.2f} s':>8}")
-    error = "-" if regret.prediction_error is None else f"{regret.prediction_error:.2%}"
-    lines.append(f"  {'prediction off by':<{width}}  {error:>8}  in the median, of the table's player's own time")
-    lines.append("  most is lost at (x, y, v, heading of the pursuer; x, y of the target):")
-    for game in regret.worst:
-        start, target = ("  ".join(f"{number:6.2f}" for number in game[name]) for name in ("start", "target"))
-        lines.append(f"    {start}; {target}  {game['outcome']} {game['seconds']} s, table {game['seconds_table']} s")
-    return "\n".join(lines)
 
 
 def card_table(agent: str, card: "Card") -> str:

@@ -243,8 +243,7 @@ def with_less(words, options):
         changes = {"--config": "tiny.toml"}
         rest = [word for word in rest if word not in ("--preset", "quick")]
     if what == "regret":
-        kind = {"--response-games": "2"} if options["tables"] else {"--targets": "1", "--grid": GRIDS["reach"]}
-        changes = {"--games": "8"} | kind
+        changes = {"--games": "8"} | ({"--response-games": "2"} if options["tables"] else {"--grid": GRIDS["game"]})
     if what == "solve":
         changes["--grid"] = GRIDS[options["what"]]
     if what == "robots":
@@ -344,7 +343,6 @@ SHORTER = {
     "--preset quick": "--config tiny.toml",
     "--games 2000": "--games 4",
     "--games 500": "--games 4",
-    "--targets 20": "--targets 1 --grid 10x7x3x9",
     "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
     "random flee-aware": "flee-aware",
 }
@@ -370,7 +368,7 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
     assert Path("hall.png").exists()
     said = capsys.readouterr().out
     assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
-    assert "hall/P_curriculum against standing targets: 4 games, 1 targets" in said
+    assert "hall/P_curriculum (pursuer) in the solved game: 4 games" in said
 
 
 GLOSSARY = re.findall(r"^\| [^|]+ \| .+ \| ([^|]+) \|$", (DOCS / "glossary.md").read_text(), re.MULTILINE)

@@ -67,7 +67,7 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     assert card["gap"] == pytest.approx(card["sure"] - card["agent"]["payoff"], abs=1e-6)
     kept = [load_replay(path) for path in Path("lost").iterdir()]
     assert {replay.index for replay in kept} == {game["game"] for game in card["worst"][:2]}
-    assert {(replay.pursuer, replay.evader) for replay in kept} == {("pursuer", "random")}
+    assert {(replay.pursuer, replay.evader) for replay in kept} == {("table", "random")}
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
     assert "gap to what it could be sure of" in capsys.readouterr().out
 
@@ -95,8 +95,8 @@ def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(cap
     [
         (("solve", "safety", "--payoff", "win"), ("--payoff", "left out but for game")),
         (("solve", "game", "--target", "1", "2"), ("--target", "left out otherwise")),
-        (("regret", "P_stage1", "--role", "pursuer"), ("--role", "without --tables")),
-        (("regret", "P_stage1", "--record", "2"), ("--record", "without --tables")),
+        (("regret", "P_stage1", "--role", "robot"), ("--role", "robot")),
+        (("regret", "P_stage1", "--record", "11"), ("--record", "from 0 to 10")),
         (("exploit", "pursuer", "P_stage1", "--attackers", "nobody"), ("--attackers", "nobody")),
         (("exploit", "pursuer", "P_stage1", "--tables", "t.npz", "e.npz"), ("--tables = t.npz", "check the path")),
     ],
@@ -110,6 +110,5 @@ def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
     twice = ("--tables", tables["evader"], tables["evader"])
     assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
     both = ("--tables", tables["pursuer"], tables["evader"])
-    assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "left out with --tables"))
-    assert_refused(capsys, "regret", "random", *both, "--record", "11", naming=("--record", "from 0 to 10"))
+    assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert_refused(capsys, "exploit", "evader", "still", *twice, naming=("--tables", "a pursuer's and an evader's"))

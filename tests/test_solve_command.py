@@ -78,20 +78,8 @@ def test_what_is_there_is_overwritten_only_by_force(capsys):
         (("solve", "safety", "--hold", "0"), ("--hold = 0", "at least 1")),
         (("solve", "safety", "--grid", "9001x9001x99x99"), ("GiB", "fewer nodes")),
         (("regret", "P_stage1", "--starts", "viable"), ("--starts = viable", "rest or moving")),
-        (("regret", "P_stage1", "--games", "7", "--targets", "2", *COARSE), ("games = 7", "multiple of the 2")),
         (("regret", "E_scratch"), ("E_scratch", "plays the evader")),
     ],
 )
 def test_what_cannot_be_solved_is_refused(capsys, arguments, naming):
     assert_refused(capsys, *arguments, naming=naming)
-
-
-@pytest.mark.slow
-def test_regret_is_printed_as_a_table_and_as_json(capsys):
-    options = ("regret", "still", "--games", "4", "--targets", "1", *COARSE)
-    facts = run_json(capsys, *options)
-    assert (facts["pursuer"], facts["games"], facts["captured"], facts["grid"]) == ("still", 4, 0, [21, 21, 9, 16])
-    assert run_main(*options) == 0
-    printed = capsys.readouterr()
-    assert "still against standing targets: 4 games, 1 targets" in printed.out
-    assert "no_result" in printed.out

@@ -123,5 +123,5 @@ def _next(options: argparse.Namespace, path: Path, role: str) -> str:
         players = (path, "random") if role == "pursuer" else ("random", path)
         return command("evaluate", *players, *rules, "--games", 100)
     if options.what == "reach":
-        return command("regret", "P_stage1", *rules, "--games", 1000)
+        return command("evaluate", "P_stage1", "still", *rules, "--games", 1000)
     return command("evaluate", "P_curriculum", "random", *rules, "--starts", "viable")

@@ -20,10 +20,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from apollonius.agents.policy import AbstractActionValuePolicy
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Outcome, RobotState, Role, Scalar
 from apollonius.limits import require_memory
+from apollonius.observe.view import View
 from apollonius.solve.event import first_event
 from apollonius.solve.grid import FEWER_NODES, Grid
 from apollonius.solve.iteration import Solved, Sweep, iterate, silent
@@ -48,8 +50,8 @@ class Chase(eqx.Module):
     reach: tuple[int, int] = eqx.field(static=True)
 
 
-class Reach(eqx.Module):
-    """The least time to one target.
+class Reach(AbstractActionValuePolicy):
+    """The least time to one target, and the pursuer that takes it: it decides again in every step.
 
     Attributes:
         game: the rules.
@@ -64,6 +66,10 @@ class Reach(eqx.Module):
     target_x: Scalar
     target_y: Scalar
     table: Float[Array, "v heading x y"]
+
+    def values(self, seen: View) -> Float[Array, "9"]:
+        """Return what the nine actions are worth."""
+        return self.action_values(seen.own.state)
 
     def action_values(self, robot: RobotState) -> Float[Array, "9"]:
         """What each action is worth where the robot is, held by the rules and then interpolated."""

@@ -20,7 +20,6 @@ from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.playout import play_out
 from apollonius.solve.grid import make_grid
 from apollonius.solve.reach import HORIZON, make_chase, solve_reach
-from apollonius.solve.table_policy import TablePolicy
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY, as_table
 
@@ -62,7 +61,7 @@ def test_the_table_is_that_of_brute_force():
 
 @pytest.mark.slow
 def test_the_table_captures_when_it_said_it_would(reach, starts):
-    results = play_out(SMALL, BySide(solo(TablePolicy(reach)), solo(Still())), starts, jax.random.key(0))
+    results = play_out(SMALL, BySide(solo(reach), solo(Still())), starts, jax.random.key(0))
     captured = np.asarray(results.outcome) == Outcome.CAPTURED
     assert np.mean(captured) >= 0.995
     predicted = np.asarray(jax.jit(jax.vmap(reach.seconds))(starts.pursuer))
