@@ -1,15 +1,19 @@
 """Arrays by name, as safetensors files hold them: read so that no file can do harm, its header first."""
 
+import json
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
 
-from apollonius.errors import InvalidInput
+from apollonius.document import parse_json, write_atomically
+from apollonius.errors import InvalidInput, shown
 
 MOST_HEADER = 2**24
 """Largest header of a file [bytes]."""
@@ -44,6 +48,36 @@ def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator
             yield file
     except (SafetensorError, OSError) as error:
         raise InvalidInput(f"{damaged} ({error}): {remedy}.") from error
+
+
+def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None:
+    """Write a file of arrays and a header, a dataclass, atomically.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
+    # One entry: safetensors writes several in an order of their own, and one seed must give one file.
+    write_atomically(path, save(arrays, {"header": json.dumps(asdict(header), sort_keys=True)}))
+
+
+def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> dict[str, Any]:
+    """Return the fields of the header of an open file.
+
+    Args:
+        form: name and version of the format that it must have.
+        foreign: the message for a file of another format.
+
+    Raises:
+        InvalidInput: for another format or version.
+    """
+    fields = parse_json((file.metadata() or {}).get("header", ""), foreign)
+    if fields.get("format") != form[0]:
+        raise InvalidInput(f"{foreign}.")
+    version = fields.get("version")
+    if version != form[1]:
+        told = f"'{path}' has format version {shown(version)}, this program reads {form[1]}: update it."
+        raise InvalidInput(told)
+    return fields
 
 
 def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:

@@ -45,7 +45,7 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
     for kind in KINDS:
-        if name.endswith(kind.suffix) and (found := kind.find(name, role, game)):
+        if found := kind.find(name, role, game):
             return found
     raise unknown(name, *KINDS)
 

@@ -44,8 +44,11 @@ def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES) -> by
     return path.read_bytes()
 
 
-def write_atomically(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
     """Write a file, in a folder that need not be there, so that at every moment it is whole: the old one or the new.
+
+    Args:
+        synced: wait for the disk, so that the content also outlives a loss of power.
 
     Raises:
         OSError: when the disk is full or read-only; the old content is untouched.
@@ -55,8 +58,9 @@ def write_atomically(path: Path, content: bytes) -> None:
     try:
         with open(temporary, "wb") as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+            if synced:
+                file.flush()
+                os.fsync(file.fileno())
         os.replace(temporary, path)
     except BaseException:
         temporary.unlink(missing_ok=True)

@@ -14,13 +14,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from apollonius.compilations import VARIABLE
+from apollonius.cache import VARIABLE
 
 COMMANDS = (
     ("evaluate", "P_stage1", "still", "--games", "1000"),
     ("evaluate", "shielded:P_pool", "E_scratch", "--games", "1000"),
     ("show", "shielded:P_pool", "E_scratch", "--out", "game.gif"),
-    ("solve", "safety", "--out", "safety.npz", "--force"),
+    ("solve", "safety", "--out", "safety.safetensors", "--force"),
 )
 
 
@@ -51,7 +51,7 @@ def spend(command: tuple[str, ...], folder: str) -> tuple[float, float]:
     subprocess.run(
         [sys.executable, "-m", "apollonius", *command], check=True, stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL, cwd=folder,
-        env={**os.environ, VARIABLE: str(Path(folder) / "compilations")},
+        env={**os.environ, VARIABLE: str(Path(folder) / "cache")},
     )  # fmt: skip
     return time.perf_counter() - began, sum(os.times()[:4]) - before
 

@@ -5,13 +5,13 @@ kept as files beside all that they depend on.
 """
 
 import argparse
-import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
+from apollonius.compilations import keep_compilations
 from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.jobs import ENGINES, STOPPED, Job, available_cores, run_jobs
@@ -88,8 +88,7 @@ def main(kind: type[AbstractStudy], arguments: Sequence[str] | None = None) -> i
     options.out = options.out.absolute()
     study = kind(**{one.name: getattr(options, one.name) for one in fields(kind)})
     cores = available_cores()[: options.processes]
-    # The processes that do the work inherit this, so that they share their compilations.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(study.out / ".jax_cache"))
+    keep_compilations()
     if options.only != "judge" and not train_runs(study.trainings(), cores, print, options.on):
         return STOPPED
     if options.only == "train":

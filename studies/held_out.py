@@ -17,14 +17,15 @@ from pathlib import Path
 
 import jax.numpy as jnp
 
-from apollonius.agents.kind import Named, fingerprint
+from apollonius.agents.kind import Named
 from apollonius.agents.trained import ANY
 from apollonius.arenas.charting import charted
 from apollonius.arenas.scenarios import each_alone, scenario_game
 from apollonius.arenas.suite import suite_entries
+from apollonius.cache import content
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import exit_status
-from apollonius.evaluate.match_cache import cached_result
+from apollonius.evaluate.match_cache import kept_record
 from apollonius.exploit.attack import Attack
 from apollonius.exploit.attackers import QUICK, Attacker, Means
 from apollonius.exploit.losses import Losses
@@ -35,8 +36,8 @@ from apollonius.jobs import Job, ShouldStop
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.reproduce.finding import Finding
-from apollonius.solve.kept import kept_tables
 from apollonius.solve.players import SaddlePolicy
+from apollonius.solve.solving import kept_tables
 from studies import driver
 from studies.worst import SOLVED, SPECIALIST, arena_table, read_attacks, verdict
 
@@ -167,7 +168,6 @@ def _classical(study: HeldOut, role: Role) -> str:
     """The one that comes off best against the other side's player of any arena, behind a shield."""
     found: dict[str, float] = {}
     for name in (f"shielded:{name}" for name in CLASSICAL[role]):
-        kept = study.out / "classical" / f"{role.name.lower()}--{name}.json".replace(":", "-")
         asked = {"role": role.name.lower(), "player": name, "arenas": study.chosen, "games": study.games}
 
         def play(name: str = name) -> Losses:
@@ -176,7 +176,7 @@ def _classical(study: HeldOut, role: Role) -> str:
             against = Attacker(ANY[role.other], find_player(ANY[role.other], role.other, game).policy)
             return against.measure(attack, study.games, study.seed)
 
-        losses = cached_result(kept, asked, Losses, play)
+        losses = kept_record(study.out / "classical", f"{role.name.lower()}--{name}.json", asked, Losses, play)
         found[name] = losses.wins - losses.loses
     return max(found, key=lambda name: found[name])
 
@@ -194,15 +194,16 @@ def _kept_losses(study: HeldOut, arena: str, attack: Siege, attacker: Attacker) 
     asked = {
         "role": attack.role.name.lower(),
         "player": attack.player.name,
-        "fingerprint": fingerprint(attack.player.policy),
+        "content": content(attack.player.policy),
         "attacker": attacker.name,
         "games": study.attacks,
         "grid": study.grid,
         "seed": study.seed,
     }
-    name = f"{asked['role']}--{attack.player.name}--{attacker.name}.json".replace("/", "-").replace(":", "-")
-    path = study.kept(arena) / name
-    return cached_result(path, asked, Losses, lambda: attacker.measure(attack, study.attacks, study.seed))
+    name = f"{asked['role']}--{attack.player.name}--{attacker.name}.json"
+    return kept_record(
+        study.kept(arena), name, asked, Losses, lambda: attacker.measure(attack, study.attacks, study.seed)
+    )
 
 
 main = partial(driver.main, HeldOut)

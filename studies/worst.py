@@ -28,7 +28,8 @@ def read_attacks(folder: Path) -> Attacks:
     for path in sorted(folder.glob("*.json")):
         kept = json.loads(path.read_text())
         losses = Losses(**{**kept["result"], "interval": tuple(kept["result"]["interval"])})
-        found[kept["role"]].setdefault(kept["player"], {})[kept["attacker"]] = losses
+        key = kept["key"]
+        found[key["role"]].setdefault(key["player"], {})[key["attacker"]] = losses
     return found
 
 

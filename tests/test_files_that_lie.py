@@ -4,8 +4,8 @@ are sound; never anything else."""
 import copy
 import io
 import json
+import math
 import struct
-import zipfile
 import zlib
 from pathlib import Path
 from typing import Any
@@ -74,25 +74,24 @@ def read_checkpoint(path):
 
 KINDS: dict[str, tuple[Any, Any, str]] = {
     "agent": (write_agent, load_agent, "a.safetensors"),
-    "table": (write_table, load_solution, "t.npz"),
+    "table": (write_table, load_solution, "t.safetensors"),
     "checkpoint": (write_checkpoint, read_checkpoint, "c.safetensors"),
     "replay": (write_replay, load_replay, "r.json"),
     "game": (write_game, load_game, "g.toml"),
     "map": (write_map, load_map, "m.yaml"),
 }
 """How a small file of each kind is written and read."""
+ARRAYS = {"agent": "header", "table": "header", "checkpoint": CHECKPOINT}
+"""Kinds of files in safetensors, and what their headers are called."""
 
 
 def header_of(kind, path):
     """What a file says of itself, as data."""
     content = path.read_bytes()
-    if kind in ("agent", "checkpoint"):
+    if kind in ARRAYS:
         size = int.from_bytes(content[:8], "little")
         told = json.loads(content[8 : 8 + size])["__metadata__"]
-        return json.loads(told["header" if kind == "agent" else CHECKPOINT])
-    if kind == "table":
-        with np.load(path) as file:
-            return json.loads(str(file["header"]))
+        return json.loads(told[ARRAYS[kind]])
     if kind == "replay":
         return json.loads(content)
     return to_dict(GAME) if kind == "game" else {
@@ -106,11 +105,8 @@ def with_header(kind, path, header):
     text = header if isinstance(header, str) else json.dumps(header)
     content = path.read_bytes()
     path.unlink()  # a file that is written over goes to the disk at once, which takes longer than all else
-    if kind in ("agent", "checkpoint"):
-        path.write_bytes(save(load(content), {"header" if kind == "agent" else CHECKPOINT: text}))
-    elif kind == "table":
-        with np.load(io.BytesIO(content)) as file:
-            np.savez_compressed(path, **(dict(file) | {"header": np.array(text)}))
+    if kind in ARRAYS:
+        path.write_bytes(save(load(content), {ARRAYS[kind]: text}))
     elif kind == "game":
         path.write_text(header if isinstance(header, str) else tomli_w.dumps(header))
     else:
@@ -201,71 +197,30 @@ def test_deep_nesting_is_refused(kind, file):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("kind", ["agent", "table", "checkpoint"])
+@pytest.mark.parametrize("kind", ARRAYS)
 def test_numbers_that_are_not_finite_are_refused(kind, bad, file):
     path = file(kind)
-    if kind == "table":
-        with np.load(path) as entries:
-            content = dict(entries)
-        content["table"][0, 1, 2, 0] = bad
-        np.savez_compressed(path, **content)
-    else:
-        text, arrays = json.dumps(header_of(kind, path)), load(path.read_bytes())
-        name = next(name for name, array in arrays.items() if array.dtype == np.float32)
-        arrays[name] = np.full_like(arrays[name], bad)
-        path.write_bytes(save(arrays, {"header" if kind == "agent" else CHECKPOINT: text}))
+    text, arrays = json.dumps(header_of(kind, path)), load(path.read_bytes())
+    name = next(name for name, array in arrays.items() if array.dtype == np.float32)
+    arrays[name] = np.array(arrays[name])
+    arrays[name].flat[-1] = bad
+    path.write_bytes(save(arrays, {ARRAYS[kind]: text}))
     assert "not finite" in (told(kind, path) or "")
 
 
-def rezipped(path, table, kind=zipfile.ZIP_DEFLATED):
-    """The file with other bytes for its table."""
-    with zipfile.ZipFile(path) as archive:
-        header = archive.read("header.npy")
-    with zipfile.ZipFile(path, "w", kind) as archive:
-        archive.writestr("header.npy", header)
-        archive.writestr("table.npy", table)
-
-
-def npy(shape, kind="<f4", content=b""):
-    """An array of NumPy's whose header says this."""
-    told = f"{{'descr': {kind!r}, 'fortran_order': False, 'shape': {shape}, }}".encode()
-    told += b" " * (-(len(told) + 11) % 64) + b"\n"
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(told)) + told + content
-
-
-@pytest.mark.parametrize(
-    "table",
-    [npy((10**13,)), npy((2, 5, 4, 3), "O"), npy((2, 5, 4, 3), "<f4", b"\0" * 100), b"", b"\x93NUMPY\x01\x00\xff\xff",
-     npy((2, 5, 4, 3), "<f4", b"\0" * 2**25), npy("(" * 5_000)],
-    ids=["shape", "objects", "short", "empty", "header", "bomb", "brackets"],
-)  # fmt: skip
-def test_a_table_is_of_the_size_that_its_header_says(table, file):
+@pytest.mark.parametrize("shape", [(10**13,), (2, 5, 4, 10**9), (2, 5, 4, 4), (120,), ()])
+def test_a_table_is_of_the_size_that_its_header_says(shape, file):
     path = file("table")
-    rezipped(path, table)
-    assert told("table", path) is not None
-
-
-@pytest.mark.parametrize("damage", ["encrypted", "compression", "stream", "checksum", "lzma"])
-def test_archives_that_cannot_be_read_are_refused(damage, file):
-    path = file("table")
-    if damage == "lzma":
-        rezipped(path, npy((2, 5, 4, 3), "<f4", b"\0" * 480), zipfile.ZIP_LZMA)
+    content = path.read_bytes()
+    size = int.from_bytes(content[:8], "little")
+    claims = json.loads(content[8 : 8 + size])
+    claims["table"]["shape"] = list(shape)
+    for end in (480, 4 * math.prod(shape)):
+        claims["table"]["data_offsets"] = [0, end]
+        header = json.dumps(claims).encode()
+        path.unlink()
+        path.write_bytes(len(header).to_bytes(8, "little") + header + content[8 + size :])
         assert told("table", path) is not None
-        return
-    content = bytearray(path.read_bytes())
-    for sign, flags, method in ((b"PK\x03\x04", 6, 8), (b"PK\x01\x02", 8, 10)):
-        for at in [place for place in range(len(content)) if content[place : place + 4] == sign]:
-            if damage == "encrypted":
-                content[at + flags] |= 1
-            elif damage == "compression":
-                content[at + method] = 77
-            elif damage == "checksum":
-                content[at + method + 6] ^= 0xFF
-    if damage == "stream":
-        at = content.index(b"header.npy") + 40
-        content[at : at + 20] = b"\xff" * 20
-    path.write_bytes(content)
-    assert told("table", path) is not None
 
 
 def test_a_map_with_aliases_is_refused_at_once(file):

@@ -17,7 +17,7 @@ GRID = ("--grid", "4x4x2x4", "--hold", "10")
 def tables(tmp_path_factory):
     """The files of both sides, and what was printed about them."""
     folder = tmp_path_factory.mktemp("tables")
-    paths = {role: folder / f"{role}.npz" for role in ("pursuer", "evader")}
+    paths = {role: folder / f"{role}.safetensors" for role in ("pursuer", "evader")}
     for role, path in paths.items():
         assert run_main("solve", "game", "--role", role, *GRID, "--out", str(path)) == 0
     return {role: str(path) for role, path in paths.items()}
@@ -44,7 +44,7 @@ def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
     assert -1 <= facts["at the worst"] <= facts["the evader is sure of, on average over starts"] <= 1
     assert_refused(
         capsys, "solve", "game", "--role", "evader", "--payoff", "time", *GRID, "--out", tables["evader"],
-        naming=("evader.npz", "another problem", "--force"),
+        naming=("evader.safetensors", "another problem", "--force"),
     )  # fmt: skip
 
 
@@ -54,7 +54,11 @@ def test_its_file_is_a_player(capsys, tables):
     assert match["pursuer"] == "pursuer"
     assert match["pursuer_win_rate"] > match["evader_win_rate"]
     assert_refused(
-        capsys, "evaluate", tables["evader"], "random", naming=("pursuer = ", "evader.npz", "solved for the pursuer")
+        capsys,
+        "evaluate",
+        tables["evader"],
+        "random",
+        naming=("pursuer = ", "evader.safetensors", "solved for the pursuer"),
     )
 
 
@@ -98,7 +102,10 @@ def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(cap
         (("regret", "P_stage1", "--role", "robot"), ("--role", "robot")),
         (("regret", "P_stage1", "--record", "11"), ("--record", "from 0 to 10")),
         (("exploit", "pursuer", "P_stage1", "--attackers", "nobody"), ("--attackers", "nobody")),
-        (("exploit", "pursuer", "P_stage1", "--tables", "t.npz", "e.npz"), ("--tables = t.npz", "check the path")),
+        (
+            ("exploit", "pursuer", "P_stage1", "--tables", "t.safetensors", "e.safetensors"),
+            ("--tables = t.safetensors", "check the path"),
+        ),
     ],
 )
 def test_what_does_not_go_together_is_refused(capsys, arguments, words):

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from apollonius.solve.store import load_solution
@@ -33,7 +32,7 @@ def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
     braking = facts["moving starts lost, if it brakes"]
     assert 0.01 < steered <= braking < 0.04
     solution = load_solution(Path(facts["file"]))
-    assert facts["file"] == "safety-paper.npz"
+    assert facts["file"] == "safety-paper.safetensors"
     assert solution.table.shape == (9, 16, 21, 21)
     assert (solution.problem.kind, solution.problem.role, solution.sweeps) == ("safety", "pursuer", facts["sweeps"])
     assert run_main("solve", "safety", *COARSE, "--plot", "new/safety.png") == 0
@@ -44,25 +43,24 @@ def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
 
 
 def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
-    arguments = ("solve", "reach", "--target", "6", "2", *COARSE, "--out", "tables/six.npz")
+    arguments = ("solve", "reach", "--target", "6", "2", *COARSE, "--out", "tables/six.safetensors")
     first = run_json(capsys, *arguments)
     assert first["starts with a capture"] > 0.9
     assert 3 < first["median time to capture [s]"] < 30
     monkeypatch.setattr("apollonius.solve.solving.solve_reach", None)
     assert run_json(capsys, *arguments) == first
     assert_refused(
-        capsys, "solve", "reach", "--target", "6", "3", *COARSE, "--out", "tables/six.npz",
-        naming=("tables/six.npz", "another problem", "--force"),
+        capsys, "solve", "reach", "--target", "6", "3", *COARSE, "--out", "tables/six.safetensors",
+        naming=("tables/six.safetensors", "another problem", "--force"),
     )  # fmt: skip
 
 
 @pytest.mark.slow
 def test_what_is_there_is_overwritten_only_by_force(capsys):
-    Path("t.npz").write_text("mine")
-    assert_refused(capsys, "solve", "safety", *COARSE, "--out", "t.npz", naming=("t.npz", "no whole"))
-    assert run_json(capsys, "solve", "safety", *COARSE, "--out", "t.npz", "--force")["file"] == "t.npz"
-    with np.load("t.npz") as file:
-        assert set(file) == {"header", "table"}
+    Path("t.safetensors").write_text("mine")
+    assert_refused(capsys, "solve", "safety", *COARSE, "--out", "t.safetensors", naming=("t.safetensors", "no whole"))
+    assert run_json(capsys, "solve", "safety", *COARSE, "--out", "t.safetensors", "--force")["file"] == "t.safetensors"
+    assert load_solution(Path("t.safetensors")).problem.kind == "safety"
 
 
 @pytest.mark.parametrize(

@@ -191,7 +191,7 @@ NAMES = [(command, name) for command, name, _, kind in arguments() if kind == "n
 
 @pytest.mark.parametrize(("command", "name"), NAMES, ids=lambda value: value.strip("-"))
 def test_no_odd_value_is_the_name_of_anything(capsys, command, name):
-    for value in ["nan", "folder", "9" * 5_000, "missing.npz"]:
+    for value in ["nan", "folder", "9" * 5_000, "missing.safetensors"]:
         told = refusal(capsys, lambda value=value: main(line(command, name, value, 1)))
         assert told is not None, value
     assert [str(path) for path in Path().rglob("*")] == ["folder"]

@@ -3,10 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
-
-import jax
-import numpy as np
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import AgentHeader
@@ -27,8 +23,6 @@ class Named:
 class AbstractKind(ABC):
     """Players of one kind, by name. It is registered in `apollonius.catalogue.KINDS`."""
 
-    suffix: str = ""
-    """How all names end that can be of this kind."""
     looks: str = ""
     """How the names of those look that `names` does not list."""
 
@@ -69,9 +63,3 @@ def known_game(game: Game | None, name: str) -> Game:
     if game is None:
         raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")
     return game
-
-
-def fingerprint(policy: AbstractPolicy) -> str:
-    """What tells a player from others of its name: its kind, and a hash of all its numbers."""
-    leaves = jax.tree.leaves(policy)
-    return f"{type(policy).__name__} {sha256(b''.join(np.asarray(leaf).tobytes() for leaf in leaves)).hexdigest()}"

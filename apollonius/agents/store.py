@@ -1,9 +1,8 @@
 """Agents as files: weights in safetensors, and a JSON header that says what they were made for."""
 
-import json
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from safetensors.numpy import save
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
 from apollonius.arenas.record import from_dict
-from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
-from apollonius.document import parse_json, write_atomically
+from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
 from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.observe.registry import OBSERVATIONS
@@ -88,9 +85,7 @@ def save_agent(agent: Agent, path: Path) -> None:
     Raises:
         OSError: when the file cannot be written.
     """
-    arrays = {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}
-    # One entry: safetensors writes several in an order of their own, and one seed must give one file.
-    write_atomically(path, save(arrays, {"header": json.dumps(asdict(agent.header), sort_keys=True)}))
+    write_arrays(path, {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}, agent.header)
 
 
 def load_agent(path: Path) -> Agent:
@@ -125,18 +120,12 @@ def _opened_agent(path: Path) -> Generator[tuple[Any, AgentHeader], None, None]:
     if not path.is_file():
         raise InvalidInput(f"there is no agent file '{path}': check the path, or name a built-in agent.")
     with opened(path, "copy or train it again") as file:
-        yield file, _read_header(path, file.metadata() or {})
+        yield file, _read_header(path, file)
 
 
-def _read_header(path: Path, metadata: dict[str, str]) -> AgentHeader:
+def _read_header(path: Path, file: Any) -> AgentHeader:
     foreign = f"'{path}' holds no Apollonius agent: give a file from a run's agents/ folder"
-    fields = parse_json(metadata.get("header", ""), foreign)
-    if fields.get("format") != FORMAT:
-        raise InvalidInput(f"{foreign}.")
-    version = fields.get("version")
-    if version != FORMAT_VERSION:
-        told = f"'{path}' has format version {shown(version)}, this program reads {FORMAT_VERSION}: update it."
-        raise InvalidInput(told)
+    fields = read_header(path, file, (FORMAT, FORMAT_VERSION), foreign)
     header = from_dict(AgentHeader, fields, f"the header of '{path}'")
     if header.network not in _MAKE:
         raise InvalidInput(

@@ -1,7 +1,7 @@
 """Charts drawn: the field of clearances, and all shortest ways, once for an arena before anyone plays there."""
 
+import functools
 from dataclasses import replace
-from hashlib import sha256
 
 import equinox as eqx
 import jax
@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
+from apollonius.cache import Memory
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.game import Game
@@ -17,11 +18,10 @@ _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 """From each stop to those beside it, columns and rows: eight directions, and as many between them both ways."""
 _LOOKS = 16
 """Places on a line at which is looked whether there is room."""
-_REMEMBERED = 4
-"""Charts that are remembered: of 5 MB each."""
 _Leaves = tuple[np.ndarray, ...]
 """Those of a chart in their order, without the axis of arenas."""
-_latest: dict[bytes, _Leaves] = {}
+_latest = Memory[_Leaves](4)
+"""Of 5 MB each: one game is asked for its chart by both its players."""
 _Field = Float[np.ndarray, "corners corners"]
 
 
@@ -48,21 +48,9 @@ def _radius(game: Game) -> float:
 
 
 def _charts(arenas: list[Arena], radius: float) -> Chart:
-    drawn = [_remembered(arena, radius) for arena in arenas]
+    drawn = [_latest.get((arena, radius), functools.partial(_drawn, arena, radius)) for arena in arenas]
     stacked = [np.stack(leaves) for leaves in zip(*drawn, strict=True)]
     return Chart(*(jnp.asarray(leaf) for leaf in stacked[:3]), *(jnp.asarray(leaf[:, 0]) for leaf in stacked[3:]))
-
-
-def _remembered(arena: Arena, radius: float) -> _Leaves:
-    """The same; the latest are remembered, as one game is asked for its chart by both its players."""
-    leaves, shape = jax.tree.flatten(arena)
-    digest = sha256(f"{shape} {radius}".encode() + b"".join(np.asarray(leaf, np.float32).tobytes() for leaf in leaves))
-    key = digest.digest()
-    if key not in _latest:
-        _latest[key] = _drawn(arena, radius)
-        while len(_latest) > _REMEMBERED:
-            del _latest[next(iter(_latest))]
-    return _latest[key]
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:

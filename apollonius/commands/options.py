@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 AGENT = (
     "a built-in player (random, still, territory; pursuers: pure-pursuit, intercept, and of teams voronoi-pursuit, "
-    "encirclement; evaders: flee, flee-aware), a zoo agent, RUN/NAME of a training run, a .safetensors file, or a "
-    ".npz file of solve game; shielded:NAME never crashes, by the rules, where it starts at rest"
+    "encirclement; evaders: flee, flee-aware), a zoo agent, RUN/NAME of a training run, or a .safetensors "
+    "file, of solve game too; shielded:NAME never crashes, by the rules, where it starts at rest"
 )
 """Help for an argument that names a player."""
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"

@@ -14,7 +14,7 @@ def add_slice(subparsers: Any) -> None:
     """The parser of `slice`."""
     parser = subparsers.add_parser("slice", help="an agent's action values and actions over the arena")
     parser.add_argument(
-        "agent", type=named, metavar="AGENT", help="a zoo agent, a .safetensors file, or a .npz file of solve game"
+        "agent", type=named, metavar="AGENT", help="a zoo agent, or a .safetensors file, of solve game too"
     )
     parser.add_argument(
         "--opponent", type=real, nargs=2, required=True, metavar=("X", "Y"), help="where the other robot is [m]"
@@ -41,7 +41,8 @@ def run_slice(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
-    from apollonius.solve.solved import SUFFIX, table_player
+    from apollonius.solve.solved import table_player
+    from apollonius.solve.store import is_solution
 
     with plots():
         from apollonius.show.slices import save_slice
@@ -50,7 +51,7 @@ def run_slice(options: argparse.Namespace) -> int:
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
     game = find_game(options.game)
-    if options.agent.endswith(SUFFIX):
+    if is_solution(Path(options.agent)):
         path, player = Path(options.agent), table_player(Path(options.agent), game)
         role = player.zero_sum_game.role
     else:

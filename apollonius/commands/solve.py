@@ -39,8 +39,8 @@ def add_solve(subparsers: Any) -> None:
     add_grid_options(parser)
     parser.add_argument(
         "--out",
-        type=new_file(".npz"),
-        help="file of the table; what it holds is not solved again (default: WHAT-GAME.npz)",
+        type=new_file(".safetensors"),
+        help="file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)",
     )
     parser.add_argument(
         "--plot", type=new_file(".png"), metavar="FILE", help="draw what was solved as .png: two maps of the arena"
@@ -62,7 +62,7 @@ def run_solve(options: argparse.Namespace) -> int:
     problem = _requested_problem(options, game)
     if options.plot:
         _drawing()
-    path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.npz")
+    path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.safetensors")
     require_writable("--out", path.parent)
     written: list[Path] = []
     if path.exists() and not options.force:

@@ -24,7 +24,7 @@ def solved_game(
     display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
 ) -> "BySide[SaddlePolicy]":
     """The players of both sides by the solved game, kept in a folder; arguments and errors as of `kept_tables`."""
-    from apollonius.solve.kept import kept_tables
+    from apollonius.solve.solving import kept_tables
     from apollonius.terminal import sweeps_on
 
     shows: dict[Role, Callable[[Sweep], None]] = {}
@@ -51,8 +51,8 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 
 def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
-    """Return the players by the solved game: from files, or solved here and kept where compilations are."""
-    from apollonius.compilations import cache_folder
+    """Return the players by the solved game: from files, or solved here and kept in the cache."""
+    from apollonius.cache import cache_folder
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
     from apollonius.solve.reference import FEW_PAIRS, joint_grid
@@ -65,5 +65,4 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
         require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
         return BySide(sides[Role.PURSUER], sides[Role.EVADER])
     counts = options.grid or joint_grid(game, Role.PURSUER, FEW_PAIRS)[0].counts
-    cache = cache_folder()
-    return solved_game(options.display, game, counts, cache and cache / "tables")
+    return solved_game(options.display, game, counts, cache_folder("tables"))

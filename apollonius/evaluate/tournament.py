@@ -127,7 +127,7 @@ def play_tournament(
         report: told of the games of all matches together, as of one match by `play_match`.
 
     Raises:
-        InvalidInput: unless there is a player on either side, no name twice; and as `play_match` and `cached_match`.
+        InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
     """
     for side, players in (("pursuers", pursuers), ("evaders", evaders)):
         names = [player.name for player in players]

@@ -83,7 +83,7 @@ def _remove_run(folder: Path) -> None:
     # The config goes last: until then a half-removed folder is still known as a run's.
     for pattern in (
         "agents/*.safetensors",
-        "tables/*.npz",
+        "tables/*.safetensors",
         "checkpoint.safetensors",
         "*.jsonl",
         "evaluation.json",

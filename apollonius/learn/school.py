@@ -18,11 +18,11 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.teacher import Room, Teacher
 from apollonius.solve.grid import make_grid
 from apollonius.solve.iteration import Sweep
-from apollonius.solve.kept import kept_tables
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety
+from apollonius.solve.solving import kept_tables
 
 TABLES = "tables"
 """The folder of a run in which the solved game lies."""

@@ -11,23 +11,22 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.store import Problem, load_solution
+from apollonius.solve.store import Problem, is_solution, load_solution
 from apollonius.solve.zero_sum_game import ZeroSumGame, make_zero_sum_game
 
-SUFFIX = ".npz"
-"""How the names of solutions' files end."""
-_PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
+PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
 """What a solution depends on: not where games start, how long they last, or what a learner is paid."""
 
 
 class Solved(AbstractKind):
     """The players of solved games' files."""
 
-    suffix = SUFFIX
-    looks = "a .npz file of a solved game"
+    looks = "a file of a solved game"
 
-    def find(self, name: str, role: Role, game: Game | None) -> Named:
-        """The player of the file, called after it."""
+    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
+        """Return the player of the file, called after it."""
+        if not is_solution(Path(name)):
+            return None
         policy, side = table_player(Path(name), known_game(game, name)), role.name.lower()
         solved_for = policy.zero_sum_game.role.name.lower()
         require(solved_for == side, side, f"'{name}'", f"a file solved for the {side}; this is the {solved_for}'s")
@@ -44,7 +43,7 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
     problem, game = solution.problem, game.duel("a solved game")
     solved_for, asked = to_dict(from_dict(Game, problem.game, str(path))), to_dict(game)
     require(problem.kind == "game", "player", f"'{path}'", f"a solved game; this is one of {problem.kind}")
-    if any(solved_for[part] != asked[part] for part in _PHYSICS):
+    if any(solved_for[part] != asked[part] for part in PHYSICS):
         raise InvalidInput(f"'{path}' was solved for another game: solve this one with apollonius solve game.")
     return SaddlePolicy(zero_sum_game_of(problem, game), jnp.asarray(solution.table))
 

@@ -1,6 +1,7 @@
 """Which starts are lost before they begin: a robot in them cannot help crashing."""
 
 import functools
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -9,14 +10,17 @@ import numpy as np
 from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.agents.shield import Backup
+from apollonius.cache import Memory
 from apollonius.errors import InvalidInput
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import GameState, RobotState, Role, Scalar
+from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
 from apollonius.solve.grid import Grid
 from apollonius.solve.iteration import Table
+from apollonius.solve.motion import motion_of
 from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety, steered_brakes
 
+_tables = Memory[Table](4)
 _ROUNDS = 1000
 """Draws of as many starts as are wanted, before it is said that hardly any is viable."""
 
@@ -50,7 +54,7 @@ class Viability(eqx.Module):
 
 
 def solve_viability(game: Game) -> Viability:
-    """Solve both robots' safety on the reference grid; the answer for the latest games without a map is remembered.
+    """Solve both robots' safety on the reference grid; the latest tables are remembered.
 
     A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
     comes to rest without contact in the continuous game. Another one is lost where its table says so.
@@ -59,26 +63,15 @@ def solve_viability(game: Game) -> Viability:
         InvalidInput: for a team of robots with different limits.
     """
     game = game.duel("what says which starts are lost")
-    if game.arena.map:
-        return _solve(game)
-    return _remembered(jax.tree.map(lambda number: np.asarray(number).item(), game))
-
-
-@functools.lru_cache(maxsize=2)
-def _remembered(game: Game) -> Viability:
-    """The same for a game whose numbers are Python's, which can be remembered."""
-    return _solve(game)
-
-
-def _solve(game: Game) -> Viability:
-    pursuer = _judge(game, Role.PURSUER)
-    return Viability(pursuer, pursuer if game.evader == game.pursuer else _judge(game, Role.EVADER))
+    game = replace(game, arena=replace(game.arena, chart=None))
+    return Viability(*ROLES.map(lambda role: _judge(game, role)))
 
 
 def _judge(game: Game, role: Role) -> Backup | TableRoom:
     body = game.body(role)
     grid, hold = reference_grid(game, role)
-    table = solve_safety(game, role, grid, hold).table
+    # All that a table depends on: not rewards or the time limit.
+    table = _tables.get((motion_of(game, role, hold), grid), lambda: solve_safety(game, role, grid, hold).table)
     return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableRoom(grid, table)
 
 

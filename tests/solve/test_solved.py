@@ -31,8 +31,8 @@ def solution():
 
 @pytest.fixture
 def file(tmp_path, solution):
-    save_solution(solution, tmp_path / "solved.npz")
-    return tmp_path / "solved.npz"
+    save_solution(solution, tmp_path / "solved.safetensors")
+    return tmp_path / "solved.safetensors"
 
 
 def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution):
@@ -62,12 +62,14 @@ def test_other_players_are_found_as_ever():
 
 
 def test_a_file_of_something_else_is_refused(file, solution, tmp_path):
-    with pytest.raises(InvalidInput, match=r"pursuer = '.*solved.npz'.*solved for the pursuer; this is the evader's"):
+    with pytest.raises(
+        InvalidInput, match=r"pursuer = '.*solved.safetensors'.*solved for the pursuer; this is the evader's"
+    ):
         find_player(str(file), Role.PURSUER, SMALL)
     with pytest.raises(InvalidInput, match="solved for another game"):
         find_player(str(file), Role.EVADER, replace(SMALL, dt=0.2))
-    with pytest.raises(InvalidInput, match="there is no solution"):
-        find_player(str(tmp_path / "none.npz"), Role.EVADER, SMALL)
+    with pytest.raises(InvalidInput, match="there is no agent file"):
+        find_player(str(tmp_path / "none.safetensors"), Role.EVADER, SMALL)
     flat = replace(solution, table=solution.table[:1])
     save_solution(flat, file)
     with pytest.raises(InvalidInput, match="no whole Apollonius solution"):

@@ -25,11 +25,6 @@ class Counting(driver.AbstractStudy):
         return Finding("Counted", f"{self.games} {self.what}", ("one.png",), data={"games": self.games})
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch, tmp_path):
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path))
-
-
 def test_fields_are_options_and_what_was_found_is_written(tmp_path, capsys):
     assert driver.main(Counting, ["sheep", "--out", str(tmp_path / "new"), "--games", "9"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "9 sheep"
@@ -50,13 +45,12 @@ def test_jobs_run_on_as_many_cores_as_are_asked_for(tmp_path, monkeypatch, asked
     assert given == [used]
 
 
-def test_jobs_share_their_compilations_unless_a_place_is_given(tmp_path, monkeypatch):
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "elsewhere")
+def test_compilations_are_kept_where_those_of_commands_are(tmp_path, monkeypatch):
+    kept = []
+    monkeypatch.setattr(driver, "keep_compilations", lambda: kept.append(dict(os.environ)))
     driver.main(Counting, ["sheep", "--out", str(tmp_path)])
-    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == "elsewhere"
-    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
-    driver.main(Counting, ["sheep", "--out", str(tmp_path)])
-    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / ".jax_cache")
+    assert kept == [dict(os.environ)]
+    assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
 
 
 @pytest.mark.parametrize("counted", ["--games", "--processes"])

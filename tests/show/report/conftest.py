@@ -28,12 +28,10 @@ def coarsely_viable_starts():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(viability, "reference_grid", coarse)
-        viability._remembered.cache_clear()
         jax.config.update("jax_disable_most_optimizations", False)  # it runs for longer than it takes to compile well
         viability.solve_viability(RUN.game)
         jax.config.update("jax_disable_most_optimizations", True)
         yield
-    viability._remembered.cache_clear()
 
 
 @pytest.fixture(scope="package")
