@@ -1,8 +1,34 @@
-"""`python -m apollonius` is the command."""
+"""`python -m apollonius` is the command, and so is `apollonius`."""
 
+import os
+import signal
 import sys
 
-from apollonius.cli import main
+
+def main() -> int:
+    """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is doing."""
+    signal.signal(signal.SIGINT, _leave)  # what follows takes a moment to import
+    from apollonius.interrupts import leave, listen, status, stopped
+
+    listen()
+    try:
+        from apollonius.cli import main as run
+
+        ended = run()
+    except BaseException:
+        # A module that is being loaded makes errors of its own of a Ctrl-C.
+        if number := status():
+            leave(number, stopped())
+        raise
+    if status():
+        leave(ended)
+    return ended
+
+
+def _leave(number: int, frame: object) -> None:
+    os.write(2, b"stopped\n")
+    os._exit(128 + number)
+
 
 if __name__ == "__main__":  # the processes that train side by side import this file too
     sys.exit(main())

@@ -23,7 +23,7 @@ from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
 from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
-from apollonius.interrupts import INTERRUPTED, leave, listen, stopped, was_interrupted
+from apollonius.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__
 
 COMMANDS = {
@@ -48,28 +48,11 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns its exit status.
+    """Run the command; return its exit status, also after Ctrl-C.
 
     Args:
-        arguments: of the command; by default those of the process, which a Ctrl-C then ends, whatever it is doing.
+        arguments: of the command; by default those of the process.
     """
-    if arguments is not None:
-        return run(arguments)
-    listen()
-    try:
-        status = run(sys.argv[1:])
-    except BaseException:
-        # A module that is being loaded makes errors of its own of a Ctrl-C.
-        if was_interrupted():
-            leave(INTERRUPTED, stopped())
-        raise
-    if was_interrupted():
-        leave(status)
-    return status
-
-
-def run(arguments: list[str]) -> int:
-    """Run the command; returns its exit status, also after Ctrl-C."""
     options = build_parser().parse_args(arguments)
     from apollonius.display import Display  # which draws, and --help need not wait for that
 
@@ -89,7 +72,7 @@ def run(arguments: list[str]) -> int:
         return 2
     except KeyboardInterrupt:
         print(stopped(), file=sys.stderr, flush=True)
-        return INTERRUPTED
+        return status() or INTERRUPTED
 
 
 def build_parser() -> argparse.ArgumentParser:

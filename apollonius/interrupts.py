@@ -1,6 +1,6 @@
-"""Ctrl-C: a program ends within two seconds, whatever it is doing, and says how to go on.
+"""Ctrl-C and SIGTERM: a program ends within two seconds, whatever it is doing, and says how to go on.
 
-Python tells a program of Ctrl-C between two of its own instructions, and a compilation is a single one that may last
+Python tells a program of a signal between two of its own instructions, and a compilation is a single one that may last
 half a minute. So a thread listens beside it: where the program has not answered in time, the thread ends it. All that
 matters is written atomically, so nothing is lost but what was done since. A program that was interrupted never goes
 through the interpreter's own end, where the threads of XLA that are still at work crash it.
@@ -11,12 +11,15 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+"""All that stop a program: Ctrl-C, and what a system or a scheduler sends."""
 PATIENCE = 1.2
 """How long a program has to answer [s]."""
 _SHOW_CURSOR = "\x1b[?25h"
@@ -24,7 +27,7 @@ _SHOW_CURSOR = "\x1b[?25h"
 _going_on = ""
 _shown: list[Callable[[], None]] = []
 _answered = threading.Event()
-_heard = threading.Event()
+_heard: list[int] = []
 _leaving = threading.Lock()
 
 
@@ -40,8 +43,13 @@ def before_leaving(*take_down: Callable[[], None]) -> None:
 
 
 def stopped() -> str:
-    """What a program says that was stopped."""
+    """Return what a program says that was stopped."""
     return f"stopped; {_going_on}" if _going_on else "stopped"
+
+
+def status() -> int | None:
+    """Return the exit status of a program that was interrupted; None where it was not."""
+    return 128 + _heard[0] if _heard else None
 
 
 def answer() -> None:
@@ -49,16 +57,38 @@ def answer() -> None:
     _answered.set()
 
 
-def was_interrupted() -> bool:
-    """Whether there was a Ctrl-C since the program listens."""
-    return _heard.is_set()
-
-
-def listen(status: int = INTERRUPTED, says: bool = True) -> None:
-    """End the process if it does not answer a Ctrl-C in time. To be called in its main thread, once.
+@contextmanager
+def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, None]:
+    """Let the block ask now and then whether to stop, instead of interrupting it: it can save its work first, however
+    long that takes.
 
     Args:
-        status: what it ends with then.
+        again: whether a second signal interrupts it.
+    """
+    numbers: list[int] = []
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        numbers.append(number)
+        if again and len(numbers) > 1:
+            raise KeyboardInterrupt
+
+    def asked() -> bool:
+        if numbers:
+            answer()
+        return bool(numbers)
+
+    before = [(number, signal.signal(number, hear)) for number in SIGNALS]
+    try:
+        yield asked
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+
+
+def listen(says: bool = True) -> None:
+    """End the process if it does not answer a signal in time. To be called in its main thread, once.
+
+    Args:
         says: whether it says that it was stopped.
     """
     ears, mouth = socket.socketpair()
@@ -66,25 +96,26 @@ def listen(status: int = INTERRUPTED, says: bool = True) -> None:
     signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
 
     def wait() -> None:
-        while signal.SIGINT not in ears.recv(1):
+        while (number := ears.recv(1)[0]) not in SIGNALS:
             pass
-        _heard.set()
+        _heard.append(number)
         if not _answered.wait(PATIENCE):
-            leave(status, stopped() if says else "")
+            leave(128 + number, stopped() if says else "")
         mouth.fileno()  # whose life is that of this thread
 
     def hear(number: int, frame: FrameType | None) -> NoReturn:
-        _heard.set()
-        if _is_loading(frame):
-            leave(status, stopped() if says else "")  # what is half loaded crashes where an exception passes through it
+        _heard.append(number)
+        if _is_loading(frame):  # what is half loaded crashes where an exception passes through it
+            leave(128 + number, stopped() if says else "")
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, hear)
-    threading.Thread(target=wait, name="Ctrl-C", daemon=True).start()
+    for number in SIGNALS:
+        signal.signal(number, hear)
+    threading.Thread(target=wait, name="signals", daemon=True).start()
 
 
 def _is_loading(frame: FrameType | None) -> bool:
-    """Whether a module is being imported."""
+    """Return whether a module is being imported."""
     while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
         frame = frame.f_back
     return frame is not None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.compilations import keep_compilations
 from apollonius.errors import InvalidInput, require
-from apollonius.interrupts import answer, listen
+from apollonius.interrupts import SIGNALS, answer, asked_to_stop, listen
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -25,6 +25,8 @@ LOST_WORKERS = 10
 """How often Ray begins a job again whose worker was lost."""
 STOPPED = 130
 """Exit status of a job that was stopped early."""
+_ENDS = {0, STOPPED, *(128 + number for number in SIGNALS), *(-number for number in SIGNALS)}
+"""Exit statuses of jobs that did not fail: they hear of signals again while they are leaving."""
 ShouldStop = Callable[[], bool]
 
 
@@ -74,12 +76,13 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
     over, stopped = threading.Event(), threading.Event()
     processes: list[SpawnProcess] = []
 
-    def run(job: Job) -> bool:
-        """One job in a process of its own, on a core that is free; none begins after one was stopped or failed."""
-        if over.is_set():
-            return False
+    def run(job: Job) -> bool | None:
+        """Run one job in a process of its own, on a core that is free. None begins after one was stopped or failed."""
         core = free.get()
-        _ctrl_c(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
+        if over.is_set():
+            free.put(core)
+            return None
+        _signals(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
         # A process that spawns inherits no threads of JAX; a forked one may hang.
         process = multiprocessing.get_context("spawn").Process(target=_work, args=(job, core, os.getpid()))
         process.start()
@@ -90,7 +93,7 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
         free.put(core)
         if process.exitcode != 0:
             over.set()
-        if process.exitcode not in (0, STOPPED, -signal.SIGINT):  # it hears of Ctrl-C again while it is leaving
+        if process.exitcode not in _ENDS:
             raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
         return process.exitcode == 0
 
@@ -103,15 +106,18 @@ def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[st
             _tell(process)
 
     resource_tracker.ensure_running()  # begins with the first process else, and then unblocks Ctrl-C
-    before = signal.signal(signal.SIGINT, stop)
+    before = [(number, signal.signal(number, stop)) for number in SIGNALS]
     try:
         with ThreadPoolExecutor(len(cores)) as pool:
             running = {pool.submit(run, job): job for job in jobs}
             for future in as_completed(running):
-                report(f"{'done' if future.result() else 'stopped'}: {running[future].name}")
+                ended = future.result()
+                if ended is not None:
+                    report(f"{'done' if ended else 'stopped'}: {running[future].name}")
             return not over.is_set()
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before:
+            signal.signal(number, handler)
 
 
 def _tell(process: "SpawnProcess") -> None:
@@ -120,10 +126,10 @@ def _tell(process: "SpawnProcess") -> None:
         os.kill(process.pid, signal.SIGINT)
 
 
-def _ctrl_c(how: int) -> None:
-    """Block Ctrl-C for the calling thread and the processes that it starts, or let it through."""
+def _signals(how: int) -> None:
+    """Block Ctrl-C and SIGTERM for the calling thread and the processes that it starts, or let them through."""
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(how, {signal.SIGINT})
+        signal.pthread_sigmask(how, SIGNALS)
 
 
 def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
@@ -180,18 +186,11 @@ def _work(job: Job, core: int, parent: int) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
     keep_compilations()
-    listen(STOPPED, says=False)
-    interrupted: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
-    _ctrl_c(signal.SIG_UNBLOCK)
-
-    def should_stop() -> bool:
-        if interrupted:
-            answer()
-        return bool(interrupted) or os.getppid() != parent
-
+    listen(says=False)
     try:
-        finished = job.work(*job.arguments, should_stop)
+        with asked_to_stop(again=False) as asked:
+            _signals(signal.SIG_UNBLOCK)
+            finished = job.work(*job.arguments, lambda: asked() or os.getppid() != parent)
     except (InvalidInput, OSError) as error:
         print(f"{job.name}: {error}", file=sys.stderr)
         sys.exit(2)

@@ -67,8 +67,10 @@ def test_a_job_that_fails_is_named_and_none_begins_after_it(tmp_path, capfd):
 
 @pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
 def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
-    assert not run_jobs([*jobs_of(work, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], lambda line: None)
+    told = []
+    assert not run_jobs([*jobs_of(work, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], told.append)
     assert not list(tmp_path.iterdir())
+    assert told == ["stopped: job 0"]
 
 
 def test_an_unknown_place_is_refused(tmp_path):

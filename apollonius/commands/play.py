@@ -72,11 +72,8 @@ def run_play(options: argparse.Namespace) -> int:
         options.display.end()
         with make_server(folder, options.port) as server:
             address = f"http://{server.server_address[0]}:{server.server_port}/"
-            try:
-                print(f"play at {address}  (Ctrl-C ends)", flush=True)
-                if not options.no_open:
-                    webbrowser.open(address)
-                server.serve_forever()
-            except KeyboardInterrupt:
-                print("\nended")
+            print(f"play at {address}  (Ctrl-C ends)", flush=True)
+            if not options.no_open:
+                webbrowser.open(address)
+            server.serve_forever()
     return 0

@@ -1,7 +1,6 @@
 """`apollonius train` and `resume`: train agents in a run's folder, then say how good they are."""
 
 import argparse
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ from apollonius.commands.options import LENGTHS
 from apollonius.commands.solving import SOLVING, solved_game
 from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
 from apollonius.errors import require
-from apollonius.interrupts import answer, go_on
+from apollonius.interrupts import asked_to_stop, go_on
 from apollonius.learn.opponents.schemes import SCHEMES
 from apollonius.limits import SEED
 
@@ -142,18 +141,6 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     from apollonius.learn.school import TABLES
     from apollonius.terminal import training_notes
 
-    interrupts: list[int] = []
-
-    def on_interrupt(number: int, frame: object) -> None:
-        interrupts.append(number)
-        if len(interrupts) > 1:
-            raise KeyboardInterrupt
-
-    def should_stop() -> bool:
-        if interrupts:
-            answer()  # and then save where the training stands, however long that takes
-        return bool(interrupts)
-
     def report(progress: "Progress") -> None:
         if display.estimate.what != progress.stage:
             display.begin(progress.stage)
@@ -163,7 +150,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
         if progress.env_steps >= progress.total_env_steps and later:
             display.begin(later[0], compiles=True)
 
-    run = Run(config, folder, report, should_stop)
+    run = Run(config, folder, report)
     stages = list(run.work)
     distils = config.stages == "distillation"
     solving = dict.fromkeys(SOLVING, _SOLVING_WORK) if distils else {}
@@ -172,12 +159,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     if distils:
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
-    before = signal.signal(signal.SIGINT, on_interrupt)
-    try:
+    with asked_to_stop() as run.should_stop:
         display.begin(stages[0], compiles=True)
         finished = run.execute()
-    finally:
-        signal.signal(signal.SIGINT, before)
     if not finished:
         raise KeyboardInterrupt
     if distils:

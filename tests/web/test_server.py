@@ -7,11 +7,12 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 
 from apollonius.errors import InvalidInput
+from apollonius.web import server as module
 from apollonius.web.server import LOOPBACK, make_server
 
 
@@ -67,6 +68,28 @@ def test_serves_nothing_above_its_folder(server, path):
     assert b"not for the page" not in body
 
 
+@pytest.mark.parametrize("path", ["/%00", "/a%00b.js", "/" + "a" * 5000])
+def test_a_path_that_cannot_be_is_not_found(server, path, capsys):
+    assert get(server, path)[0].status == 404
+    assert not capsys.readouterr().err
+
+
+def test_half_requests_end_and_their_threads_are_few(server, monkeypatch):
+    monkeypatch.setattr(module, "LONGEST", 3.0)
+    threads = threading.active_count()
+    half = [socket.create_connection((LOOPBACK, server.server_port)) for _ in range(2 * module.MOST)]
+    for connection in half:
+        with suppress(OSError):  # it was refused
+            connection.sendall(b"GET / HTTP/1.0\r\nHost:")
+    assert threading.active_count() <= threads + module.MOST
+    for connection in half:
+        connection.settimeout(30)
+        with suppress(ConnectionResetError):
+            assert connection.recv(1) == b""
+        connection.close()
+    assert get(server, "/")[0].status == 200
+
+
 def test_lists_no_folder(server):
     assert get(server, "/agents/")[0].status == 404
 
@@ -110,7 +133,9 @@ def heeded():
 
 
 @pytest.mark.usefixtures("heeded")
-def test_the_command_ends_with_ctrl_c():
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_ends_and_leaves_nothing(number, tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
@@ -118,7 +143,9 @@ def test_the_command_ends_with_ctrl_c():
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert f"http://{LOOPBACK}:{port}/" in process.stdout.readline()
-        os.kill(process.pid, signal.SIGINT)
+        (folder,) = tmp_path.iterdir()
+        assert folder.stat().st_mode & 0o777 == 0o700
+        os.kill(process.pid, number)
         out, err = process.communicate(timeout=20)
-    assert (process.returncode, out.strip()) == (0, "ended")
-    assert all(line.startswith("apollonius play: ") for line in err.splitlines())
+    assert (process.returncode, out, err.splitlines()[-1]) == (128 + number, "", "stopped")
+    assert not list(tmp_path.iterdir())
