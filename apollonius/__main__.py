@@ -1,13 +1,15 @@
 """`python -m apollonius` is the command, and so is `apollonius`."""
 
 import os
-import signal
 import sys
+
+# `signal` itself imports enumerations, which take as long as all before them.
+from _signal import SIGINT, signal  # pyright: ignore[reportMissingImports]
 
 
 def main() -> int:
     """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is doing."""
-    signal.signal(signal.SIGINT, _leave)  # what follows takes a moment to import
+    signal(SIGINT, _leave)  # what follows takes a moment to import
     from apollonius.interrupts import leave, listen, status, stopped
 
     listen()

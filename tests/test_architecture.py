@@ -63,7 +63,7 @@ def all_behind(arrows):
     return behind
 
 
-MAY_IMPORT = all_behind(ARROWS) | {"__main__": {"cli"}}
+MAY_IMPORT = all_behind(ARROWS) | {"__main__": {"cli", "interrupts"}}
 
 
 def read(package):
