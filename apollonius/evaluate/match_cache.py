@@ -22,30 +22,17 @@ def cached_match(folder: Path, match: Match, report: Report = lambda done, total
         InvalidInput: as `play_match`.
         OSError: when the file cannot be written.
     """
-    name, key = match_name(match), match_key(match)
-    return kept_record(folder, name, key, MatchResult, lambda: play_match(match, report=report))
-
-
-def match_file(folder: Path, match: Match) -> Path:
-    """Return where `cached_match` keeps a match."""
-    return entry(folder, match_name(match), match_key(match))
-
-
-def match_name(match: Match) -> str:
-    """Return what the file of a match is called besides its key."""
-    return f"{match.players.pursuer.name}--{match.players.evader.name}.json"
-
-
-def match_key(match: Match) -> dict[str, Any]:
-    """Return all that the result of a match depends on, as JSON-like data; two players may share a name."""
-    return {
-        "pursuer": content(match.players.pursuer.policy),
-        "evader": content(match.players.evader.policy),
+    players = match.players
+    key = {
+        "pursuer": content(players.pursuer.policy),  # two players may share a name
+        "evader": content(players.evader.policy),
         "game": to_dict(match.game),
         "games": match.games,
         "seed": match.seed,
         "viable": match.starts is StartFilter.VIABLE,
     }
+    name = f"{players.pursuer.name}--{players.evader.name}.json"
+    return kept_record(folder, name, key, MatchResult, lambda: play_match(match, report=report))
 
 
 def kept_record(folder: Path, name: str, key: dict[str, Any], kind: type[T], make: Callable[[], T]) -> T:

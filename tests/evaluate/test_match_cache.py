@@ -13,7 +13,7 @@ from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.evaluate import match_cache
 from apollonius.evaluate.match import Match, StartFilter, play_match
-from apollonius.evaluate.match_cache import cached_match, match_file
+from apollonius.evaluate.match_cache import cached_match
 from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
@@ -50,16 +50,17 @@ def test_a_kept_match_is_the_match_and_is_not_played_again(folder, monkeypatch):
     ids=lambda other: next(iter(other)),
 )
 def test_another_match_is_kept_beside_it(folder, other):
-    before = match_file(folder, MATCH).read_bytes()
+    (path,) = folder.iterdir()
+    before = path.read_bytes()
     asked = replace(MATCH, **other)
     assert cached_match(folder, asked) == play_match(asked)
     assert len([*folder.iterdir()]) == 2
-    assert match_file(folder, MATCH).read_bytes() == before
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"result": 3}', "nan", "other"])
 def test_a_bad_file_is_replaced(folder, damage):
-    path = match_file(folder, MATCH)
+    (path,) = folder.iterdir()
     sound = path.read_text()
     damaged = {"nan": sound.replace("0.", "NaN", 1), "other": re.sub(r'("games": )30', r"\g<1>31", sound)}
     path.write_text(damaged.get(damage, damage))

@@ -1,9 +1,8 @@
 """What attacks in held-out arenas come to: the worst of each, who is compared, means and counts."""
 
-import json
-
 import pytest
 
+from apollonius.evaluate.match_cache import kept_record
 from apollonius.exploit.losses import Losses
 from apollonius.game.types import Role
 from studies.held_out import HeldOut
@@ -48,8 +47,8 @@ def test_the_verdict_counts_arenas_and_tells_the_regret():
 
 
 def test_what_is_kept_is_read_back(tmp_path):
-    kept = {"role": "evader", "player": "E_any", "attacker": "table", "result": losses(0.2).to_dict()}
-    (tmp_path / "one.json").write_text(json.dumps(kept))
+    key = {"role": "evader", "player": "E_any", "attacker": "table"}
+    kept_record(tmp_path, "one.json", key, Losses, lambda: losses(0.2))
     assert read_attacks(tmp_path) == {"pursuer": {}, "evader": {"E_any": {"table": losses(0.2)}}}
 
 
