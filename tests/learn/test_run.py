@@ -261,9 +261,9 @@ def self_play_starts(monkeypatch):
     networks = []
     start_self_play = run_module.start_self_play
 
-    def recorded(plan, game, key, first, device):
+    def recorded(plan, game, key, first):
         networks.append(jax.tree.map(jnp.copy, tuple(first)))
-        return start_self_play(plan, game, key, first, device)
+        return start_self_play(plan, game, key, first)
 
     monkeypatch.setattr(run_module, "start_self_play", recorded)
     return networks
