@@ -89,6 +89,79 @@ def test_it_asks_who_does_not_report(quick, capsys):
         wait_for(capsys, "training the agents, 75.0%")
 
 
+class Clock:
+    """A time that passes when it is told to."""
+
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def timed():
+    """A display, and the clock that it goes by."""
+    clock = Clock()
+    return Display("train", clock), clock
+
+
+def go(timed, seconds, shares):
+    """Report so many shares, each after so many seconds; return how the display stands then."""
+    display, clock = timed
+    for share in shares:
+        clock.now += seconds
+        display.report(share, 1)
+    return display.state().split(", ")[1:]
+
+
+@pytest.mark.parametrize(
+    ("before", "seconds", "shares", "stands"),
+    [
+        ([], 20, [], ["0:00:20 so far"]),
+        ([0.0], 0.5, [0.01, 0.02], ["2.0%", "0:00:31 so far"]),
+        ([0.0], 1, [0.01, 0.02, 0.03], ["3.0%", "0:01:37 left"]),
+        ([0.5], 1, [0.51, 0.52, 0.53], ["53.0%", "0:00:47 left"]),
+        ([0.0], 60, [0.1, 0.2], ["20.0%", "0:08:00 left"]),
+        ([0.0], 1, [0.5, 1.0], ["100.0%", "0:00:32 so far"]),
+    ],
+    ids=["nothing known", "too soon", "compiled first", "resumed", "slow", "over, and still at work"],
+)
+def test_the_time_left_is_that_of_what_is_reported(timed, before, seconds, shares, stands):
+    timed[0].begin("playing", compiles=True)
+    if before:
+        go(timed, 30, before)
+    timed[1].now += seconds * (not shares)
+    assert go(timed, seconds, shares) == stands
+
+
+def test_the_time_left_goes_by_between_reports_but_never_to_nothing(timed):
+    timed[0].begin("sweeping")
+    go(timed, 10, [0.1, 0.2, 0.3])
+    for seconds, clock in ((20, "0:00:50 left"), (49, "0:00:01 left"), (1, "0:01:40 so far")):
+        timed[1].now += seconds
+        assert timed[0].state() == f"sweeping, 30.0%, {clock}"
+
+
+def test_it_is_one_estimate_over_all_pieces(timed):
+    """Pieces of 100, 200 and 20 units at one unit a second: what is not known is how long later ones compile."""
+    display, clock = timed
+    display.plan({"stage 1": 100.0, "stage 2": 200.0, "judging": 20.0})
+    end, known = clock.now + 3 * 10 + 320, 0
+    for what, amount in (("stage 1", 100), ("stage 2", 200), ("judging", 20)):
+        display.begin(what, compiles=True)
+        assert display.state().startswith(f"{what} (compiling), ")
+        clock.now += 10
+        for done in range(amount + 1):
+            clock.now += done > 0
+            display.report(done, amount)
+            if " left" in display.state():
+                minutes, seconds = display.state().split(" left")[0].split(":")[-2:]
+                assert end - clock.now - 20 <= 60 * int(minutes) + int(seconds) <= end - clock.now
+                known += 1
+    assert known > 300
+    assert " 100.0%," in display.state()
+
+
 def test_the_live_view_has_all_of_it():
     with Display("train") as display:
         display.plan({"fixed-target": 3.0, "judging": 1.0})
@@ -106,7 +179,7 @@ def test_the_live_view_has_all_of_it():
 
 def drawn(display):
     console = Console(file=io.StringIO(), width=100, force_terminal=True, color_system=None)
-    console.print(display._screen())
+    console.print(display.get_renderable())
     return console.file.getvalue()
 
 

@@ -60,7 +60,7 @@ def run_regret(options: argparse.Namespace) -> int:
     display.begin(_TABLE, compiles=True)
 
     def report(opponent: str, done: int, total: int) -> None:
-        if opponent == "response" and display.estimate.what != _RESPONSE:
+        if opponent == "response" and display.what != _RESPONSE:
             display.begin(_RESPONSE, compiles=True)
         display.report(done, total)
 

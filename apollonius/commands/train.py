@@ -142,7 +142,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     from apollonius.terminal import training_notes
 
     def report(progress: "Progress") -> None:
-        if display.estimate.what != progress.stage:
+        if display.what != progress.stage:
             display.begin(progress.stage)
         display.report(progress.share, 1)
         display.note(training_notes(progress))
