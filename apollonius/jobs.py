@@ -65,7 +65,10 @@ def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], 
 
 
 def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
-    """As many at a time as there are cores."""
+    """Run as many at a time as there are cores.
+
+    Where one process is killed, a `ProcessPoolExecutor` ends all jobs and names none; one for each job is no shorter.
+    """
     import multiprocessing
     from concurrent.futures import ThreadPoolExecutor, as_completed
     from multiprocessing import resource_tracker
