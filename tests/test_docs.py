@@ -343,6 +343,7 @@ SHORTER = {
     "--preset quick": "--config tiny.toml",
     "--games 2000": "--games 4",
     "--games 500": "--games 4",
+    "--grid 11x11x5x8": "--grid 4x4x2x4 --games 4",
     "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
     "random flee-aware": "flee-aware",
 }
