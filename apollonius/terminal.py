@@ -10,7 +10,7 @@ from apollonius.evaluate.statistics import wilson_interval
 if TYPE_CHECKING:
     from apollonius.evaluate.card import Card
     from apollonius.evaluate.makes import MakeTable
-    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.team_sizes import TeamSizes
     from apollonius.evaluate.tournament import Tournament
     from apollonius.learn.progress import Progress
@@ -43,10 +43,16 @@ def sweeps_on(display: Display) -> "Callable[[Sweep], None]":
     return show
 
 
-def match_table(pursuer: str, evader: str, result: "MatchResult") -> str:
-    """A match as lines of text, in the order of the paper's Tables II and III."""
+def match_heading(match: "Match") -> str:
+    """Return a line that says what is played: the players, the number of games and their starts."""
+    pursuer, evader = (player.name for player in match.players)
+    return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.starts_played}"
+
+
+def match_table(match: "Match", result: "MatchResult") -> str:
+    """Return a match as lines of text, in the order of the paper's Tables II and III."""
     width = max(len(name) for name in result.outcomes)
-    lines = [f"{pursuer} (pursuer) against {evader} (evader), {result.games:,} games"]
+    lines = [match_heading(match)]
     lines += [
         f"  {name.replace('_', ' '):<{width}}  {count:>7,}  {count / result.games:>6.1%}"
         for name, count in result.outcomes.items()
@@ -68,7 +74,8 @@ def match_table(pursuer: str, evader: str, result: "MatchResult") -> str:
             name = f"{side}'s change of u"
             parts = f"u1 {change[0]:.3f}, u2 {change[1]:.3f} of the largest, per step"
             lines.append(f"  {name:<{width}}  {sum(change) / 2:>7.3f}  {parts}")
-    lines.append(f"  {'doomed starts':<{width}}  {result.doomed_start_rate:>7.2%}")
+    doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
+    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
     if result.robots is not None:
         for side, counts in (("pursuers", result.robots.pursuers), ("evaders", result.robots.evaders)):
             total = sum(counts.values())
@@ -103,8 +110,8 @@ def sizes_table(found: "TeamSizes") -> str:
     return "\n".join([*lines, f"pursuers that put themselves out: {lost:.1%} at most"])
 
 
-def tournament_table(tournament: "Tournament") -> str:
-    """The pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
+def tournament_table(tournament: "Tournament", starts: str) -> str:
+    """Return the pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
     rates = tournament.win_rates
     header = ["pursuer \\ evader", *tournament.evaders, "mean"]
     rows = [
@@ -119,7 +126,9 @@ def tournament_table(tournament: "Tournament") -> str:
     ]
     mixed = tournament.equilibrium
     sides = (("pursuers", tournament.pursuers, mixed.rows), ("evaders", tournament.evaders, mixed.columns))
-    lines.append(f"\n95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates.")
+    lines.append(
+        f"\nStarts: {starts}. 95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates."
+    )
     lines.append(f"In equilibrium the pursuer wins {mixed.value:.1%}:")
     for side, names, shares in sides:
         playing = sorted(zip(shares, names, strict=True), reverse=True)
@@ -177,13 +186,13 @@ def _make_row(match: "MatchResult") -> str:
     return "".join([*shares, *(f"{100 * kind / games:>8.1f}" for kind in kinds)])
 
 
-def card_table(agent: str, card: "Card") -> str:
-    """A regret card as lines of text."""
+def card_table(agent: str, starts: str, card: "Card") -> str:
+    """Return a regret card as lines of text."""
     scores = [(f"{agent} against the table", card.agent)]
     if card.response:
         scores.append((f"{agent} against a response", card.response))
     width = max(len(who) for who, _ in scores)
-    lines = [f"{agent} ({card.role}) in the solved game: {card.games:,} games"]
+    lines = [f"{agent} ({card.role}) in the solved game: {card.games:,} games, starts: {starts}"]
     lines.append(f"  {'':<{width}}  {'won':>7}  {'lost':>7}  payoff (95 % interval)")
     for who, score in scores:
         low, high = score.payoff_interval

@@ -156,7 +156,7 @@ def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
 def test_evaluate_prints_a_table(capsys):
     assert run_main("evaluate", "random", "random", "--games", "200") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "random (pursuer) against random (evader), 200 games"
+    assert lines[0] == "random (pursuer) against random (evader), 200 games, starts: rest"
     assert [line.split("  ")[1] for line in lines[1:8]] == [name.replace("_", " ") for name in OUTCOMES]
     assert sum(int(line.split()[-2]) for line in lines[1:8]) == 200
     assert any("95 % interval" in line for line in lines)

@@ -368,8 +368,8 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
             assert (name, main(arguments)) == ("apollonius", 0), command
     assert Path("hall.png").exists()
     said = capsys.readouterr().out
-    assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games" in said
-    assert "hall/P_curriculum (pursuer) in the solved game: 4 games" in said
+    assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games, starts: rest" in said
+    assert "hall/P_curriculum (pursuer) in the solved game: 4 games, starts: rest" in said
 
 
 GLOSSARY = re.findall(r"^\| [^|]+ \| .+ \| ([^|]+) \|$", (DOCS / "glossary.md").read_text(), re.MULTILINE)

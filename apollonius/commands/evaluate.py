@@ -30,6 +30,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(match_facts(options, match) | result.to_dict()))
     else:
-        print(match_table(match.players.pursuer.name, match.players.evader.name, result))
+        print(match_table(match, result))
     finish_with_replays(written, options)
     return 0

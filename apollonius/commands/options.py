@@ -31,8 +31,9 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
     """Options that choose the game and its start."""
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(
-        "--starts", choices=("rest", "moving", "viable"), default="rest",
-        help="initial speeds: rest (default), moving, or moving but for starts that are lost before they begin",
+        "--starts", choices=("rest", "moving", "viable"),
+        help="initial speeds: rest, moving, or moving but for starts that are lost before they begin (default: as the "
+        "game says)",
     )  # fmt: skip
     parser.add_argument(
         "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
@@ -41,9 +42,9 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
     """The words that choose the game and its starts in another command, where they are not the usual ones."""
-    usual = {"game": "paper", "starts": "rest"}
+    usual = {"game": "paper", "starts": None}
     chosen = {name: getattr(options, name, usual[name]) for name in usual}
-    return [word for name, value in chosen.items() if value != usual[name] for word in (f"--{name}", value)]
+    return [word for name, value in chosen.items() if value not in (usual[name], None) for word in (f"--{name}", value)]
 
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
@@ -86,7 +87,7 @@ def requested_match(options: argparse.Namespace) -> "Match":
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     """What was asked for, for programs."""
     names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
-    return names | {"game": options.game, "starts": options.starts, "seed": match.seed}
+    return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
 
 
 def check_records(options: argparse.Namespace, most: int, bound: str) -> None:

@@ -68,10 +68,10 @@ def run_regret(options: argparse.Namespace) -> int:
     written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
     display.end()
     if options.json:
-        about = {"agent": agent.name, "game": options.game, "starts": options.starts, "seed": options.seed}
+        about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
         about["grid"] = list(own.zero_sum_game.grids[0].counts)
         print(json.dumps(about | card.to_dict()))
     else:
-        print(card_table(agent.name, card))
+        print(card_table(agent.name, game.starts.speed, card))
     finish_with_replays(written, options)
     return 0

@@ -68,10 +68,10 @@ def run_robots(options: argparse.Namespace) -> int:
     options.display.end()
     if options.json:
         names = {"pursuer": table.pursuer, "evader": table.evader}
-        rules = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
+        rules = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
         print(json.dumps(names | rules | table.to_dict()))
     else:
-        print(make_table(table))
+        print(make_table(table), f"starts: {starts.word(game)}", sep="\n")
     if options.out:
         watch = command("show", options.pursuer, options.evader, *chosen_rules(options), "--out", "game.gif")
         finish(options.out, then=watch, json=options.json)

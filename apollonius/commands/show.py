@@ -47,10 +47,12 @@ def run_show(options: argparse.Namespace) -> int:
         first = replay.first_difference()
         if first is not None:
             display.tell(f"played again, this game differs from step {first} on")
+        starts = replay.game.starts.speed
     else:
         from apollonius.evaluate.match import record_game
 
-        replay = record_game(requested_match(options), 0)
+        match = requested_match(options)
+        replay, starts = record_game(match, 0), match.starts_played
     display.begin(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
@@ -62,7 +64,8 @@ def run_show(options: argparse.Namespace) -> int:
         animation.save_animation(replay, options.out, options.speed or 1.0)
     display.end()
     print(
-        f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} ({len(replay.actions)} steps)"
+        f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} "
+        f"({len(replay.actions)} steps, starts: {starts})"
     )
     if options.out.suffix == ".json":
         then = command("show", options.out, "--out", options.out.with_suffix(".gif"))

@@ -30,6 +30,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     from apollonius.simulate.comparison import compare
     from apollonius.simulate.drive import PARTS, load_drive, without
     from apollonius.simulate.simulation import record_course, simulate_match
+    from apollonius.terminal import match_heading
 
     check_records(options, options.games, f"--games = {options.games}")
     match, drive, display = requested_match(options), load_drive(options.drive), options.display
@@ -52,8 +53,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
         print(json.dumps(match_facts(options, match) | {"drives": found}))
     else:
-        pursuer, evader = (player.name for player in match.players)
-        print(f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games")
+        print(match_heading(match))
         print(_table(comparisons["as it is"]))
         for kind, comparison in list(comparisons.items())[1:]:
             print(f"{kind}:", *_differences(comparison), sep="\n")

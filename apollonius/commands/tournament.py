@@ -81,10 +81,10 @@ def run_tournament(options: argparse.Namespace) -> int:
         _drawing()(tournament, options.plot)
     options.display.end()
     if options.json:
-        settings = {"game": options.game, "starts": options.starts, "games": options.games, "seed": options.seed}
+        settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
         print(json.dumps(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
     else:
-        print(tournament_table(tournament))
+        print(tournament_table(tournament, starts.word(game)))
     written = [path for path in (options.plot, options.keep) if path]
     if written:
         ratings = tournament.ratings

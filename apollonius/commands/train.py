@@ -189,7 +189,7 @@ def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     from apollonius.terminal import match_table
 
     def tell(match: "Match", result: "MatchResult") -> None:
-        print(match_table(match.players.pursuer.name, match.players.evader.name, result), end="\n\n", flush=True)
+        print(match_table(match, result), end="\n\n", flush=True)
 
     evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()

@@ -13,7 +13,7 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.errors import require
+from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.by_arena import ByArena, count_by_arena
 from apollonius.evaluate.robots import RobotCounts, count_robots
 from apollonius.evaluate.smoothness import Changes, mean_change
@@ -39,17 +39,24 @@ class StartFilter(Enum):
         """Initial states of several games, leaves `[games]`. The key is consumed.
 
         Raises:
-            InvalidInput: when hardly any start of the game is viable.
+            InvalidInput: when hardly any start of the game is viable, and as `solve_viability`.
         """
         if self is StartFilter.ALL or _starts_at_rest(game):
             return sample_starts(game, key, games)
         return viable_starts(game, solve_viability(game), key, games)
 
-    def doomed_rate(self, game: Game) -> float:
-        """The share of these starts that are lost before they begin."""
+    def word(self, game: Game) -> str:
+        """Return the word for these starts of a game: `rest`, `moving` or `viable`, as of `starting`."""
+        return self.value if self is StartFilter.VIABLE else game.starts.speed
+
+    def doomed_rate(self, game: Game) -> float | None:
+        """Return the share of these starts that are lost before they begin; None where it cannot be solved for."""
         if self is StartFilter.VIABLE or _starts_at_rest(game):
             return 0.0
-        return doomed_start_rate(game, solve_viability(game))
+        try:
+            return doomed_start_rate(game, solve_viability(game))
+        except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
+            return None
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,9 @@ class Match:
             object.__setattr__(self, "game", charted(self.game))
 
     @classmethod
-    def of_names(cls, game: str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str = "rest") -> "Match":
+    def of_names(
+        cls, game: str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str | None = None
+    ) -> "Match":
         """The match of a game and two players that are named, or whose files are.
 
         Args:
@@ -96,6 +105,11 @@ class Match:
         names = BySide(pursuer, evader)
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
         return cls(rules, players, games, seed, which)
+
+    @property
+    def starts_played(self) -> str:
+        """The word for its starts, as of `starting`."""
+        return self.starts.word(self.game)
 
     @property
     def pools(self) -> BySide[Pool]:
@@ -127,8 +141,8 @@ class MatchResult:
     mean_steps: float
     mean_capture_steps: float | None
     """Over the captured games; None if there are none."""
-    doomed_start_rate: float
-    """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`)."""
+    doomed_start_rate: float | None
+    """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`); None if unknown."""
     capture_steps_deviation: float | None = None
     """Standard deviation of the length of the captured games; None if there are none."""
     pursuer_change: tuple[float, float] | None = None
@@ -146,17 +160,23 @@ class MatchResult:
         return {name: value for name, value in data.items() if name not in ("arenas", "robots") or value is not None}
 
 
-def starting(game: Game, starts: str) -> tuple[Game, StartFilter]:
-    """A game with the starts that a word asks for, and which of them are played.
+def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
+    """Return a game with the starts that a word asks for, and the filter of those that are played.
 
     Args:
         starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
+            None for the game's own.
+
+    Raises:
+        InvalidInput: for `viable` in several arenas.
     """
+    if starts is None:
+        return game, StartFilter.ALL
+    if starts == "viable":
+        game.require_one_arena("--starts viable")
     speed = "rest" if starts == "rest" else "moving"
     which = StartFilter.VIABLE if starts == "viable" else StartFilter.ALL
-    if game.starts.speed != speed:
-        game = replace(game, starts=replace(game.starts, speed=speed))
-    return game, which
+    return replace(game, starts=replace(game.starts, speed=speed)), which
 
 
 def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:

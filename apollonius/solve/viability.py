@@ -60,8 +60,10 @@ def solve_viability(game: Game) -> Viability:
     comes to rest without contact in the continuous game. Another one is lost where its table says so.
 
     Raises:
-        InvalidInput: for a team of robots with different limits.
+        InvalidInput: for a game in several arenas, a team of robots with different limits, and a grid that memory has
+            no room for.
     """
+    game.require_one_arena("what says which starts are lost")
     game = game.duel("what says which starts are lost")
     game = replace(game, arena=replace(game.arena, chart=None))
     return Viability(*ROLES.map(lambda role: _judge(game, role)))

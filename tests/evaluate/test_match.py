@@ -10,16 +10,21 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.uniform import Uniform
+from apollonius.arenas.charting import charted
+from apollonius.arenas.scenarios import scenario_game
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
-from apollonius.evaluate.match import StartFilter, count, play_match
+from apollonius.evaluate.match import Match, StartFilter, count, play_match
 from apollonius.evaluate.statistics import wilson_interval
-from apollonius.game.presets import make_game
+from apollonius.game.presets import in_teams, make_game
+from apollonius.game.starts import Starts
+from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome
 from apollonius.playout import Results
 from apollonius.solve.viability import doomed_start_rate, solve_viability
+from apollonius.terminal import match_table
 from tests.matches import a_match
-from tests.solve.small import MOVING
+from tests.solve.small import BODY, MOVING
 
 GAMES = 200
 PAPER = replace(make_game("paper"), max_steps=150)
@@ -115,6 +120,48 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
 
 def test_no_start_is_doomed_where_both_can_stay_at_rest():
     assert count(a_match(PAPER, Still(), Still(), 1), Results(jnp.array([7]), jnp.array([1]))).doomed_start_rate == 0
+
+
+@pytest.mark.parametrize(
+    ("asked", "speed", "word"),
+    [
+        (None, "moving", "moving"),
+        ("rest", "rest", "rest"),
+        ("moving", "moving", "moving"),
+        ("viable", "moving", "viable"),
+    ],
+)
+def test_starts_are_the_games_own_unless_others_are_asked_for(tmp_path, asked, speed, word):
+    path = tmp_path / "moving.toml"
+    path.write_text('[starts]\nspeed = "moving"\n')
+    asked_for = Match.of_names(str(path), "still", "still", games=1, starts=asked)
+    assert (asked_for.game.starts.speed, asked_for.starts_played) == (speed, word)
+
+
+@pytest.mark.parametrize(
+    "game",
+    [
+        replace(scenario_game("suite-v1/maze-00,maze-01"), starts=Starts(speed="moving")),
+        replace(in_teams(MOVING, 2, 1), teams=Teams(pursuers=(replace(BODY, v_max=0.5),))),
+    ],
+    ids=["several arenas", "several kinds of robots"],
+)
+def test_where_lost_starts_cannot_be_solved_for_their_share_is_unknown(game):
+    match = a_match(game, Still(), Still(), 1)
+    result = count(match, Results(jnp.array([7]), jnp.array([1])))
+    assert result.doomed_start_rate is None
+    assert "unknown" in match_table(match, result)
+
+
+def test_viable_starts_of_several_arenas_are_refused_before_any_player_is_looked_for():
+    with pytest.raises(InvalidInput, match=r"arenas = 2 .* one, which --starts viable"):
+        Match.of_names("suite-v1/maze-00,maze-01", "nobody", "nobody", games=1, starts="viable")
+
+
+@pytest.mark.slow
+def test_a_chart_changes_nothing_about_lost_starts():
+    game = charted(MOVING)
+    assert doomed_start_rate(game, solve_viability(game)) == doomed_start_rate(MOVING, solve_viability(MOVING))
 
 
 @pytest.mark.slow

@@ -50,7 +50,8 @@ def test_matches_are_told_as_they_end(tournament, told):
 
 
 def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
-    table = tournament_table(tournament)
+    table = tournament_table(tournament, "rest")
+    assert "Starts: rest." in table
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("|")]
     assert cells[0] == ["pursuer \\ evader", "still", "flee", "mean"]
     assert [row[0] for row in cells[2:]] == ["random", "pure-pursuit", "mean"]
