@@ -16,6 +16,8 @@ from safetensors.numpy import load_file, save_file
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
+from apollonius.arenas.file import load_game
+from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
 from apollonius.cli import COMMANDS, main
 from apollonius.game.dynamics import Unicycle
@@ -253,6 +255,44 @@ def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, c
 )
 def test_bad_arguments_are_refused(capsys, arguments, naming):
     assert_refused(capsys, *arguments, naming=naming)
+
+
+SEVERAL = "suite-v1/maze-00,maze-01"
+"""A game in two arenas."""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"simulate nobody nobody --game {SEVERAL}",
+        f"show nobody nobody --game {SEVERAL}",
+        f"evaluate nobody nobody --record 1 --game {SEVERAL}",
+        f"regret nobody --game {SEVERAL}",
+        f"solve safety --game {SEVERAL}",
+        f"slice nobody --opponent 5 5 --game {SEVERAL}",
+        f"exploit pursuer nobody --game {SEVERAL}",
+        f"play --game {SEVERAL}",
+        f"export P_pool --to numpy --out a.py --game {SEVERAL}",
+        f"pursuers {SEVERAL}",
+        f"arena check {SEVERAL}",
+        f"arena chart {SEVERAL} --out a.npz",
+    ],
+)
+def test_what_needs_one_arena_refuses_several_before_it_works(capsys, words):
+    assert_refused(capsys, *words.split(), naming=[f"game = {SEVERAL}", "name one, as suite-v1/maze-00."])
+
+
+def test_a_random_arena_in_place_of_several_is_the_one_that_is_played(capsys):
+    assert run_main("arena", "random", "--game", SEVERAL, "--seed", "3", "--out", "a.toml") == 0
+    game = load_game(Path("a.toml"))
+    assert game.scenario is None
+    assert [float(disc.x) for disc in game.arena.discs] == [float(disc.x) for disc in random_arena("discs", 3).discs]
+    capsys.readouterr()
+    assert_refused(capsys, "arena", "random", "--game", "suite-v1/train", "--out", "b.toml", naming=["several makes"])
+    Path("both.toml").write_text(f'scenario = "{SEVERAL}"\n[arena]\nx_max = 12.0\n')
+    assert_refused(
+        capsys, "evaluate", "random", "still", "--game", "both.toml", naming=["'both.toml': arena", "scenario"]
+    )
 
 
 def test_a_truncated_agent_is_refused(agent, capsys):

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+from apollonius.game.chart import Chart
 from apollonius.game.dynamics import gears
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Scalar
 from apollonius.observe.observation import WHOLE, Whole
@@ -108,6 +109,12 @@ class AbstractContinuous(AbstractPolicy):
             return (gear_u1 - own[0]) ** 2 + (gear_u2 - own[1]) ** 2
 
         return jnp.argmin(jnp.where(allowed, jax.vmap(away)(jnp.arange(NUM_ACTIONS)), jnp.inf)).astype(jnp.int32)
+
+
+def reads_chart(policy: AbstractPolicy) -> bool:
+    """Return whether a player reads a chart: the game's, or one that it has with it."""
+    leaves = jax.tree.leaves(policy, is_leaf=lambda node: isinstance(node, Chart))
+    return policy.charted or any(isinstance(leaf, Chart) for leaf in leaves)
 
 
 def acts_by_chance(policy: AbstractPolicy, view: View) -> bool:

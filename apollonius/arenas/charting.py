@@ -30,18 +30,18 @@ def charted(game: Game) -> Game:
     if game.scenario is None:
         if game.arena.chart is not None:
             return game
-        chart = _charts([game.arena], _radius(game))
+        chart = _charts([game.arena], largest_radius(game))
         return replace(game, arena=replace(game.arena, chart=chart))
     scenario = game.scenario
     if scenario.arenas.chart is not None:
         return game
     alone = [scenario.arena(jnp.asarray(number)) for number in range(scenario.count)]
-    arenas = replace(scenario.arenas, chart=_charts(alone, _radius(game)))
+    arenas = replace(scenario.arenas, chart=_charts(alone, largest_radius(game)))
     return replace(game, scenario=replace(scenario, arenas=arenas))
 
 
-def _radius(game: Game) -> float:
-    """That of the largest robot [m]."""
+def largest_radius(game: Game) -> float:
+    """Return the radius of a game's largest robot [m], for which its chart is drawn."""
     makes = game.scenario.makes if game.scenario else None
     bodies = [body for side in game.bodies for body in side] if makes is None else [makes.pursuer, makes.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.arenas.record import find_map, from_dict
-from apollonius.arenas.scenarios import is_scenario, scenario_game
+from apollonius.arenas.scenarios import arena_names, is_scenario, scenario_game
 from apollonius.arenas.suite import SUITES, suite_arena
 from apollonius.document import parse_toml, read_bytes
 from apollonius.errors import InvalidInput, require
+from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
 from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
@@ -67,6 +68,25 @@ def find_game(name: str) -> Game:
     return load_game(GALLERY / f"{name}.toml")
 
 
+def game_in_one_arena(name: str, who: str) -> Game:
+    """Return the game of this name, as `find_game`, for what knows one arena only.
+
+    Args:
+        who: what does, for the message.
+
+    Raises:
+        InvalidInput: for a game in several arenas, with the name of one of them; and as `find_game`.
+    """
+    game = find_game(name)
+    if game.scenario is not None:
+        team, _ = split_team(name)
+        first = f"{team}/" * bool(team) + arena_names(game.scenario.name)[0]
+        require(
+            False, "game", name, f"in one arena, which {who} needs, and this one is in several: name one, as {first}"
+        )
+    return game
+
+
 def load_game(path: Path) -> Game:
     """The game of a TOML file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and the game's own numbers.
 
@@ -84,7 +104,10 @@ def load_game(path: Path) -> Game:
         arena["map"] = found = find_map(arena["map"], path.parent)
         data["arena"] = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max} | arena
     _read_teams(data, path)
-    return from_dict(Game, data, f"'{path}'")
+    game = from_dict(Game, data, f"'{path}'")
+    alone = game.scenario is None or game.arena == Arena()
+    require(alone, f"'{path}': arena", "given", "left out beside a scenario, in whose arenas the game is played")
+    return game
 
 
 def _read_teams(data: dict[str, Any], path: Path) -> None:

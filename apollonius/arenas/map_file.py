@@ -26,6 +26,8 @@ _MOST_IMAGE = 5 * _MOST_CELLS**2
 """Largest image file [bytes]: as text, a cell may take four digits and a blank."""
 _BLACK, _FREE = 0, 254
 """What map_server writes for occupied and free cells."""
+_UNKNOWN = 205 / 255
+"""What map_server writes for cells of which nothing is known, of white."""
 _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
 """The lightest value of each kind of grey image."""
 
@@ -44,14 +46,27 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
         InvalidInput: for a file that is missing or unreadable, an impossible value, a map that is turned, and a map
             that has another digest.
     """
-    text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
-    said = _read_yaml(text, f"map '{path}'")
-    image = path.parent / str(said["image"])
-    content = read_bytes(image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE)
+    text, content = _files(path)
     found = hashlib.sha256(text + content).hexdigest()
     bound = "the map of this game, which has changed since; restore it"
     require(digest in (None, found), f"map '{path}'", f"SHA-256 {found[:12]}...", bound)
     return _map(path.resolve(), found, text, content)
+
+
+def unknown_read_as_free(path: Path) -> float:
+    """Return the share of a map's cells that are of map_server's grey for unknown and yet below `free_thresh`."""
+    text, content = _files(path)
+    said = _read_yaml(text, f"map '{path}'")
+    dark = _darkness(said, content, f"map '{path}'")
+    unknown = _UNKNOWN if said["negate"] else 1 - _UNKNOWN
+    return float(np.mean((np.abs(dark - unknown) < 1e-4) & (dark < said["free_thresh"])))
+
+
+def _files(path: Path) -> tuple[bytes, bytes]:
+    """Return what is in a map's YAML file and in its image."""
+    text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
+    image = path.parent / str(_read_yaml(text, f"map '{path}'")["image"])
+    return text, read_bytes(image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE)
 
 
 @functools.lru_cache(maxsize=2)

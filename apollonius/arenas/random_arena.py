@@ -104,12 +104,16 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
 
 
 def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], **numbers: object) -> Game:
-    """A game in a random arena of a width and height [m] in which both of its robots can go everywhere.
+    """Return a game in one random arena of a width and height [m] in which both of its robots can go everywhere.
 
-    Arguments and errors are those of `random_arena`; the gap must also let the robots through.
+    Arguments and errors are those of `random_arena`; the gap must also let the robots through, and these must be of
+    one make.
     """
+    alike = game.scenario is None or game.scenario.makes is None
+    require(alike, "game", "of robots of several makes", "one that says which robots play in the arena")
     for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
         require(gap > 2 * body.radius, "gap", gap, bound)
     width, height = size
-    return replace(game, arena=random_arena(kind, seed, gap=gap, width=width, height=height, **numbers))
+    arena = random_arena(kind, seed, gap=gap, width=width, height=height, **numbers)
+    return replace(game, arena=arena, scenario=None)

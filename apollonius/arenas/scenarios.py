@@ -60,12 +60,17 @@ def each_alone(game: Game) -> list[Game]:
 
 
 def _arenas(name: Any) -> list[Arena]:
+    return [suite_arena(*one.split("/")) for one in arena_names(name)]
+
+
+def arena_names(name: Any) -> list[str]:
+    """Return the names of the arenas of a scenario, as `suite-v1/maze-00`; errors as those of `find_scenario`."""
     some = [f"{suite}/{part}" for suite in SUITES for part in PARTS]
     known = isinstance(name, str) and is_scenario(name)
     require(known, "scenario", name, f"one of {', '.join(some)}, or some arenas, as '{SUITES[0]}/maze-00,maze-01'")
     suite, within = name.split("/")
     names = suite_names(suite, within) if within in PARTS else within.split(",")
-    return [suite_arena(suite, arena) for arena in names]
+    return [f"{suite}/{arena}" for arena in names]
 
 
 def makes() -> Makes:

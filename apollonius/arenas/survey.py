@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt, label
 
+from apollonius.arenas.map_file import unknown_read_as_free
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 
@@ -83,7 +85,20 @@ def survey(game: Game) -> Survey:
             wrong.append(
                 "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
             )
-    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(_notes(game, clearances < 0, cell)))
+    notes = [*map_notes(arena), *_notes(game, clearances < 0, cell)]
+    return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(notes))
+
+
+def map_notes(arena: Arena) -> list[str]:
+    """Return a note where a map's unknown cells are read as free; of a map that is no file there is none."""
+    path = Path(arena.map.file) if arena.map else None
+    share = unknown_read_as_free(path) if path and path.is_file() else 0.0
+    if not share:
+        return []
+    return [
+        f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
+        f"'{path}' if no robot should go there."
+    ]
 
 
 def places(arena: Arena) -> tuple[Grid, Grid, float]:

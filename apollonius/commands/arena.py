@@ -105,10 +105,11 @@ def _played(options: argparse.Namespace, games: "Mapping[str, Game]") -> "Iterat
 
 def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.arenas.passages import missed_passage
     from apollonius.arenas.survey import survey
 
-    game = find_game(options.game)
+    game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
     if options.out:
         with plots():
@@ -117,13 +118,15 @@ def run_check(options: argparse.Namespace) -> int:
         save_plan(Path(options.game).stem, game, found, options.out)
     else:
         found = survey(game)
+    passage = missed_passage(game)
     options.display.end()
+    notes = [*found.notes, *([str(passage)] if passage else [])]
     if options.json:
-        print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": found.notes}))
+        print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": notes}))
     else:
         for line in found.wrong:
             print(f"wrong: {line}")
-        for line in found.notes:
+        for line in notes:
             print(f"note: {line}")
         if not found.wrong:
             print(f"{options.game}: nothing is wrong with this arena")
@@ -168,10 +171,10 @@ def run_suite(options: argparse.Namespace) -> int:
 def run_chart(options: argparse.Namespace) -> int:
     """Write the chart of a game's arena, for the larger of its robots."""
     from apollonius.adapters.export.chart_file import chart_bytes, chart_parts
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.document import write_atomically
 
-    game = find_game(options.game)
+    game = game_in_one_arena(options.game, "arena chart")
     options.display.begin("drawing the chart", compiles=True)
     parts = chart_parts(game)
     write_atomically(options.out, chart_bytes(parts, options.out.suffix))

@@ -21,7 +21,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     from apollonius.terminal import match_table
 
     check_records(options, options.games, f"--games = {options.games}")
-    match = requested_match(options)
+    match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
     result = count(match, results)

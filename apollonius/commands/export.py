@@ -32,13 +32,13 @@ def add_export(subparsers: Any) -> None:
 def run_export(options: argparse.Namespace) -> int:
     """Write the file and check it."""
     from apollonius.adapters.export.writing import STATES, find_exportable, find_format, game_of, write_policy
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
 
     name, out = options.agent, options.out
     agent, path = find_exportable(name)
     format_ = find_format(options.to)
     require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
-    game = find_game(options.game) if options.game else game_of(agent, name)
+    game = game_in_one_arena(options.game, "export") if options.game else game_of(agent, name)
     several = (
         f"a game in one arena, which is built in; '{name}' was made for {game.scenario.size if game.scenario else 1}"
     )

@@ -1,7 +1,7 @@
 """What several commands ask for: a game, players, what draws."""
 
 import argparse
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from apollonius.errors import InvalidInput, require
 from apollonius.limits import GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
+    from apollonius.agents.kind import Named
     from apollonius.evaluate.match import Match
     from apollonius.game.game import Game
     from apollonius.game.types import Role
@@ -66,22 +67,50 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
     )  # fmt: skip
 
 
-def requested_match(options: argparse.Namespace) -> "Match":
-    """The match of two players that are named, of `options.games`; errors as those of `Match.of_names`.
+def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
+    """Return the match of two players that are named, of `options.games`, and warn of what is odd about it.
 
-    Whoever has learned elsewhere is told of, and who plays in any arena.
+    Args:
+        in_one_arena: whether the command knows one arena only.
+
+    Raises:
+        InvalidInput: as `game_in_one_arena` and `Match.of_names`.
     """
-    from apollonius.agents.trained import ANY, learned_elsewhere
+    from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
+
+    game = game_in_one_arena(options.game, options.command) if in_one_arena else find_game(options.game)
+    match = Match.of_names(game, options.pursuer, options.evader, options.games, options.seed, options.starts)
+    warn(options, match.game, match.players)
+    return match
+
+
+def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:
+    """Say on standard error, a line each, what games in an arena, or of players there, should not be taken for.
+
+    Games that ship with the package are sound, so only those of files are surveyed.
+    """
+    from apollonius.agents.policy import reads_chart
+    from apollonius.agents.trained import ANY, learned_elsewhere
+    from apollonius.arenas.passages import missed_passage
+    from apollonius.arenas.survey import map_notes, survey
     from apollonius.game.types import Role
 
-    asked = options.game, options.pursuer, options.evader, options.games, options.seed, options.starts
-    match = Match.of_names(*asked)
+    found = list({player.name: player for player in players}.values())
     for role in Role:
-        player = match.players[role]
-        if learned_elsewhere(player, match.game):
-            options.display.tell(f"{player.name} has learned in another arena; {ANY[role]} plays in any")
-    return match
+        elsewhere = [
+            player.name
+            for player in found
+            if player.header and player.header.role == role.name.lower() and learned_elsewhere(player, game)
+        ]
+        if elsewhere:
+            has = "has" if len(elsewhere) == 1 else "have"
+            options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
+    if game.scenario is not None or not options.game or not options.game.endswith(".toml"):
+        return
+    passage = missed_passage(game) if any(reads_chart(player.policy) for player in found) else None
+    for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):
+        options.display.tell(f"{options.game}: {line}")
 
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import finish
+from apollonius.commands.options import warn
 from apollonius.commands.values import count, named, new_folder
 from apollonius.limits import PORT, SEED
 
@@ -50,6 +51,7 @@ def add_play(subparsers: Any) -> None:
 
 def run_play(options: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C, or write it to a folder."""
+    from apollonius.arenas.file import find_game
     from apollonius.document import whole_folder
     from apollonius.errors import require
     from apollonius.game.types import Role
@@ -58,6 +60,7 @@ def run_play(options: argparse.Namespace) -> int:
 
     options.display.begin("writing the page")
     choice = choose(Role[options.side.upper()], options.against, options.game, options.seed)
+    warn(options, find_game(options.game))
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")

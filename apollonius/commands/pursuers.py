@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, plots
+from apollonius.commands.options import AGENT, plots, warn
 from apollonius.commands.values import count, named, new_file
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput
 from apollonius.limits import GAMES, ROBOTS, SEED
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def add_pursuers(subparsers: Any) -> None:
 
 def run_pursuers(options: argparse.Namespace) -> int:
     """Count, tell and draw; exit status 1 where the graphs do not agree."""
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.arenas.free_space import free_space
     from apollonius.solve.enough import MOST_NODES, how_many
     from apollonius.terminal import sizes_table
@@ -62,9 +62,13 @@ def run_pursuers(options: argparse.Namespace) -> int:
         for name, default in _PLAYED.items():
             if getattr(options, name) != default:
                 raise InvalidInput(f"--{name} is about games and needs --games: say how many to play with each team.")
-    game = find_game(options.game)
-    require(game.scenario is None, "ARENA", options.game, "one arena, not several; name one of them")
+    game = game_in_one_arena(options.game, "pursuers")
     matches = _matches(options, game) if options.games else None
+    warn(
+        options,
+        game,
+        [player for sizes in (matches or {}).values() for one in sizes.values() for player in one.players],
+    )
     display.begin("looking where robots can be", compiles=True)
     space, known = free_space(game), set[float]()
 

@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 from apollonius.commands.ending import finish_with_replays, write_replays
-from apollonius.commands.options import AGENT, add_game_options, add_record_options, check_records
+from apollonius.commands.options import AGENT, add_game_options, add_record_options, check_records, warn
 from apollonius.commands.solving import SOLVING, add_table_options, requested_tables
 from apollonius.commands.values import count, named
 from apollonius.errors import require
@@ -37,10 +37,11 @@ def add_regret(subparsers: Any) -> None:
 def run_regret(options: argparse.Namespace) -> int:
     """Measure and print."""
     from apollonius.agents.kind import Named
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.catalogue import TABLE, find_player
     from apollonius.evaluate.card import WORST, measure_card
-    from apollonius.evaluate.match import Match, record_game, starting
+    from apollonius.evaluate.match import Match, record_game
+    from apollonius.evaluate.start_filter import starting
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
     from apollonius.solve.foresight import ResponsePolicy
@@ -48,9 +49,10 @@ def run_regret(options: argparse.Namespace) -> int:
 
     require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
     check_records(options, WORST, f"{WORST}")
-    game, _ = starting(find_game(options.game), options.starts)
+    game, _ = starting(game_in_one_arena(options.game, "regret"), options.starts)
     role, display = Role[options.role.upper()], options.display
     agent = find_player(options.agent, role, game)
+    warn(options, game, [agent])
     playing = PLAYING if options.response_games else PLAYING[:1]
     display.plan(dict.fromkeys([*SOLVING, *playing], 1.0))
     tables = requested_tables(options, game)

@@ -42,15 +42,15 @@ def add_robots(subparsers: Any) -> None:
 
 def run_robots(options: argparse.Namespace) -> int:
     """Play all matches, print the table, draw the map."""
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.makes import play_makes
-    from apollonius.evaluate.match import starting
+    from apollonius.evaluate.start_filter import starting
     from apollonius.game.by_side import BySide
     from apollonius.terminal import make_table
 
     if options.out:
         _drawing()
-    game, starts = starting(find_game(options.game), options.starts)
+    game, starts = starting(game_in_one_arena(options.game, "robots"), options.starts)
     options.display.begin("playing robots of every make", compiles=True)
     table = play_makes(
         game,

@@ -51,7 +51,7 @@ def run_show(options: argparse.Namespace) -> int:
     else:
         from apollonius.evaluate.match import record_game
 
-        match = requested_match(options)
+        match = requested_match(options, in_one_arena=True)
         replay, starts = record_game(match, 0), match.starts_played
     display.begin(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":

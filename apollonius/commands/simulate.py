@@ -33,7 +33,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     from apollonius.terminal import match_heading
 
     check_records(options, options.games, f"--games = {options.games}")
-    match, drive, display = requested_match(options), load_drive(options.drive), options.display
+    match, drive, display = requested_match(options, in_one_arena=True), load_drive(options.drive), options.display
     kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
     ablated = kinds if options.ablate else {}
     display.plan({"playing with bodies": 1.0, "playing by the rules": 0.1} | dict.fromkeys(ablated, 1.0))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import chosen_rules, plots
+from apollonius.commands.options import chosen_rules, plots, warn
 from apollonius.commands.values import named, new_file, real
 
 
@@ -36,9 +36,10 @@ def run_slice(options: argparse.Namespace) -> int:
     """Draw the slice."""
     import jax.numpy as jnp
 
+    from apollonius.agents.kind import Named
     from apollonius.agents.trained import find_action_value_policy
     from apollonius.arenas.charting import charted
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
     from apollonius.solve.solved import table_player
@@ -50,13 +51,14 @@ def run_slice(options: argparse.Namespace) -> int:
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))
     opponent = RobotState(*(jnp.float32(number) for number in numbers))
     own = (options.speed, radians(options.heading))
-    game = find_game(options.game)
+    game = game_in_one_arena(options.game, "slice")
     if is_solution(Path(options.agent)):
         path, player = Path(options.agent), table_player(Path(options.agent), game)
-        role = player.zero_sum_game.role
+        role, header = player.zero_sum_game.role, None
     else:
         player, agent, path = find_action_value_policy(options.agent)
-        role = Role[agent.header.role.upper()]
+        role, header = Role[agent.header.role.upper()], agent.header
+    warn(options, game, [Named(path.stem, player, header)])
     if player.charted:
         game = charted(game)
     options.display.begin("asking the agent all over the arena", compiles=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import add_grid_options, chosen_rules, plots, requested_grid
+from apollonius.commands.options import add_grid_options, chosen_rules, plots, requested_grid, warn
 from apollonius.commands.values import named, new_file, real, require_writable
 from apollonius.errors import InvalidInput, require
 
@@ -52,14 +52,15 @@ def add_solve(subparsers: Any) -> None:
 
 def run_solve(options: argparse.Namespace) -> int:
     """Solve, or load what is solved already; say how good it is and what it means."""
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.solution import about
     from apollonius.solve.solving import solve_problem
     from apollonius.solve.store import load_solution, save_solution
     from apollonius.terminal import sweeps_on
 
-    game, display = find_game(options.game), options.display
+    game, display = game_in_one_arena(options.game, "solve"), options.display
     problem = _requested_problem(options, game)
+    warn(options, game)
     if options.plot:
         _drawing()
     path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.safetensors")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, warn
 from apollonius.commands.values import count, named, new_file, new_folder
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
@@ -46,7 +46,8 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
     from apollonius.evaluate.cycles import cycles
-    from apollonius.evaluate.match import MatchResult, starting
+    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.start_filter import starting
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
     from apollonius.terminal import tournament_table
@@ -58,6 +59,8 @@ def run_tournament(options: argparse.Namespace) -> int:
         [find_player(name, role, game) for name in names or player_names(role, game)]
         for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
     )
+
+    warn(options, game, (*pursuers, *evaders))
 
     def tell(pursuer: str, evader: str, result: MatchResult) -> None:
         if not options.json:

@@ -12,8 +12,9 @@ from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput, require
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
+from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.evaluate.shields import alike
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES

@@ -1,7 +1,6 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
-from dataclasses import asdict, dataclass, replace
-from enum import Enum
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import jax
@@ -13,50 +12,19 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import require
 from apollonius.evaluate.by_arena import ByArena, count_by_arena
 from apollonius.evaluate.robots import RobotCounts, count_robots
 from apollonius.evaluate.smoothness import Changes, mean_change
+from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, sample_starts
+from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.limits import GAMES, SEED
 from apollonius.playout import Report, Results, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
-from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
-
-
-class StartFilter(Enum):
-    """Which of the starts that a game draws are played."""
-
-    ALL = "all"
-    VIABLE = "viable"
-    """Those from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
-
-    def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
-        """Initial states of several games, leaves `[games]`. The key is consumed.
-
-        Raises:
-            InvalidInput: when hardly any start of the game is viable, and as `solve_viability`.
-        """
-        if self is StartFilter.ALL or _starts_at_rest(game):
-            return sample_starts(game, key, games)
-        return viable_starts(game, solve_viability(game), key, games)
-
-    def word(self, game: Game) -> str:
-        """Return the word for these starts of a game: `rest`, `moving` or `viable`, as of `starting`."""
-        return self.value if self is StartFilter.VIABLE else game.starts.speed
-
-    def doomed_rate(self, game: Game) -> float | None:
-        """Return the share of these starts that are lost before they begin; None where it cannot be solved for."""
-        if self is StartFilter.VIABLE or _starts_at_rest(game):
-            return 0.0
-        try:
-            return doomed_start_rate(game, solve_viability(game))
-        except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
-            return None
 
 
 @dataclass(frozen=True)
@@ -91,17 +59,18 @@ class Match:
 
     @classmethod
     def of_names(
-        cls, game: str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str | None = None
+        cls, game: Game | str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str | None = None
     ) -> "Match":
-        """The match of a game and two players that are named, or whose files are.
+        """Return the match of a game and two players that are named, or whose files are.
 
         Args:
+            game: the rules, or what they are called.
             starts: as of `starting`.
 
         Raises:
             InvalidInput: as `find_game` and `find_player`, and as a match.
         """
-        rules, which = starting(find_game(game), starts)
+        rules, which = starting(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
         return cls(rules, players, games, seed, which)
@@ -158,25 +127,6 @@ class MatchResult:
         """The result as JSON-like data; nothing of arenas where there is one only, or of robots where they are two."""
         data = asdict(self)
         return {name: value for name, value in data.items() if name not in ("arenas", "robots") or value is not None}
-
-
-def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
-    """Return a game with the starts that a word asks for, and the filter of those that are played.
-
-    Args:
-        starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
-            None for the game's own.
-
-    Raises:
-        InvalidInput: for `viable` in several arenas.
-    """
-    if starts is None:
-        return game, StartFilter.ALL
-    if starts == "viable":
-        game.require_one_arena("--starts viable")
-    speed = "rest" if starts == "rest" else "moving"
-    which = StartFilter.VIABLE if starts == "viable" else StartFilter.ALL
-    return replace(game, starts=replace(game.starts, speed=speed)), which
 
 
 def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:
@@ -259,8 +209,3 @@ def count(match: Match, results: Results) -> MatchResult:
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         robots=count_robots(results.status) if results.status else None,
     )
-
-
-def _starts_at_rest(game: Game) -> bool:
-    """Whether all robots start where they can stay, so that no start is lost."""
-    return all(bool(body.v_min <= 0) for side in game.bodies for body in side) and game.starts.speed == "rest"

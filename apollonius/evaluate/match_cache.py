@@ -9,7 +9,8 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.cache import content, digest, entry, kept
 from apollonius.document import parse_json, read_bytes, write_atomically
 from apollonius.errors import require
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
+from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.playout import Report
 
 T = TypeVar("T")

@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from apollonius.agents.kind import Named
 from apollonius.errors import require
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match
+from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.evaluate.match_cache import cached_match
 from apollonius.evaluate.ratings import Ratings, rate
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.matrix_game import Equilibrium, broadest_equilibrium

@@ -11,7 +11,7 @@ import numpy as np
 from apollonius.agents.built_in import PLAYERS, BuiltIn
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
-from apollonius.arenas.file import find_game, game_names, split_team
+from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
 from apollonius.errors import require
@@ -74,8 +74,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
         InvalidInput: for a game, a seed or a player there is not, or one that the page does not have.
     """
     SEED.require("seed", seed)
-    rules = find_game(game)
-    require(rules.scenario is None, "game", game, "one in a single arena, as in the page: name one of its arenas")
+    rules = game_in_one_arena(game, "the page")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     team, of_two = split_team(game)

@@ -12,7 +12,8 @@ from apollonius import limits
 from apollonius.cli import main
 
 YAML = (
-    "image: {image}\nresolution: {resolution}\norigin: {origin}\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    "image: {image}\nresolution: {resolution}\norigin: {origin}\nnegate: 0\noccupied_thresh: 0.65\n"
+    "free_thresh: {free_thresh}\n"
 )
 
 
@@ -21,13 +22,22 @@ def evaluated(tmp_path, monkeypatch, capsys):
     """A function that plays on a map of these pixels and numbers, and returns the status and what was said."""
     monkeypatch.chdir(tmp_path)
 
-    def play(rules="", pixels=None, image="map.pgm", resolution="0.5", origin="[0, 0, 0]", arena='map = "map.yaml"'):
+    def play(
+        rules="",
+        pixels=None,
+        image="map.pgm",
+        resolution="0.5",
+        origin="[0, 0, 0]",
+        arena='map = "map.yaml"',
+        free_thresh="0.196",
+    ):
         pixels = np.full((20, 20), 254) if pixels is None else pixels
         if isinstance(pixels, bytes):
             (tmp_path / image).write_bytes(pixels)
         else:
             Image.fromarray(np.asarray(pixels, np.uint8)).save(tmp_path / image)
-        (tmp_path / "map.yaml").write_text(YAML.format(image=image, resolution=resolution, origin=origin))
+        said = YAML.format(image=image, resolution=resolution, origin=origin, free_thresh=free_thresh)
+        (tmp_path / "map.yaml").write_text(said)
         (tmp_path / "game.toml").write_text(f"[arena]\n{arena}\n{rules}\n")
         status = main(["evaluate", "random", "still", "--game", "game.toml", "--games", "2"])
         said = capsys.readouterr()
@@ -85,6 +95,17 @@ def test_a_map_for_which_memory_has_no_room_is_refused_before_it_is_read(evaluat
 def test_closed_pockets_are_found_and_a_robot_that_starts_in_one_can_be_played(evaluated, capsys):
     pixels = np.full((40, 40), 254)
     pixels[18:22] = 0
-    assert evaluated(pixels=pixels)[0] == 0
+    status, told = evaluated(pixels=pixels)
+    assert status == 0
+    assert told.count("game.toml: the pursuer's free space falls into 2 parts of 178, 178 m^2") == 1
     assert main(["arena", "check", "game.toml"]) == 1
     assert "free space falls into 2 parts of 178, 178 m^2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("free_thresh", "said"), [("0.196", 0), ("0.25", 1)])
+def test_unknown_cells_that_are_read_as_free_are_told_of(evaluated, free_thresh, said):
+    pixels = np.full((20, 20), 254)
+    pixels[:4] = 205
+    status, told = evaluated(pixels=pixels, free_thresh=free_thresh)
+    assert status == 0
+    assert told.count("unknown cells of the map, grey 205, are read as free, on 20.0% of it: set free_thresh") == said

@@ -14,7 +14,8 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.scenarios import scenario_game
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, StartFilter, count, play_match
+from apollonius.evaluate.match import Match, count, play_match
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.starts import Starts
@@ -154,7 +155,7 @@ def test_where_lost_starts_cannot_be_solved_for_their_share_is_unknown(game):
 
 
 def test_viable_starts_of_several_arenas_are_refused_before_any_player_is_looked_for():
-    with pytest.raises(InvalidInput, match=r"arenas = 2 .* one, which --starts viable"):
+    with pytest.raises(InvalidInput, match=r"arenas = 2 .* one, which a match from viable starts"):
         Match.of_names("suite-v1/maze-00,maze-01", "nobody", "nobody", games=1, starts="viable")
 
 

@@ -12,8 +12,9 @@ from apollonius.cache import content
 from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.evaluate import match_cache
-from apollonius.evaluate.match import Match, StartFilter, play_match
+from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.match_cache import cached_match
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.evaluate.tournament import play_tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game

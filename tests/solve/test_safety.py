@@ -11,7 +11,8 @@ import pytest
 from apollonius.agents.shield import brakes
 from apollonius.agents.uniform import Uniform
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import StartFilter, play_match
+from apollonius.evaluate.match import play_match
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role

@@ -20,9 +20,6 @@ from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.game.arena import Arena
-from apollonius.game.presets import make_game
-from apollonius.game.scenario import in_arenas
 from apollonius.game.types import Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
@@ -106,11 +103,9 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     assert len(catalogue["games"]["pack"]["teams"]["pursuers"]) == 3
 
 
-def test_a_game_in_several_arenas_is_refused(monkeypatch):
-    game = in_arenas(make_game("paper"), [Arena(), Arena(x_max=8.0)])
-    monkeypatch.setattr("apollonius.web.site.find_game", lambda name: game)
-    with pytest.raises(InvalidInput, match="one in a single arena"):
-        choose(Role.EVADER, None, "several", 0)
+def test_a_game_in_several_arenas_is_refused():
+    with pytest.raises(InvalidInput, match="in one arena, which the page needs"):
+        choose(Role.EVADER, None, "suite-v1/maze-00,maze-01", 0)
 
 
 def test_a_game_on_a_map_is_served_with_its_field(tmp_path):

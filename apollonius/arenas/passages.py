@@ -1,0 +1,105 @@
+"""Passages that are too narrow for an arena's chart: players that read it, such as `P_any`, see no way there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from apollonius.arenas.charting import charted, largest_radius
+from apollonius.arenas.survey import clearances_at, places
+from apollonius.game.chart import NO_WAY, SIDE, STOPS
+from apollonius.game.game import Game
+
+_LONGER = 1.1
+"""By this factor a way between stops may be longer than a straight one: it goes in sixteen directions."""
+_DETOUR = 3.0
+"""A chart misses a passage where its way is longer than the real one by more than so many distances of two stops."""
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""From each cell of the raster to four of its eight neighbours, rows and columns."""
+
+
+@dataclass(frozen=True)
+class MissedPassage:
+    """A passage that the larger robot fits through, and that the chart of its arena does not have.
+
+    Attributes:
+        x, y: a place in it [m].
+        resolves: width [m] from which on passages for this robot are in the chart.
+        detour: by how much longer the chart's way is [m]; inf where it has none.
+    """
+
+    x: float
+    y: float
+    resolves: float
+    detour: float
+
+    def __str__(self) -> str:
+        way = "know no other way" if np.isinf(self.detour) else f"know a way that is {self.detour:.1f} m longer"
+        return (
+            f"the passage at ({self.x:.2f}, {self.y:.2f}) is none to players that read a chart, as P_any and E_any, "
+            f"which {way}: this arena's chart resolves {self.resolves:.2f} m, so widen it to that."
+        )
+
+
+def missed_passage(game: Game) -> MissedPassage | None:
+    """Return the passage that costs players with a chart the longest detour, in one arena; None if they miss none.
+
+    From every stop of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can go
+    from one stop to the other; the chart should know a way that is about as short.
+    """
+    arena, radius, chart = game.arena, largest_radius(game), charted(game).arena.chart
+    assert chart is not None, "which a charted game has"
+    ways = np.asarray(chart.ways)[0]
+    side = float(np.asarray(chart.side)[0])
+    x, y, cell = places(arena)
+    room = clearances_at(arena, x, y).min(axis=0) - radius
+    graph, start, end, length = _links(room, cell)
+    others = np.where(np.eye(len(ways), dtype=bool), NO_WAY, ways)
+    stops = np.flatnonzero(others.min(axis=1) < NO_WAY)
+    rows, columns = (((np.array(index) + 0.5) * side / STOPS / cell).astype(int) for index in np.divmod(stops, STOPS))
+    inside = (rows < room.shape[0]) & (columns < room.shape[1])
+    seeds, stops = (rows * room.shape[1] + columns)[inside], stops[inside]
+    if not len(seeds):
+        return None
+    away, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    stop_at = np.zeros(room.size, int)
+    stop_at[seeds] = stops
+    meet = np.flatnonzero((source[start] != source[end]) & np.isfinite(away[start] + away[end]))
+    if not len(meet):
+        return None
+    start, end = start[meet], end[meet]
+    real = away[start] + length[meet] + away[end]
+    way = ways[stop_at[source[start]], stop_at[source[end]]]
+    detour = np.where(way == NO_WAY, np.inf, way / 100 - _LONGER * real)
+    worst = np.argmax(detour)
+    if detour[worst] <= _DETOUR * side / STOPS:
+        return None
+    at = start[worst]
+    resolves = 2 * radius + side / STOPS + side / SIDE
+    return MissedPassage(float(x.ravel()[at]), float(y.ravel()[at]), resolves, float(detour[worst]))
+
+
+def _links(
+    room: Float[np.ndarray, "rows columns"], cell: float
+) -> tuple[csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]]:
+    """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
+
+    Args:
+        room: clearance of the body [m] in the middle of each cell. A line between two middles is free if it is no
+            longer than the sum of their clearances.
+        cell: side of a cell [m].
+    """
+    number = np.arange(room.size).reshape(room.shape)
+    starts, ends, lengths = [], [], []
+    for up, right in _STEPS:
+        here = np.s_[: room.shape[0] - up, max(0, -right) : room.shape[1] - max(0, right)]
+        there = np.s_[up:, max(0, right) : room.shape[1] + min(0, right)]
+        length = cell * np.hypot(up, right)
+        free = (room[here] >= 0) & (room[there] >= 0) & (room[here] + room[there] >= length)
+        starts.append(number[here][free])
+        ends.append(number[there][free])
+        lengths.append(np.full(int(free.sum()), length))
+    start, end, length = (np.concatenate(parts) for parts in (starts, ends, lengths))
+    return csr_array((length, (start, end)), shape=(room.size, room.size)), start, end, length
