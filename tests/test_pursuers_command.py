@@ -50,7 +50,7 @@ def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arena", "complaint"), [("nowhere", "no game is called"), ("suite-v1/maze-00,maze-01", "name one, as suite-v1/maze-00")]
+    ("arena", "complaint"), [("nowhere", "no game is called"), ("suite-v1/maze-00,maze-01", "as suite-v1/maze-00.")]
 )
 def test_what_cannot_be_judged_is_refused_in_a_line(arena, complaint, capsys, tmp_path):
     picture = tmp_path / "none.png"

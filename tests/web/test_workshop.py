@@ -115,7 +115,8 @@ def test_findings_push_what_is_below_them_down(desk, size):
           findings.replaceChildren(...Array.from({ length: 9 }, () => document.createElement("li")));
           for (const line of findings.children) line.textContent = "The free space falls into two parts. ".repeat(4);
           const parts = [...document.querySelector(".sheet").children].filter((part) => part.checkVisibility());
-          return parts.map((part) => [part.id, part.getBoundingClientRect().top + part.scrollHeight, part.getBoundingClientRect().top]);
+          const top = (part) => part.getBoundingClientRect().top;
+          return parts.map((part) => [part.id, top(part) + part.scrollHeight, top(part)]);
         }"""
     )
     page.set_viewport_size(before)
