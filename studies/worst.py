@@ -9,6 +9,7 @@ import numpy as np
 
 from apollonius.agents.trained import ANY
 from apollonius.catalogue import SHIELDED
+from apollonius.evaluate.statistics import mean_interval
 from apollonius.exploit.losses import Losses
 from apollonius.game.types import Role
 from apollonius.show.markdown import markdown_table
@@ -80,11 +81,10 @@ def verdict(found: Mapping[str, Attacks], role: Role) -> str:
         for kind in (SPECIALIST, "classical")
     ]
     regret = [sure(attacks, SOLVED) - own[arena] for arena, attacks in found.items()]
-    reach = 1.96 * float(np.std(regret, ddof=1)) / len(regret) ** 0.5 if len(regret) > 1 else float("nan")
+    low, high = mean_interval(regret, -2.0, 2.0)
     return (
         f"{ANY[role]} is sure of at least as much {', '.join(said)} of {len(found)} arenas; of "
-        f"{np.mean(regret):.2f} less than the solved game's player ({np.mean(regret) - reach:.2f} to "
-        f"{np.mean(regret) + reach:.2f})."
+        f"{np.mean(regret):.2f} less than the solved game's player ({low:.2f} to {high:.2f})."
     )
 
 

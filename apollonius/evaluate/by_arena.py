@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.outcome import PURSUER_WINS
 from apollonius.game.scenario import Scenario
 from apollonius.playout import Results
@@ -31,9 +32,8 @@ class ByArena:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of that mean, were the arenas drawn anew: of a normal distribution."""
-        reach = 1.96 * float(np.std(self.rates, ddof=1)) / len(self.rates) ** 0.5 if len(self.rates) > 1 else 1.0
-        return max(0.0, self.mean - reach), min(1.0, self.mean + reach)
+        """95 % interval of that mean over arenas drawn in the same way, by Student's t."""
+        return mean_interval(self.rates, 0.0, 1.0)
 
     @property
     def worst(self) -> float:

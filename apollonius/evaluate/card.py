@@ -12,7 +12,7 @@ import numpy as np
 from apollonius.agents.kind import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, begin, play_games
-from apollonius.evaluate.statistics import wilson_interval
+from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
@@ -112,7 +112,7 @@ def measure_card(
         at_most=-float(jnp.mean(other.best_value(starts))),
         agent=_score(role, results, payoffs),
         gap=float(np.mean(gaps)),
-        gap_interval=_mean_interval(gaps),
+        gap_interval=mean_interval(gaps, -2.0, 2.0),
         response=answered,
         regions=_by_region(game, np.asarray(own_starts.x), np.asarray(own_starts.y), gaps),
         worst=_worst(game, starts, results, gaps),
@@ -135,14 +135,8 @@ def _score(role: Role, results: Results, payoffs: np.ndarray) -> Score:
     return Score(
         games,
         won / games, wilson_interval(won, games), lost / games, wilson_interval(lost, games),
-        float(np.mean(payoffs)), _mean_interval(payoffs),
+        float(np.mean(payoffs)), mean_interval(payoffs, -1.0, 1.0),
     )  # fmt: skip
-
-
-def _mean_interval(values: np.ndarray) -> tuple[float, float]:
-    """Normal 95 % interval of a mean."""
-    mean, error = float(np.mean(values)), float(np.std(values)) / max(1, len(values) - 1) ** 0.5
-    return mean - 1.96 * error, mean + 1.96 * error
 
 
 def _by_region(game: Game, x: np.ndarray, y: np.ndarray, gaps: np.ndarray) -> list[list[float | None]]:

@@ -1,7 +1,7 @@
 """How sure a rate is."""
 
 from collections.abc import Sequence
-from math import sqrt
+from math import inf, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -59,14 +59,19 @@ def paired_difference_interval(
     return max(more - less - reach, -1.0), min(more - less + reach, 1.0)
 
 
-def seeds_interval(values: Sequence[float]) -> tuple[float, float]:
-    """95 % interval of the mean over seeds, by Student's t (`mean_band` at a single point).
+def mean_interval(
+    values: Sequence[float] | Float[np.ndarray, " values"], least: float = -inf, most: float = inf
+) -> tuple[float, float]:
+    """95 % interval of the mean over seeds, arenas or games, by Student's t (`mean_band` at a single point).
 
-    Raises:
-        ValueError: for fewer than two seeds.
+    Args:
+        values: independent ones.
+        least, most: what values can be at all. One value alone says no more than that.
     """
-    low, high = mean_band(np.asarray(values, float)[:, None])
-    return float(low[0]), float(high[0])
+    if len(values) == 1:
+        return least, most
+    (low,), (high,) = mean_band(np.asarray(values, float)[:, None])
+    return max(float(low), least), min(float(high), most)
 
 
 def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
@@ -111,8 +116,8 @@ def _over_seeds(values: Sequence[float], of_games: tuple[float, float], least: f
     """Of numbers from `least` to 1: the interval over seeds, widened to that of their games."""
     if len(values) == 1:
         return of_games
-    low, high = seeds_interval(values)
-    return max(min(low, of_games[0]), least), min(max(high, of_games[1]), 1.0)
+    low, high = mean_interval(values, least, 1.0)
+    return min(low, of_games[0]), max(high, of_games[1])
 
 
 def mean_band(curves: Float[np.ndarray, "seeds points"]) -> tuple[Float[np.ndarray, " points"], ...]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from apollonius.evaluate.statistics import seeds_interval
+from apollonius.evaluate.statistics import mean_interval
 
 
 def markdown_row(cells: Sequence[str]) -> str:
@@ -34,5 +34,5 @@ def mean_over_seeds(values: Sequence[float], form: str) -> str:
     middle = form.format(float(np.mean(values)))
     if len(values) < 2:
         return middle
-    low, high = seeds_interval(values)
+    low, high = mean_interval(values)
     return f"{middle} ± {form.format((high - low) / 2)}"

@@ -98,9 +98,13 @@ def test_wins_are_counted_by_arenas(three):
     assert found == ByArena((4, 0, 3), (4, 3, 3))
     assert (found.rates, found.mean, found.least) == ([1.0, 0.0, 1.0], pytest.approx(2 / 3), 0.0)
     assert found.worst == 0.0
-    low, high = found.interval
-    assert low == pytest.approx(2 / 3 - 1.96 * np.std([1, 0, 1], ddof=1) / np.sqrt(3))
-    assert high == 1.0
+    assert found.interval == (0.0, 1.0)
+
+
+def test_the_interval_over_few_arenas_is_students():
+    reach = 4.302653 * 0.1 / np.sqrt(3)  # Student's t, two degrees of freedom
+    assert ByArena((6, 5, 7), (10, 10, 10)).interval == pytest.approx((0.6 - reach, 0.6 + reach))
+    assert ByArena((6,), (10,)).interval == (0.0, 1.0)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from apollonius.evaluate.statistics import (
     paired_difference_interval,
     rate_difference_interval,
     rate_interval,
-    seeds_interval,
+    mean_interval,
     wilson_interval,
 )
 
@@ -69,7 +69,7 @@ def test_the_band_holds_the_true_mean_as_often_as_it_says(seeds):
 @pytest.mark.parametrize("seeds", [3, 5])
 def test_the_interval_over_seeds_holds_the_true_mean_as_often_as_it_says(seeds):
     studies = np.random.default_rng(1).normal(0.7, 0.04, size=(2000, seeds))
-    covered = [low <= 0.7 <= high for low, high in map(seeds_interval, studies.tolist())]
+    covered = [low <= 0.7 <= high for low, high in map(mean_interval, studies.tolist())]
     assert np.mean(covered) == pytest.approx(0.95, abs=0.012)
 
 
@@ -89,7 +89,7 @@ def test_the_interval_of_a_rate_over_seeds_holds_it_at_least_as_often_as_it_says
 
 def test_the_interval_of_a_rate_is_students_where_seeds_differ_and_wilsons_where_they_agree():
     counts = [(600, 1000), (700, 1000), (800, 1000)]
-    assert rate_interval(counts) == pytest.approx(seeds_interval([0.6, 0.7, 0.8]))
+    assert rate_interval(counts) == pytest.approx(mean_interval([0.6, 0.7, 0.8]))
     assert rate_interval([(700, 1000)] * 3) == wilson_interval(2100, 3000)
     assert rate_interval([(0, 2000)] * 3) == wilson_interval(0, 6000)
     assert rate_interval(counts[:1]) == wilson_interval(600, 1000)
@@ -98,7 +98,7 @@ def test_the_interval_of_a_rate_is_students_where_seeds_differ_and_wilsons_where
 
 def test_the_interval_of_a_difference_of_rates_is_of_the_same_kind():
     rates = [(0.7, 0.4), (0.5, 0.4), (0.6, 0.4)]
-    assert rate_difference_interval(rates, 1000) == pytest.approx(seeds_interval([0.3, 0.1, 0.2]))
+    assert rate_difference_interval(rates, 1000) == pytest.approx(mean_interval([0.3, 0.1, 0.2]))
     assert rate_difference_interval([(0.7, 0.4)] * 3, 1000) == pytest.approx(difference_interval(0.7, 0.4, 3000))
     assert rate_difference_interval(rates[:1], 1000) == difference_interval(0.7, 0.4, 1000)
     assert rate_difference_interval([(0.0, 1.0), (1.0, 0.0)], 10) == (-1, 1)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import rate_difference_interval, rate_interval, seeds_interval, wilson_interval
+from apollonius.evaluate.statistics import rate_difference_interval, rate_interval, mean_interval, wilson_interval
 from apollonius.reproduce.claims import Claim, difference_claim, rate_claim
 from tests.documents import REPOSITORY
 
@@ -83,7 +83,7 @@ def test_intervals_and_verdicts_in_the_documents_follow_from_the_seeds(games, ce
     values = [float(value) / 100 for value in by_seed.split(", ")]
     (side, least), (low, high) = bound.removeprefix("at ").split(), interval.split(" to ")
     if "minus" in name:
-        expected = seeds_interval(values)
+        expected = mean_interval(values)
         claim = Claim(name, "", float(paper) / 100, float(least) / 100, side == "most", (), expected)
     else:
         counts = [(round(value * games), games) for value in values]
@@ -101,7 +101,7 @@ def test_the_claims_of_the_whole_budget_as_data_follow_from_their_seeds_and_are_
     values, games = [value for value, _ in claim["seeds"]], PAPER["games"]
     assert len(values) == len(PAPER["seeds"]) == 3
     if "minus" in claim["name"]:
-        expected = seeds_interval(values)
+        expected = mean_interval(values)
     else:
         expected = rate_interval([(round(value * games), games) for value in values])
     assert claim["interval"] == pytest.approx(np.clip(expected, -1, 1), abs=1e-3)
