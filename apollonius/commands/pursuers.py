@@ -160,7 +160,7 @@ def _told(name: str, enough: "Enough") -> str:
     """The same in lines."""
     lines = [
         f"{name}: {enough.verdict}",
-        "for idealised robots: equally fast, without inertia, turn by turn, seeing each other",
+        "equally fast, without inertia, turn by turn, seeing each other; robots of the game may need more",
         f"{'cells':>8}  {'turned':>6}  {'nodes':>6}  {'core':>6}  {'islands seen':>12}  enough",
     ]
     for reading in enough.readings:

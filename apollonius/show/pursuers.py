@@ -55,7 +55,7 @@ def save_evasion(name: str, game: Game, enough: Enough, path: Path, sizes: TeamS
             axes.plot(*run[0], color=palette.EVADER, markerfacecolor=palette.PAPER, label="evader", **ring)
             axes.plot(*starts.T, color=palette.PURSUER, label="pursuer" if len(starts) == 1 else "pursuers", **ring)
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.5 / (inches * height)), ncols=3)
-        axes.set_title("\n".join([name, enough.verdict, _about(enough)]))
+        axes.set_title("\n".join([name, enough.verdict.replace(", for", ",\nfor"), _about(enough)]))
         if sizes is not None:
             _draw_sizes(beside[0], sizes, enough)
 

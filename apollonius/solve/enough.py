@@ -2,7 +2,8 @@
 
 The arena is a graph of hexagonal cells, a step leads from one to the next. Three pursuers are always enough there, as
 the graph is planar (Aigner and Fromme, 1984), and in the arena itself (Bhadauria, Klein, Isler and Suri, 2012). Whether
-one or two are is computed on graphs of two resolutions, one turned against the other by half the angle between sides.
+one or two are is computed on graphs of growing fineness, each turned against the one before by half the angle between
+sides.
 """
 
 from collections.abc import Callable
@@ -16,12 +17,15 @@ from apollonius.arenas.tiling import Tiling, tile
 from apollonius.solve.cop_number import core, solve_chase
 from apollonius.solve.evasion import Evasion, evade
 
-SIZES = (500, 1000, 2000)
-"""Cells that the free space is cut into, if all were whole, until two graphs in a row agree."""
+SIZES = (250, 500, 1000, 2000)
+"""Cells that the free space is cut into, if all were whole, until enough graphs in a row agree."""
+AGREEING = 3
+"""Graphs in a row that must agree: with cells near the lengths that decide, two agree by chance."""
 MOST_NODES = 1000
 """Most nodes of a graph's core: two pursuers there take 125 MB and a minute or two."""
 _TURN = np.pi / 6
 """Cells turned by this are least like those that are not."""
+_FOR = "for idealised robots on this graph"
 ALWAYS = 3
 """This many are enough in every arena."""
 
@@ -60,8 +64,9 @@ class Enough:
 
     @property
     def agree(self) -> bool:
-        """Whether the two finest graphs say the same."""
-        return len(self.readings) > 1 and len({reading.pursuers for reading in self.readings[-2:]}) == 1
+        """Whether the finest graphs say the same."""
+        finest = self.readings[-AGREEING:]
+        return len(finest) == AGREEING and len({reading.pursuers for reading in finest}) == 1
 
     @property
     def pursuers(self) -> int | None:
@@ -75,13 +80,14 @@ class Enough:
 
     @property
     def verdict(self) -> str:
-        """The same in words."""
+        """How many are enough, in words."""
         if self.pursuers is None:
-            said = sorted({reading.pursuers for reading in self.readings[-2:]})
+            said = sorted({reading.pursuers for reading in self.readings[-AGREEING:]})
             return f"the graphs do not agree or are too few: {' or '.join(map(str, said))}"
         if self.pursuers == 1:
-            return "1 pursuer is enough"
-        return f"{self.pursuers} pursuers are enough, {self.pursuers - 1} {'is' if self.pursuers == 2 else 'are'} not"
+            return f"1 pursuer is enough, {_FOR}"
+        fewer = f"{self.pursuers - 1} {'is' if self.pursuers == 2 else 'are'} not"
+        return f"{self.pursuers} pursuers are enough, {fewer}, {_FOR}"
 
     @property
     def run(self) -> Float[np.ndarray, "steps 2"]:
@@ -104,7 +110,7 @@ class Enough:
 
 
 def how_many(space: FreeSpace, report: Callable[[float, float], None]) -> Enough:
-    """Judge an arena on graphs from coarse to fine, until two in a row see every island and agree.
+    """Judge an arena on graphs from coarse to fine, until three in a row see every island and agree.
 
     Args:
         space: where robots can be.
@@ -116,7 +122,7 @@ def how_many(space: FreeSpace, report: Callable[[float, float], None]) -> Enough
     for number, size in enumerate(SIZES):
         spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))
         report(spacing, 0.0)
-        tiling = tile(space, spacing, number % 2 * _TURN)
+        tiling = tile(space, spacing, (number + 1) % 2 * _TURN)
         kept = core(tiling.adjacency)
         if len(kept) > MOST_NODES:
             break
@@ -134,7 +140,7 @@ def how_many(space: FreeSpace, report: Callable[[float, float], None]) -> Enough
         else:
             evasion = None
         found = Enough(space, tuple(readings), evasion)
-        if found.agree and found.unseen == 0 and readings[-2].islands == readings[-1].islands:
+        if found.agree and all(reading.islands == len(space.islands) for reading in readings[-AGREEING:]):
             break
     return Enough(space, tuple(readings), evasion)
 

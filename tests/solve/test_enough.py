@@ -22,17 +22,18 @@ def count(free, monkeypatch, sizes):
 
 @pytest.mark.parametrize(("free", "known"), [(ROOM, 1), (BENT, 1), (ANNULUS, 2)], ids=["room", "bent room", "annulus"])
 def test_known_arenas(free, known, monkeypatch):
-    found = count(free, monkeypatch, (60, 150))
+    found = count(free, monkeypatch, (60, 100, 150))
     assert found.agree
     assert found.pursuers == known
-    assert found.verdict.startswith("1 pursuer is" if known == 1 else "2 pursuers are enough, 1 is not")
+    said = "1 pursuer is enough" if known == 1 else "2 pursuers are enough, 1 is not"
+    assert found.verdict == f"{said}, for idealised robots on this graph"
     assert (found.evasion is None) == (known == 1)
     assert found.circled == found.space.islands
     assert len(found.starts) == known - 1
 
 
 def test_the_evader_runs_through_free_space_round_the_island(monkeypatch):
-    found = count(ANNULUS, monkeypatch, (60, 150))
+    found = count(ANNULUS, monkeypatch, (60, 100, 150))
     column, row = np.floor(found.run / 0.1).astype(int).T
     assert ANNULUS[row, column].all()
     away = np.hypot(*(found.run - 6.0).T)
@@ -41,16 +42,23 @@ def test_the_evader_runs_through_free_space_round_the_island(monkeypatch):
 
 
 def test_graphs_that_do_not_agree_say_so(monkeypatch):
-    found = count(SMALL, monkeypatch, (12, 300))
-    assert [reading.pursuers for reading in found.readings] == [1, 2]
-    assert [reading.islands for reading in found.readings] == [0, 1]
+    found = count(SMALL, monkeypatch, (12, 200, 300))
+    assert [reading.pursuers for reading in found.readings] == [1, 2, 2]
+    assert [reading.islands for reading in found.readings] == [0, 1, 1]
     assert found.pursuers is None
     assert "do not agree" in found.verdict
 
 
-def test_it_goes_on_until_two_graphs_in_a_row_see_every_island(monkeypatch):
-    found = count(SMALL, monkeypatch, (12, 300, 500))
-    assert [reading.islands for reading in found.readings] == [0, 1, 1]
+def test_two_graphs_that_agree_settle_nothing(monkeypatch):
+    found = count(ANNULUS, monkeypatch, (60, 100))
+    assert [reading.pursuers for reading in found.readings] == [2, 2]
+    assert found.pursuers is None
+    assert "too few" in found.verdict
+
+
+def test_it_goes_on_until_three_graphs_in_a_row_see_every_island(monkeypatch):
+    found = count(SMALL, monkeypatch, (12, 200, 300, 400, 600))
+    assert [reading.islands for reading in found.readings] == [0, 1, 1, 1]
     assert found.pursuers == 2
 
 
