@@ -12,6 +12,8 @@ from apollonius.evaluate.statistics import (
 )
 
 Interval = tuple[float, float]
+FEWEST_SEEDS = 3
+"""Trainings that a verdict takes: games of one say nothing of the next."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,16 @@ class Claim:
         """Mean over seeds."""
         return sum(value for value, _ in self.seeds) / len(self.seeds)
 
-    @property
-    def verdict(self) -> str:
-        """`holds` or `does not hold` where the whole interval says so, else `undecided`."""
+    def verdict(self, is_full: bool = True) -> str:
+        """Return `holds` or `does not hold` where the whole interval says so, else `undecided`.
+
+        `not enough` is said of fewer than three trainings, and of shorter ones than the paper's.
+
+        Args:
+            is_full: whether the trainings had the paper's budget.
+        """
+        if len(self.seeds) < FEWEST_SEEDS or not is_full:
+            return "not enough"
         low, high = self.interval
         if self.at_most:
             low, high = -high, -low
@@ -48,9 +57,9 @@ class Claim:
             return "holds"
         return "does not hold" if high < bound else "undecided"
 
-    def to_dict(self) -> dict[str, Any]:
-        """The claim with its mean, interval and verdict, as JSON-like data."""
-        return asdict(self) | {"mean": self.mean, "verdict": self.verdict}
+    def to_dict(self, is_full: bool = True) -> dict[str, Any]:
+        """Return the claim with its mean, interval and verdict, as JSON-like data."""
+        return asdict(self) | {"mean": self.mean, "verdict": self.verdict(is_full)}
 
 
 def rate_claim(

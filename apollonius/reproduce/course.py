@@ -28,7 +28,7 @@ def run(study: Study) -> Finding:
         "self-play, stage 1 and P_random beating random by greedy games from fixed starts. The two differences take "
         "P_random from its end.\n\n" + table
     )
-    data = {name: [claim.to_dict() for claim in course] for name, course in by_name.items()}
+    data = {name: [claim.to_dict(study.is_full) for claim in course] for name, course in by_name.items()}
     return Finding("The claims in the course of training", text, ("course.png",), data={"moments": moments} | data)
 
 

@@ -4,9 +4,9 @@ import json
 from collections.abc import Sequence
 
 from apollonius.document import write_atomically
-from apollonius.reproduce.claims import Claim
+from apollonius.reproduce.claims import FEWEST_SEEDS, Claim
 from apollonius.reproduce.finding import Finding, as_markdown, percent
-from apollonius.reproduce.study import Study
+from apollonius.reproduce.study import FULL_BUDGET, Study
 from apollonius.show.markdown import markdown_table
 
 
@@ -18,7 +18,7 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
         "seeds": list(study.seeds),
         "games": study.games,
         "intervals": _intervals(study),
-        "claims": [claim.to_dict() for claim in claims],
+        "claims": [claim.to_dict(study.is_full) for claim in claims],
         "findings": {
             finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
             for finding in findings
@@ -27,8 +27,9 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     sections = [
         "# The paper's evaluation, again",
         f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
-        f"the same starts. Intervals are 95 %, {_intervals(study)}.",
-        claim_table(claims),
+        f"the same starts. Intervals are 95 %, {_intervals(study)}. A verdict takes {FEWEST_SEEDS} "
+        f"seeds of the budget `{FULL_BUDGET}`.",
+        claim_table(claims, study.is_full),
         *[as_markdown(finding) for finding in findings],
     ]
     write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
@@ -42,10 +43,10 @@ def _intervals(study: Study) -> str:
     return "of the mean over seeds (Student's t, and never narrower than that of all their games)"
 
 
-def claim_table(claims: Sequence[Claim]) -> str:
+def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
     """All claims with the paper's value, ours, its interval and the verdict, as a Markdown table."""
     head = ["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]
-    return markdown_table(head, [_claim_row(claim) for claim in claims])
+    return markdown_table(head, [[*_claim_row(claim), claim.verdict(is_full)] for claim in claims])
 
 
 def _claim_row(claim: Claim) -> list[str]:
@@ -58,5 +59,4 @@ def _claim_row(claim: Claim) -> list[str]:
         percent(claim.mean),
         f"{percent(low)} to {percent(high)}",
         ", ".join(percent(value) for value, _ in claim.seeds),
-        claim.verdict,
     ]

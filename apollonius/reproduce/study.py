@@ -25,6 +25,8 @@ RUN_OF = {
 """The training run that each agent comes from."""
 SELF_PLAYED = ("P_curriculum", "E_curriculum", "P_scratch", "E_scratch")
 """The agents that are also kept as they were at earlier moments of self-play."""
+FULL_BUDGET = "paper"
+"""The preset that trains for as long as the paper."""
 MATCH_SEED = 0
 """Seed of the starts of every match: all pairings meet the same ones."""
 
@@ -63,6 +65,11 @@ class Study:
     games: int = 10_000
     """Games in a match."""
     _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether its agents are trained for as long as the paper's."""
+        return self.budget == FULL_BUDGET
 
     @property
     def game(self) -> Game:

@@ -35,13 +35,14 @@ def study_page(folder: Path) -> Page:
         ]
         claims, budget = results["claims"], results["budget"]
         verdicts = [claim["verdict"] for claim in claims]
-        held, refuted, open_ = (verdicts.count(verdict) for verdict in ("holds", "does not hold", "undecided"))
+        held, refuted, open_, not_enough = map(verdicts.count, ("holds", "does not hold", "undecided", "not enough"))
         first, *_ = seeds = results["seeds"]
         summary = (
             f"Six agents, trained with budget {budget} and seed{'s' if len(seeds) > 1 else ''} "
             f"{', '.join(map(str, seeds))}; {results['games']:,} games in a match, all on the same starts. Intervals "
             f"are 95 %, {results['intervals']}. "
-            f"Of {len(claims)} claims, {held} hold, {refuted} do not, and {open_} are undecided."
+            f"Of {len(claims)} claims, {held} hold, {refuted} do not, {open_} are undecided, and of {not_enough} there is "
+            "not enough training for a verdict."
         )
         command = f"apollonius reproduce --budget {budget} --seeds {len(seeds)} --games {results['games']} --out NEW"
     except (ValueError, KeyError, TypeError, AttributeError) as error:
