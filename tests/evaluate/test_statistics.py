@@ -8,10 +8,10 @@ import pytest
 from apollonius.evaluate.statistics import (
     difference_interval,
     mean_band,
+    mean_interval,
     paired_difference_interval,
     rate_difference_interval,
     rate_interval,
-    mean_interval,
     wilson_interval,
 )
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from apollonius.evaluate.statistics import rate_difference_interval, rate_interval, mean_interval, wilson_interval
+from apollonius.evaluate.statistics import mean_interval, rate_difference_interval, rate_interval, wilson_interval
 from apollonius.reproduce.claims import Claim, difference_claim, rate_claim
 from tests.documents import REPOSITORY
 

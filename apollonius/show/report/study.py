@@ -41,8 +41,8 @@ def study_page(folder: Path) -> Page:
             f"Six agents, trained with budget {budget} and seed{'s' if len(seeds) > 1 else ''} "
             f"{', '.join(map(str, seeds))}; {results['games']:,} games in a match, all on the same starts. Intervals "
             f"are 95 %, {results['intervals']}. "
-            f"Of {len(claims)} claims, {held} hold, {refuted} do not, {open_} are undecided, and of {not_enough} there is "
-            "not enough training for a verdict."
+            f"Of {len(claims)} claims, {held} hold, {refuted} do not, {open_} are undecided, and "
+            f"for {not_enough} there is not enough training."
         )
         command = f"apollonius reproduce --budget {budget} --seeds {len(seeds)} --games {results['games']} --out NEW"
     except (ValueError, KeyError, TypeError, AttributeError) as error:
