@@ -14,6 +14,8 @@ _UNKNOWN = 8 * 2**30
 """Memory [bytes] that is taken for granted where the system does not tell."""
 _GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 """Files in which Linux tells how much memory a container may have, by version of its control groups."""
+GAME_FILES = (".toml", ".json")
+"""How the files of games end."""
 MOST_COUNTED = 2**31 - 1
 """What a counter of 32 bits can hold."""
 

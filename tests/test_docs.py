@@ -28,6 +28,7 @@ from apollonius.game.presets import TEAM
 from apollonius.game.types import Outcome
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
+from apollonius.limits import GAME_FILES
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
@@ -108,7 +109,7 @@ def check_command(words, monkeypatch):
         find_game(game)
         return
     known = {*game_names(), *[f"{suite}/{name}" for suite in SUITES for name in suite_names(suite)]}
-    assert game is None or game in known or is_scenario(game) or game.endswith(".toml")
+    assert game is None or game in known or is_scenario(game) or game.endswith(GAME_FILES)
 
 
 @pytest.mark.parametrize("block", ALL, ids=str)

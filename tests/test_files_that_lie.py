@@ -21,7 +21,7 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.arenas.file import load_game
+from apollonius.arenas.file import load_game, save_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
@@ -56,7 +56,7 @@ def write_replay(path):
 
 
 def write_game(path):
-    path.write_text(tomli_w.dumps(to_dict(GAME)))
+    save_game(to_dict(GAME), path)
 
 
 def write_map(path):
@@ -78,6 +78,7 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "checkpoint": (write_checkpoint, read_checkpoint, "c.safetensors"),
     "replay": (write_replay, load_replay, "r.json"),
     "game": (write_game, load_game, "g.toml"),
+    "json game": (write_game, load_game, "g.json"),
     "map": (write_map, load_map, "m.yaml"),
 }
 """How a small file of each kind is written and read."""
@@ -94,7 +95,7 @@ def header_of(kind, path):
         return json.loads(told[ARRAYS[kind]])
     if kind == "replay":
         return json.loads(content)
-    return to_dict(GAME) if kind == "game" else {
+    return to_dict(GAME) if kind.endswith("game") else {
         "image": "m.pgm", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0, "occupied_thresh": 0.65,
         "free_thresh": 0.2, "mode": "trinary",
     }  # fmt: skip

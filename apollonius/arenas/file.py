@@ -1,18 +1,24 @@
-"""Games as files: a TOML file says what differs from the defaults, or a name stands for a game."""
+"""Games as files: one in TOML or JSON says what differs from the defaults, or a name stands for a game."""
 
+import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
+from apollonius.arenas.random_arena import is_drawn
 from apollonius.arenas.record import find_map, from_dict
 from apollonius.arenas.scenarios import arena_names, is_scenario, scenario_game
 from apollonius.arenas.suite import SUITES, suite_arena
-from apollonius.document import parse_toml, read_bytes
+from apollonius.document import parse_json, parse_toml, read_bytes, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
 from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
+from apollonius.limits import GAME_FILES
 
 GALLERY = Path(__file__).parent / "gallery"
 """Where the games that ship with the package as files lie."""
@@ -39,7 +45,7 @@ def split_team(name: str) -> tuple[str | None, str]:
 
 
 def find_game(name: str) -> Game:
-    """The game of this name, preset or from the gallery, of this `.toml` file, or in this arena of a suite.
+    """The game of this name, preset or from the gallery, of this `.toml` or `.json` file, or in this arena of a suite.
 
     `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
     `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1` before any of them, as in `team-3v1/office`, gives
@@ -52,7 +58,7 @@ def find_game(name: str) -> Game:
     if team and (counts := TEAM.fullmatch(team)):
         return in_teams(find_game(of_two), int(counts[1]), int(counts[2]))
     suite, _, within = name.partition("/")
-    if Path(name).suffix == ".toml":
+    if Path(name).suffix in GAME_FILES:
         return load_game(Path(name))
     if is_scenario(name):
         return scenario_game(name)
@@ -63,7 +69,7 @@ def find_game(name: str) -> Game:
     if name not in game_names():
         raise InvalidInput(
             f"no game is called '{name}': choose one of {', '.join(game_names())}, one of a suite, as "
-            f"'{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office', or give a .toml file."
+            f"'{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office', or give a .toml or .json file."
         )
     return load_game(GALLERY / f"{name}.toml")
 
@@ -88,16 +94,18 @@ def game_in_one_arena(name: str, who: str) -> Game:
 
 
 def load_game(path: Path) -> Game:
-    """The game of a TOML file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and the game's own numbers.
+    """Return the game of a TOML or JSON file: tables `arena`, `pursuer`, `evader`, `starts`, `reward`, and its numbers.
 
     `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables `[[pursuers]]` give it
     one with limits of its own for each; the same for `evaders`. What is left out has its default, and the walls of an
     arena with a map are the map's ends; see `docs/rules.md`.
 
     Raises:
-        InvalidInput: when the file is missing or no TOML, for an unknown key, and for a game that cannot be played.
+        InvalidInput: when the file is missing or neither, for an unknown key, and for a game that cannot be played.
     """
-    data = parse_toml(read_bytes(path, "a game's .toml file", "check the path, or name a preset"), path)
+    content = read_bytes(path, "a game's .toml or .json file", "check the path, or name a preset")
+    about = f"'{path}' is no JSON file; correct it"
+    data = parse_json(content, about) if path.suffix == ".json" else parse_toml(content, path)
     arena = data.get("arena")
     _check_obstacles(arena, path)
     if isinstance(arena, dict) and "map" in arena:
@@ -108,6 +116,20 @@ def load_game(path: Path) -> Game:
     alone = game.scenario is None or game.arena == Arena()
     require(alone, f"'{path}': arena", "given", "left out beside a scenario, in whose arenas the game is played")
     return game
+
+
+def save_game(record: dict[str, Any], path: Path) -> None:
+    """Write the record of a game, as `to_dict` makes it, to a `.toml` or `.json` file; its map is named from there.
+
+    Raises:
+        OSError: when the disk is full or read-only.
+    """
+    arena = record["arena"]
+    if isinstance(named := arena.get("map"), dict) and not is_drawn(named["file"]):
+        arena = arena | {"map": named | {"file": os.path.relpath(named["file"], path.parent)}}
+    record = record | {"arena": arena}
+    text = f"{json.dumps(record, indent=2)}\n" if path.suffix == ".json" else tomli_w.dumps(record)
+    write_atomically(path, text.encode())
 
 
 def _read_teams(data: dict[str, Any], path: Path) -> None:

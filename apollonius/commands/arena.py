@@ -10,7 +10,7 @@ from apollonius.commands.ending import command, finish
 from apollonius.commands.options import plots
 from apollonius.commands.values import count, named, new_file, real
 from apollonius.errors import require
-from apollonius.limits import DISCS, SEED
+from apollonius.limits import DISCS, GAME_FILES, SEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -42,8 +42,9 @@ def add_arena(subparsers: Any) -> None:
     listed.add_argument("--seed", type=count(SEED), default=0, help="seed of these games (default: %(default)s)")
     listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
-    check.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
-    check.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of what was found")
+    check.add_argument("game", type=named, metavar="GAME", help="a .toml or .json file, or the name of a game")
+    pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
+    check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     check.set_defaults(run=run_check)
     suite = actions.add_parser(
@@ -54,7 +55,7 @@ def add_arena(subparsers: Any) -> None:
     suite.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     suite.set_defaults(run=run_suite)
     chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
-    chart.add_argument("game", type=named, metavar="GAME", help="a .toml file, or the name of a game")
+    chart.add_argument("game", type=named, metavar="GAME", help="a .toml or .json file, or the name of a game")
     chart.add_argument(
         "--out", type=new_file(".npz", ".chart"), required=True, help="file to write: .npz, or .chart for C"
     )
@@ -68,7 +69,9 @@ def add_arena(subparsers: Any) -> None:
     draw.add_argument(
         "--game", type=named, default="paper", help="game whose other rules it has (default: %(default)s)"
     )
-    draw.add_argument("--out", type=new_file(".toml"), required=True, metavar="TOML", help="file to write")
+    draw.add_argument(
+        "--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="file to write: .toml or .json"
+    )
     draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
     draw.set_defaults(run=run_random)
 
@@ -105,13 +108,16 @@ def _played(options: argparse.Namespace, games: "Mapping[str, Game]") -> "Iterat
 
 def run_check(options: argparse.Namespace) -> int:
     """Survey the arena; exit status 1 where something is wrong with it."""
-    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.arenas.file import game_in_one_arena, save_game
     from apollonius.arenas.passages import missed_passage
+    from apollonius.arenas.record import to_dict
     from apollonius.arenas.survey import survey
 
+    saved: Path | None = options.out if options.out and options.out.suffix == ".json" else None
+    require(not (saved and saved.exists()), "--out", saved, "a new file; choose another name")
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
-    if options.out:
+    if options.out and not saved:
         with plots():
             from apollonius.show.plan import save_plan
         found = survey(game)
@@ -119,6 +125,8 @@ def run_check(options: argparse.Namespace) -> int:
     else:
         found = survey(game)
     passage = missed_passage(game)
+    if saved:
+        save_game(to_dict(game), saved)
     options.display.end()
     notes = [*found.notes, *([str(passage)] if passage else [])]
     if options.json:
@@ -130,7 +138,9 @@ def run_check(options: argparse.Namespace) -> int:
             print(f"note: {line}")
         if not found.wrong:
             print(f"{options.game}: nothing is wrong with this arena")
-    if options.out:
+    if saved:
+        finish(saved, then=command("play", "--game", saved), json=options.json)
+    elif options.out:
         again = command("arena", "check", options.game, "--out", options.out)
         watch = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
@@ -187,13 +197,10 @@ def run_chart(options: argparse.Namespace) -> int:
 
 def run_random(options: argparse.Namespace) -> int:
     """Write a game like another, in an arena drawn at random."""
-    import tomli_w
-
-    from apollonius.arenas.file import find_game
+    from apollonius.arenas.file import find_game, save_game
     from apollonius.arenas.map_file import save_map
     from apollonius.arenas.random_arena import in_random_arena
     from apollonius.arenas.record import to_dict
-    from apollonius.document import write_atomically
 
     cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind in CELLS else []
     for path in (options.out, *cells):
@@ -208,7 +215,7 @@ def run_random(options: argparse.Namespace) -> int:
         save_map(elsewhere.arena.map, cells[0])
         record["arena"]["map"] = cells[0].name
         what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
-    write_atomically(options.out, tomli_w.dumps(record).encode())
+    save_game(record, options.out)
     print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
     finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
     return 0

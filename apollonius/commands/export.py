@@ -24,7 +24,7 @@ def add_export(subparsers: Any) -> None:
     parser.add_argument(
         "--game",
         type=named,
-        help="game that is built in: its name or .toml file (default: the one the agent was made for)",
+        help="game that is built in: its name, or a .toml or .json file (default: the one the agent was made for)",
     )
     parser.set_defaults(run=run_export)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.values import count, named, new_folder, nodes, require_writable
 from apollonius.errors import InvalidInput, require
-from apollonius.limits import GAMES, HOLD, RECORDS, SEED, Counted
+from apollonius.limits import GAME_FILES, GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
@@ -37,7 +37,7 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
         "game says)",
     )  # fmt: skip
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+        "--game", type=named, default="paper", help="name of the game, or a .toml or .json file (default: %(default)s)"
     )
 
 
@@ -106,7 +106,7 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         if elsewhere:
             has = "has" if len(elsewhere) == 1 else "have"
             options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
-    if game.scenario is not None or not options.game or not options.game.endswith(".toml"):
+    if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
         return
     passage = missed_passage(game) if any(reads_chart(player.policy) for player in found) else None
     for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):

@@ -33,7 +33,7 @@ def add_play(subparsers: Any) -> None:
         "--game",
         type=named,
         default="paper",
-        help="name of the game, as team-3v1/office, or its .toml file (default: %(default)s)",
+        help="name of the game, as team-3v1/office, or a .toml or .json file (default: %(default)s)",
     )
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(

@@ -32,7 +32,7 @@ _PLAYED = {"teams": _TEAMS, "evader": "shielded:E_any", "most": 4, "seed": 0}
 def add_pursuers(subparsers: Any) -> None:
     """The parser of `pursuers`."""
     parser = subparsers.add_parser("pursuers", help="how many pursuers are enough in an arena, and how one fewer fails")
-    parser.add_argument("game", type=named, metavar="ARENA", help="the name of a game, or its .toml file")
+    parser.add_argument("game", type=named, metavar="ARENA", help="the name of a game, or a .toml or .json file")
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="PNG", help="draw where an evader runs that one fewer never catches"
     )

@@ -26,7 +26,7 @@ def add_slice(subparsers: Any) -> None:
     parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
     parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+        "--game", type=named, default="paper", help="name of the game, or a .toml or .json file (default: %(default)s)"
     )
     parser.add_argument("--out", type=new_file(".png"), default="slice.png", help="PNG to write (default: %(default)s)")
     parser.set_defaults(run=run_slice)

@@ -26,7 +26,7 @@ def add_solve(subparsers: Any) -> None:
         "game: what a side is sure of against any opponent",
     )  # fmt: skip
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or its .toml file (default: %(default)s)"
+        "--game", type=named, default="paper", help="name of the game, or a .toml or .json file (default: %(default)s)"
     )
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"

@@ -49,7 +49,7 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument(
         "--profile", choices=PROFILES, help="how DQN learns: fast (default) or paper (plain DQN as printed)"
     )
-    parser.add_argument("--game", type=named, help="name of the game, or its .toml file (default: paper)")
+    parser.add_argument("--game", type=named, help="name of the game, or a .toml or .json file (default: paper)")
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
     parser.add_argument(

@@ -1,14 +1,16 @@
 """Games as files: what is written is what is played, and nothing that a file may hold makes a traceback."""
 
 import copy
+import json
 import os
+import tomllib
 
 import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apollonius.arenas.file import find_game, load_game
+from apollonius.arenas.file import find_game, load_game, save_game
 from apollonius.arenas.record import to_dict
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
@@ -17,6 +19,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
+from apollonius.limits import GAME_FILES
 
 HALL = """
 capture_distance = 0.6
@@ -69,16 +72,27 @@ def test_a_file_says_what_differs_from_the_defaults(written):
     assert written("") == Game()
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_is_itself_again_from_its_file(name, written):
-    assert written(tomli_w.dumps(to_dict(make_game(name)))) == make_game(name)
+@pytest.mark.parametrize("name", [*PRESETS, "team-3v1"])
+@pytest.mark.parametrize("suffix", GAME_FILES)
+def test_every_preset_is_itself_again_from_its_file(name, suffix, tmp_path):
+    game = find_game(name)
+    save_game(to_dict(game), tmp_path / f"game{suffix}")
+    assert find_game(str(tmp_path / f"game{suffix}")) == game
+
+
+def test_json_says_what_toml_says(tmp_path, written):
+    (tmp_path / "hall.json").write_text(json.dumps(tomllib.loads(HALL) | {"pursuers": 3}))
+    assert find_game(str(tmp_path / "hall.json")) == written(f"pursuers = 3\n{HALL}")
+    (tmp_path / "hall.json").write_text("{")
+    with pytest.raises(InvalidInput, match=r"hall.json' is no JSON file; correct it"):
+        find_game(str(tmp_path / "hall.json"))
 
 
 def test_a_game_is_found_by_name_or_file(tmp_path):
     assert find_game("one-large") == make_game("one-large")
     (tmp_path / "hall.toml").write_text(HALL)
     assert find_game(str(tmp_path / "hall.toml")).max_steps == 300
-    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or give a \.toml file"):
+    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or give a \.toml or \.json file"):
         find_game("chess")
 
 

@@ -179,6 +179,19 @@ def test_a_map_is_checked_and_drawn(hall, tmp_path, capsys):
     assert image.get_array()[0, 0] == 1
 
 
+def test_a_game_is_written_as_json_with_its_map_named_from_there(hall, tmp_path, capsys):
+    out = tmp_path / "json" / "hall.json"
+    assert main(["arena", "check", str(hall), "--out", str(out)]) == 0
+    assert f"next: apollonius play --game {out}" in capsys.readouterr().err
+    game, again = find_game(str(hall)), find_game(str(out))
+    assert (again.starts, again.arena.map.digest) == (game.starts, game.arena.map.digest)
+    assert json.loads(out.read_text())["arena"]["map"]["file"] == "../floor.yaml"
+    said = out.read_bytes()
+    assert main(["arena", "check", "paper", "--out", str(out)]) == 2
+    assert "a new file" in capsys.readouterr().err
+    assert out.read_bytes() == said
+
+
 def test_exports_refuse_maps(hall):
     with pytest.raises(InvalidInput, match="obstacles = OccupancyMap"):
         make_blueprint("P", find_trained("P_pool")[0], find_game(str(hall)))

@@ -97,5 +97,5 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert "does not fit through" in capsys.readouterr().err
     assert main(["arena", "random", "--kind", "rooms", "--discs", "3", "--out", "rooms.toml"]) == 2
     assert "--discs" in capsys.readouterr().err
-    assert main(["arena", "random", "--kind", "rooms", "--seed", "3", "--out", "rooms.toml"]) == 0
-    assert load_game(tmp_path / "rooms.toml").arena == random_arena("rooms", 3)
+    assert main(["arena", "random", "--kind", "rooms", "--seed", "3", "--out", "rooms.json"]) == 0
+    assert load_game(tmp_path / "rooms.json").arena == random_arena("rooms", 3)

@@ -147,4 +147,4 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
     assert len(json.loads(capsys.readouterr().out)["wrong"]) == 2
     with pytest.raises(SystemExit):
         main(["arena", "check", "paper", "--out", "plan.bmp"])
-    assert "ends in .png" in capsys.readouterr().err
+    assert "ends in one of .png, .json" in capsys.readouterr().err

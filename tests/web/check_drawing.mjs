@@ -56,7 +56,7 @@ if (fuzz) {
     const { answer: game } = tried(() => drawn(makeRandom(seed)));
     if (game?.arena.polygons.length !== 11) continue; // some shapes come to nothing
     const linked = file.fromFragment(file.asFragment(game));
-    answer.fuzz.push({ game, toml: file.writeGame(game), isSame: JSON.stringify(linked) === JSON.stringify(game) });
+    answer.fuzz.push({ game, file: file.writeGame(game), isSame: JSON.stringify(linked) === JSON.stringify(game) });
   }
 }
 answer.read = read.map((text) => tried(() => file.readGame(text)));
@@ -74,7 +74,7 @@ if (links) {
   const [whole] = answer.fuzz ?? [{ game: gameFrom({}) }];
   const fragment = file.asFragment(whole.game);
   const text = file.writeGame(whole.game);
-  const asLink = (toml) => `#game=${Buffer.from(toml, "latin1").toString("base64url")}`;
+  const asLink = (text) => `#game=${Buffer.from(text, "latin1").toString("base64url")}`;
   const changed = (letters) => {
     const [at, length] = [Math.floor(random() * letters.length), Math.floor(random() * 9)];
     const noise = Array.from({ length: Math.floor(random() * 9) }, () => String.fromCharCode(Math.floor(random() * 256))).join("");

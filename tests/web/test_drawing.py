@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import tomllib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -47,8 +48,8 @@ def drawn_games(count, seed, folder):
     pairs = []
     for number, drawing in enumerate(ask(fuzz={"count": count, "seed": seed})["fuzz"]):
         assert drawing["isSame"], "a link brings the same game"
-        path = folder / f"drawn-{number}.toml"
-        path.write_text(drawing["toml"])
+        path = folder / f"drawn-{number}.json"
+        path.write_text(drawing["file"])
         pairs.append((drawing["game"], load_game(path)))
     return pairs
 
@@ -160,29 +161,28 @@ def numbers(line):
     return [float(word.rstrip("%")) for word in line.replace(",", "").replace(":", "").split() if word[0].isdigit()]
 
 
-WRONG = """
-capture_distance = 0.3
-[arena]
-x_max = 8
-y_max = 6
-discs = [{ x = 6.9, y = 5, radius = 0.5 }, { x = 7.4, y = 5, radius = 0.7 }]
-polygons = [
-    { vertices = [[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]] },
-    { vertices = [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]] },
-    { vertices = [[4, 1], [5, 1], [5, 2], [4, 2]] },
-    { vertices = [[4.5, 1.5], [5.5, 1.5], [5.5, 2.5], [4.5, 2.5]] },
-]
-[pursuer]
-radius = 0.45
-[evader]
-radius = 0.2
-"""
+WRONG = """{
+  "capture_distance": 0.3,
+  "arena": {
+    "x_max": 8,
+    "y_max": 6,
+    "discs": [{ "x": 6.9, "y": 5, "radius": 0.5 }, { "x": 7.4, "y": 5, "radius": 0.7 }],
+    "polygons": [
+      { "vertices": [[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]] },
+      { "vertices": [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]] },
+      { "vertices": [[4, 1], [5, 1], [5, 2], [4, 2]] },
+      { "vertices": [[4.5, 1.5], [5.5, 1.5], [5.5, 2.5], [4.5, 2.5]] }
+    ]
+  },
+  "pursuer": { "radius": 0.45 },
+  "evader": { "radius": 0.2 }
+}"""
 
 
 def test_the_page_says_what_arena_check_says(tmp_path):
     """A passage too narrow for one robot, a haven, overlaps, a disc beyond a wall, bodies larger than the capture."""
-    (tmp_path / "wrong.toml").write_text(WRONG)
-    game = load_game(tmp_path / "wrong.toml")
+    (tmp_path / "wrong.json").write_text(WRONG)
+    game = load_game(tmp_path / "wrong.json")
     (read,) = ask(read=[WRONG])["read"]
     assert read["answer"] == json.loads(json.dumps(to_dict(game)))
     (found,) = ask(surveys=[read["answer"]])["surveys"]
@@ -194,31 +194,33 @@ def test_the_page_says_what_arena_check_says(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "arena = 3",
-        "[arena]\nx_max = -1",
-        "[arena]\ncolour = 'red'",
-        "[[arena.discs]]\nx = 1\ny = 2",
-        "[[arena.discs]]\nx = 1\ny = 2\nradius = 0",
-        "[[arena.discs]]\nx = 11\ny = 2\nradius = 1",
-        "[[arena.polygons]]\nvertices = [[1, 1], [2, 2], [2, 1], [1, 2]]",
-        "[[arena.polygons]]\nvertices = [[1, 1], [2, 2]]",
-        "max_steps = 1.5",
-        "dt = true",
-        "capture_distance = nan",
-        "capture_distance = 2",
-        "[pursuer]\nu2_max = 30",
-        "[evader]\nv_min = 2",
-        "[starts]\nspeed = 'fast'",
-        "[starts]\nclearance = 9",
-        "[reward]\nprofile = '__proto__'",
-        "__proto__ = {}",
-        "[arena",
+        '{"arena": 3}',
+        '{"arena": {"x_max": -1}}',
+        '{"arena": {"colour": "red"}}',
+        '{"arena": {"discs": [{"x": 1, "y": 2}]}}',
+        '{"arena": {"discs": [{"x": 1, "y": 2, "radius": 0}]}}',
+        '{"arena": {"discs": [{"x": 11, "y": 2, "radius": 1}]}}',
+        '{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 2]]}]}}',
+        '{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2]]}]}}',
+        '{"max_steps": 1.5}',
+        '{"dt": true}',
+        '{"capture_distance": NaN}',
+        '{"capture_distance": 2}',
+        '{"pursuer": {"u2_max": 30}}',
+        '{"evader": {"v_min": 2}}',
+        '{"starts": {"speed": "fast"}}',
+        '{"starts": {"clearance": 9}}',
+        '{"reward": {"profile": "__proto__"}}',
+        '{"__proto__": {}}',
+        '{"arena": ',
+        "[1]\n",
+        '"arena\nof two lines',
     ],
 )
 def test_what_the_package_refuses_the_page_refuses(text, tmp_path):
-    (tmp_path / "bad.toml").write_text(text)
+    (tmp_path / "bad.json").write_text(text)
     with pytest.raises(InvalidInput):
-        load_game(tmp_path / "bad.toml")
+        load_game(tmp_path / "bad.json")
     (read,) = ask(read=[text])["read"]
     assert "\n" not in read["complaint"]
     assert len(read["complaint"]) < 300
@@ -226,7 +228,8 @@ def test_what_the_package_refuses_the_page_refuses(text, tmp_path):
 
 def test_games_that_ship_are_read():
     files = sorted((PAGE.parents[1] / "arenas" / "gallery").glob("*.toml"))
-    for path, read in zip(files, ask(read=[path.read_text() for path in files])["read"], strict=True):
+    texts = [json.dumps(tomllib.loads(path.read_text())) for path in files]
+    for path, read in zip(files, ask(read=texts)["read"], strict=True):
         assert read["answer"] == json.loads(json.dumps(to_dict(find_game(path.stem))))
 
 
@@ -270,6 +273,6 @@ def test_a_ros_map_has_the_same_field(tmp_path, plain):
 
 
 def test_teams_of_a_file_are_chosen_on_the_page():
-    (read,) = ask(read=["pursuers = 3"])["read"]
+    (read,) = ask(read=['{"pursuers": 3}'])["read"]
     said = "pursuers = 3 is not possible: it must be left out here: how many robots there are is chosen under Games"
     assert read["complaint"] == said

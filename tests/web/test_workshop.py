@@ -63,7 +63,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     page.click("#undo")
     hand.use("select", (6.5, 7), (7.5, 7))
     hand.use("select", (8, 8), (8.5, 9))
-    game = hand.save(tmp_path / "arena.toml")
+    game = hand.save(tmp_path / "arena.json")
     (disc,) = game.arena.discs
     np.testing.assert_allclose([disc.x, disc.y, disc.radius], [2, 8, 0.6], atol=0.051)
     block, *walls = map(corners, game.arena.polygons)
@@ -72,8 +72,8 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     page.click("#share")
     link = page.evaluate("location.hash")
     page.click("#clear")
-    page.set_input_files("#file", tmp_path / "arena.toml")
-    again = hand.save(tmp_path / "again.toml")
+    page.set_input_files("#file", tmp_path / "arena.json")
+    again = hand.save(tmp_path / "again.json")
     assert to_dict(again) == to_dict(game)
     page = desk.open(link)
     assert desk.match("players.pursuer[0].name") == "shielded:P_any"
@@ -139,6 +139,16 @@ def test_a_map_is_dropped_and_played_on(desk, floor):
     assert (record["x_min"], record["x_max"]) == (-1, 7)
 
 
+def test_a_game_in_toml_is_told_how_it_becomes_json(desk, tmp_path):
+    (tmp_path / "hall.toml").write_text("[arena]\nx_max = 12.0\n")
+    page = desk.open()
+    page.click("#draw")
+    page.wait_for_selector("#tools button[data-tool=disc]")
+    page.set_input_files("#file", tmp_path / "hall.toml")
+    said = "hall.toml is TOML and this page reads JSON, which apollonius arena check hall.toml --out hall.json writes."
+    playwright.expect(page.locator("#said")).to_have_text(said)
+
+
 def test_fingers_draw_on_a_phone(phone, tmp_path):
     page = phone.open()
     page.set_viewport_size({"width": 375, "height": 667})
@@ -152,7 +162,7 @@ def test_fingers_draw_on_a_phone(phone, tmp_path):
             right, down = hand.at(x, y)
             screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": right, "y": down}]})
         screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    game = hand.save(tmp_path / "arena.toml")
+    game = hand.save(tmp_path / "arena.json")
     upper, lower = map(corners, game.arena.polygons)
     assert min(y for _, y in upper) - max(y for _, y in lower) == pytest.approx(1.2)
     assert [disc.radius for disc in game.arena.discs] == pytest.approx([0.5])
@@ -166,9 +176,9 @@ def as_link(text):
     "link",
     [
         "#game=%3Cimg%20src=x%20onerror=hacked=1%3E",
-        as_link("capture_distance = '<img src=x onerror=hacked=1>'"),
-        as_link("[arena]\n'<svg onload=hacked=1>' = 1"),
-        as_link("[arena]\nmap = '//evil.example/<script>hacked=1</script>'"),
+        as_link('{"capture_distance": "<img src=x onerror=hacked=1>"}'),
+        as_link('{"arena": {"<svg onload=hacked=1>": 1}}'),
+        as_link('{"arena": {"map": "//evil.example/<script>hacked=1</script>"}}'),
         as_link("x" * 90_000),
     ],
 )

@@ -68,7 +68,7 @@ function list(value, name, most) {
 /**
  * A game from what a file or link says.
  *
- * @param said nested tables, as of a TOML file
+ * @param said nested tables, as of a JSON file
  * @param map {x, y, cell, rows, columns, field, file, digest} of the map it names, if it does
  * @throws Error in one line
  */

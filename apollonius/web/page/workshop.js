@@ -190,11 +190,11 @@ export class Workshop {
   }
 
   #save() {
-    saveAs("arena.toml", writeGame(this.game), "application/toml");
+    saveAs("arena.json", writeGame(this.game), "application/json");
     const { map } = this.game.arena;
     const isShown = this.files.some(({ name }) => name === map?.file);
     if (isShown) for (const { name, bytes } of this.files) saveAs(name, bytes, "application/octet-stream");
-    this.#say("Saved: apollonius play --game arena.toml plays it, apollonius train --game arena.toml learns it.");
+    this.#say("Saved: apollonius play --game arena.json plays it, apollonius train --game arena.json learns it.");
   }
 
   async #share() {
@@ -208,17 +208,19 @@ export class Workshop {
 /** The game of some files, and those that are to be saved with it. */
 async function opened(files) {
   const ending = (...endings) => files.find(({ name }) => endings.some((one) => name.toLowerCase().endsWith(one)));
-  const [toml, yaml, image] = [ending(".toml"), ending(".yaml", ".yml"), ending(".pgm", ".png", ".jpg", ".jpeg", ".webp", ".gif")];
+  const toml = ending(".toml")?.name.slice(0, 60);
+  if (toml) throw new Error(`${toml} is TOML and this page reads JSON, which apollonius arena check ${toml} --out ${toml.slice(0, -5)}.json writes`);
+  const [json, yaml, image] = [ending(".json"), ending(".yaml", ".yml"), ending(".pgm", ".png", ".jpg", ".jpeg", ".webp", ".gif")];
   if (yaml) {
     const { image: named } = readYaml(new TextDecoder().decode(yaml.bytes));
     const found = files.find(({ name }) => name === named.split("/").pop()) ?? image;
     if (!found) throw new Error(`the map names the image ${named.slice(0, 60)}: drop both files together`);
     const map = await mapOf(yaml, found);
-    const text = toml ? new TextDecoder().decode(toml.bytes) : "";
+    const text = json ? new TextDecoder().decode(json.bytes) : "{}";
     return [readGame(text, map), [yaml, found]];
   }
-  if (toml) return [readGame(new TextDecoder().decode(toml.bytes)), []];
-  if (!image) throw new Error("this is no game (.toml), no ROS map (.yaml and its image) and no picture");
+  if (json) return [readGame(new TextDecoder().decode(json.bytes)), []];
+  if (!image) throw new Error("this is no game (.json), no ROS map (.yaml and its image) and no picture");
   const { map, files: own } = await mapOfPicture(image);
   return [gameFrom({}, map), own];
 }
