@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 .PHONY: demo site paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
-# Trains a pursuer and an evader from scratch, then plays the agents that ship with the package.
+# Trains a pursuer and an evader from scratch, in two minutes of a core, then plays the agents that ship with the package.
 demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
 	$(BIN)/apollonius evaluate zoo/P_stage1 still --games 10000

@@ -99,12 +99,13 @@ PRESETS: dict[str, RunConfig] = {
     ),
     "quick": replace(
         RunConfig(),
-        fixed_target=StageConfig(env_steps=4_000_000, evaluations=8, evaluation_games=500),
-        self_play=SelfPlayConfig(env_steps=2_500_000, evaluations=8, evaluation_games=500),
+        dqn=DQNConfig(width=96, depth=3, learning_rate=1e-3),
+        fixed_target=StageConfig(env_steps=8_000_000, evaluations=8, evaluation_games=500),
+        self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),
     ),
 }
-"""`quick`: minutes on two cores. `standard`: some three times that. `paper`: about the paper's 200,000 + 300,000
-episodes."""
+"""`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`: about the paper's
+200,000 + 300,000 episodes."""
 _FITTING = DQNConfig(
     learning_rate=1e-3,
     final_learning_rate=1e-5,

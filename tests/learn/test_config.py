@@ -14,6 +14,7 @@ from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
+from tests.documents import REPOSITORY
 
 SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 
@@ -129,3 +130,7 @@ def test_the_paper_profile_is_plain_dqn():
     paper = PROFILES["paper"]
     assert (paper.observation, paper.double, paper.n_step, paper.averaging) == ("paper", False, 1, 1.0)
     assert (paper.width, paper.depth, paper.learning_rate, paper.gamma) == (256, 4, 1e-4, 0.99)
+
+
+def test_the_training_that_the_site_reports_is_the_quick_one():
+    assert load_config(REPOSITORY / "docs" / "results" / "demo" / "config.toml") == PRESETS["quick"]
