@@ -14,10 +14,10 @@ from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
 from apollonius.evaluate.card import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
-from apollonius.evaluate.match import MatchResult as MatchResult
 from apollonius.evaluate.match import StartFilter as StartFilter
 from apollonius.evaluate.match import play_match as play_match
 from apollonius.evaluate.match import record_game as record_game
+from apollonius.evaluate.result import MatchResult as MatchResult
 from apollonius.game.arena import Arena as Arena
 from apollonius.game.arena import Disc as Disc
 from apollonius.game.by_side import BySide as BySide

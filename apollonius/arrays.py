@@ -1,6 +1,5 @@
 """Arrays by name, as safetensors files hold them: read so that no file can do harm, its header first."""
 
-import json
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -12,7 +11,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from apollonius.document import parse_json, write_atomically
+from apollonius.document import parse_json, to_json, write_atomically
 from apollonius.errors import InvalidInput, shown
 
 MOST_HEADER = 2**24
@@ -57,7 +56,7 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None
         OSError: when the file cannot be written.
     """
     # One entry: safetensors writes several in an order of their own, and one seed must give one file.
-    write_atomically(path, save(arrays, {"header": json.dumps(asdict(header), sort_keys=True)}))
+    write_atomically(path, save(arrays, {"header": to_json(asdict(header), sort_keys=True)}))
 
 
 def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> dict[str, Any]:

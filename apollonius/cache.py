@@ -5,7 +5,6 @@ that cannot be read is made again. In the person's own cache folder, which nobod
 files make room for new ones, compilations among themselves and tables among themselves.
 """
 
-import json
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from apollonius.document import to_json
 from apollonius.errors import InvalidInput
 from apollonius.version import __version__
 
@@ -76,7 +76,7 @@ def entry(folder: Path, name: str, key: Any) -> Path:
 
 def digest(data: Any) -> str:
     """Return the SHA-256 of JSON-like data."""
-    return sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+    return sha256(to_json(data, sort_keys=True).encode()).hexdigest()
 
 
 def content(tree: Any) -> str:

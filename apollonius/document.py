@@ -4,6 +4,7 @@ Before one is read its size is looked at, and no content is an error of the prog
 """
 
 import json
+import math
 import os
 import secrets
 import tempfile
@@ -21,27 +22,32 @@ _DEEPEST = 100
 """Deepest nesting of lists and tables."""
 
 
-def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES) -> bytes:
-    """All that is in a file.
+def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None) -> bytes:
+    """Return the content of a regular file; pipes and devices are none.
 
     Args:
         kind: what the file should be, for the message: "a game's TOML file".
         remedy: what to do instead, for the message.
         most: largest size that is read [bytes].
+        within: the folder that must contain the file, wherever links and `..` lead; None for any.
 
     Raises:
-        InvalidInput: for a path of no file, and for a file that is too large.
+        InvalidInput: for a path of no file, a file outside the folder, and one that is too large.
         OSError: when it cannot be read.
     """
     try:
-        size = path.stat().st_size if path.is_file() else None
-    except (OSError, ValueError):  # a path that cannot be
-        size = None
-    if size is None:
+        is_file, outside = path.is_file(), within and not path.resolve().is_relative_to(within.resolve())
+    except (OSError, ValueError, RuntimeError):  # a path that cannot be, a link to itself
+        is_file, outside = False, False
+    if outside:
+        raise InvalidInput(f"'{shown(path)}' is outside the folder '{within}', and must be {kind} in it: {remedy}.")
+    if not is_file:
         raise InvalidInput(f"'{shown(path)}' is no file, and must be {kind}: {remedy}.")
-    if size > most:
-        raise InvalidInput(f"'{path}' has {size:,} bytes, and {kind} has {most:,} at most: {remedy}.")
-    return path.read_bytes()
+    with open(path, "rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise InvalidInput(f"'{path}' has {path.stat().st_size:,} bytes, and {kind} has {most:,} at most: {remedy}.")
+    return content
 
 
 def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
@@ -56,7 +62,7 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")  # others may be writing this file too
     try:
-        with open(temporary, "wb") as file:
+        with open(temporary, "xb") as file:
             file.write(content)
             if synced:
                 file.flush()
@@ -84,14 +90,23 @@ def whole_folder(folder: Path) -> Generator[Path, None, None]:
         os.replace(filled, folder)
 
 
+def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
+    """Return data as JSON, which has no word for numbers that are not finite.
+
+    Raises:
+        ValueError: for such a number.
+    """
+    return json.dumps(data, allow_nan=False, indent=indent, sort_keys=sort_keys)
+
+
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
-    """The object that a JSON text is.
+    """Return the object that a JSON text is.
 
     Args:
         about: what it is, and what to do if it is not: the message, to which the reason is added.
 
     Raises:
-        InvalidInput: when it is none, or is nested too deeply.
+        InvalidInput: when it is none, is nested too deeply, or has a number that is not finite.
     """
     try:
         data = json.loads(content)
@@ -99,38 +114,36 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
     if not isinstance(data, dict):
         raise InvalidInput(f"{about} (no JSON object).")
-    _check_depth(data, about)
+    _check(data, about)
     return data
 
 
 def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """Return the tables of a TOML file.
 
     Args:
         path: where it is from, for the message.
 
     Raises:
-        InvalidInput: when it is no TOML, or is nested too deeply.
+        InvalidInput: when it is no TOML, is nested too deeply, or has a number that is not finite.
     """
     about = f"'{path}' is no TOML file; correct it"
     try:
         data = tomllib.loads(content.decode())
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
-    _check_depth(data, about)
+    _check(data, about)
     return data
 
 
-def _check_depth(data: Any, about: str) -> None:
-    """Refuse what is nested so deeply that whoever walks through it could not."""
+def _check(data: Any, about: str) -> None:
+    """Refuse numbers that are not finite, and nesting so deep that no recursive function could walk through it."""
     level = [data]
     for _ in range(_DEEPEST):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if isinstance(outer, dict) else outer)
-            if isinstance(inner, dict | list)
-        ]
+        values = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
+        if not all(math.isfinite(value) for value in values if isinstance(value, float)):
+            raise InvalidInput(f"{about} (a number that is not finite).")
+        level = [value for value in values if isinstance(value, dict | list)]
         if not level:
             return
     raise InvalidInput(f"{about} (nested too deeply).")

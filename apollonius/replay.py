@@ -5,7 +5,6 @@ start and all robots' actions.
 """
 
 import functools
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.pool import Pool
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.document import parse_json, read_bytes, write_atomically
+from apollonius.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import together
@@ -182,7 +181,7 @@ def as_data(replay: Replay) -> dict[str, Any]:
 
 def save_replay(replay: Replay, path: Path) -> None:
     """Write a replay as JSON, atomically."""
-    write_atomically(path, json.dumps(as_data(replay)).encode())
+    write_atomically(path, to_json(as_data(replay)).encode())
 
 
 def load_replay(path: Path) -> Replay:

@@ -39,7 +39,7 @@ ARROWS = {
     "evaluate": "catalogue matrix_game playout jobs replay",
     "exploit": "learn evaluate",
     "simulate": "evaluate",
-    "show": "evaluate",
+    "show": "learn evaluate",
     "adapters": "show",
     "web": "catalogue",
     "apollonius": "learn adapters",
@@ -132,6 +132,8 @@ def violations(sources):
             found.append(f"{module}: is called after nothing in particular")
         flags = FLAG.findall(source) if here not in MAY_NAME_FLAGS else []
         found += [f"{module}: names {flag}, which only a command knows" for flag in flags]
+        if "json.dumps(" in source and here != "document":
+            found.append(f"{module}: writes JSON without document.to_json, which knows no NaN")
         if here == "zoo" and any(not is_docstring(node) for node in ast.parse(source).body):
             found.append(f"{module}: is code, but the zoo holds data only")
     try:
@@ -218,6 +220,7 @@ def test_good_imports_pass(module, source):
         ("apollonius.sundry", "", "no arrow says"),
         ("apollonius.learn.folder", 'require(force, "--out", folder, "new")', "names --out"),
         ("apollonius.zoo", "import jax", "data only"),
+        ("apollonius.commands.solve", "print(json.dumps({}))", "without document.to_json"),
     ],
 )
 def test_each_breach_is_found(module, source, complaint):

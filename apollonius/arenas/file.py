@@ -1,6 +1,5 @@
 """Games as files: one in TOML or JSON says what differs from the defaults, or a name stands for a game."""
 
-import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from apollonius.arenas.random_arena import is_drawn
 from apollonius.arenas.record import find_map, from_dict
 from apollonius.arenas.scenarios import arena_names, is_scenario, scenario_game
 from apollonius.arenas.suite import SUITES, suite_arena
-from apollonius.document import parse_json, parse_toml, read_bytes, write_atomically
+from apollonius.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
@@ -128,7 +127,7 @@ def save_game(record: dict[str, Any], path: Path) -> None:
     if isinstance(named := arena.get("map"), dict) and not is_drawn(named["file"]):
         arena = arena | {"map": named | {"file": os.path.relpath(named["file"], path.parent)}}
     record = record | {"arena": arena}
-    text = f"{json.dumps(record, indent=2)}\n" if path.suffix == ".json" else tomli_w.dumps(record)
+    text = f"{to_json(record, indent=2)}\n" if path.suffix == ".json" else tomli_w.dumps(record)
     write_atomically(path, text.encode())
 
 

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import io
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.document import read_bytes, write_atomically
+from apollonius.document import read_bytes, to_json, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.limits import require_memory
@@ -97,7 +96,7 @@ def save_map(cells: OccupancyMap, path: Path) -> None:
     # JSON is YAML, whatever is in a name.
     said = {"image": image.name, "resolution": float(cells.cell), "origin": [float(cells.x), float(cells.y), 0.0]}
     said |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
-    lines = [f"{key}: {json.dumps(value)}\n" for key, value in said.items()]
+    lines = [f"{key}: {to_json(value)}\n" for key, value in said.items()]
     write_atomically(path, "".join(lines).encode())
 
 
@@ -105,17 +104,17 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     """The values, as numbers, checked."""
     import yaml
 
-    class Loader(yaml.SafeLoader):
-        """No aliases: with them a line is a million."""
+    class Loader(yaml.BaseLoader):
+        """Texts, lists and mappings alone, without aliases: with them a line is a million."""
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.AliasEvent):
-                raise yaml.YAMLError("aliases such as *this are not read")
+            if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "tag", None) is not None:
+                raise yaml.YAMLError("aliases such as *this and tags such as !this are not read")
             return super().compose_node(parent, index)
 
     try:
         said = yaml.load(text, Loader)
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InvalidInput(f"{name} is no YAML file: {str(error) or 'it is nested too deeply'}; correct it.") from error
     require(isinstance(said, dict), name, type(said).__name__, "keys with values: image, resolution, origin ...")
     for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
@@ -133,7 +132,8 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
     mode = said.get("mode", "trinary")
     require(mode == "trinary", f"{name}: mode", mode, "trinary, as cells are either free or not")
     is_place = isinstance(said["origin"], list) and len(said["origin"]) == 3
-    require(is_place, f"{name}: origin", said["origin"], "[x, y, yaw] of the lower left corner, in metres and radians")
+    given = str(said["origin"]).replace("'", "")
+    require(is_place, f"{name}: origin", given, "[x, y, yaw] of the lower left corner, in metres and radians")
     read["origin"] = [_number(number, f"{name}: origin") for number in said["origin"]]
     yaw = read["origin"][2]
     require(yaw == 0, f"{name}: origin, yaw", yaw, "0, as walls lie along x and y; turn the image and set it to 0")
@@ -141,10 +141,10 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
 
 
 def _number(value: Any, name: str) -> float:
-    """A finite number; YAML calls `5e-2` a text."""
+    """Return the finite number that a text is."""
     try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
+        number = float(value)
+    except (TypeError, ValueError):
         number = math.nan
     require(abs(number) <= 1e6, name, value, "a number within 1e6 of 0")
     return number

@@ -1,7 +1,6 @@
 """`apollonius arena`: the arenas there are, the check of one's own, charts, the suite, and random ones."""
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import plots
 from apollonius.commands.values import count, named, new_file, real
+from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.limits import DISCS, GAME_FILES, SEED
 
@@ -130,7 +130,7 @@ def run_check(options: argparse.Namespace) -> int:
     options.display.end()
     notes = [*found.notes, *([str(passage)] if passage else [])]
     if options.json:
-        print(json.dumps({"game": options.game, "wrong": found.wrong, "notes": notes}))
+        print(to_json({"game": options.game, "wrong": found.wrong, "notes": notes}))
     else:
         for line in found.wrong:
             print(f"wrong: {line}")
@@ -161,7 +161,7 @@ def run_suite(options: argparse.Namespace) -> int:
         options.display.report(number + 1, len(entries))
     options.display.end()
     if options.json:
-        print(json.dumps({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
+        print(to_json({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
     else:
         for entry in entries:
             gap = f"gap {entry.gap:4.2f} m" if entry.gap else ""

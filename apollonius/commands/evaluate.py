@@ -1,11 +1,11 @@
 """`apollonius evaluate`: play many games between two agents and count."""
 
 import argparse
-import json
 from typing import Any
 
 from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
+from apollonius.document import to_json
 
 
 def add_evaluate(subparsers: Any) -> None:
@@ -28,7 +28,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
     options.display.end()
     if options.json:
-        print(json.dumps(match_facts(options, match) | result.to_dict()))
+        print(to_json(match_facts(options, match) | result.to_dict()))
     else:
         print(match_table(match, result))
     finish_with_replays(written, options)

@@ -4,7 +4,6 @@ Beside it stands how often teams of each size catch an evader there with the gam
 """
 
 import argparse
-import json
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import AGENT, plots, warn
 from apollonius.commands.values import count, named, new_file
+from apollonius.document import to_json
 from apollonius.errors import InvalidInput
 from apollonius.limits import GAMES, ROBOTS, SEED
 
@@ -87,7 +87,7 @@ def run_pursuers(options: argparse.Namespace) -> int:
         )
     sizes = _played(options, matches) if matches else None
     if options.json:
-        print(json.dumps(_facts(options.game, enough) | {"played": sizes and sizes.to_dict()}))
+        print(to_json(_facts(options.game, enough) | {"played": sizes and sizes.to_dict()}))
     else:
         print(_told(options.game, enough), *([sizes_table(sizes)] if sizes else []), sep="\n\n")
     if options.out:

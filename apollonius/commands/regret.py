@@ -1,13 +1,13 @@
 """`apollonius regret`: how far an agent is from optimal play."""
 
 import argparse
-import json
 from typing import Any
 
 from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import AGENT, add_game_options, add_record_options, check_records, warn
 from apollonius.commands.solving import SOLVING, add_table_options, requested_tables
 from apollonius.commands.values import count, named
+from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.limits import GAMES, RECORDS
 
@@ -72,7 +72,7 @@ def run_regret(options: argparse.Namespace) -> int:
     if options.json:
         about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
         about["grid"] = list(own.zero_sum_game.grids[0].counts)
-        print(json.dumps(about | card.to_dict()))
+        print(to_json(about | card.to_dict()))
     else:
         print(card_table(agent.name, game.starts.speed, card))
     finish_with_replays(written, options)

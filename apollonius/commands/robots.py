@@ -1,13 +1,13 @@
 """`apollonius robots`: who wins where, with robots of other makes."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots
 from apollonius.commands.values import count, length, named, new_file, ratio
+from apollonius.document import to_json
 from apollonius.limits import GAMES
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def run_robots(options: argparse.Namespace) -> int:
     if options.json:
         names = {"pursuer": table.pursuer, "evader": table.evader}
         rules = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
-        print(json.dumps(names | rules | table.to_dict()))
+        print(to_json(names | rules | table.to_dict()))
     else:
         print(make_table(table), f"starts: {starts.word(game)}", sep="\n")
     if options.out:

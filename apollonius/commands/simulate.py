@@ -1,12 +1,12 @@
 """`apollonius simulate`: the games of a match between robots with bodies, beside the same games by the rules."""
 
 import argparse
-import json
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
 from apollonius.commands.values import existing_file
+from apollonius.document import to_json
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     display.end()
     if options.json:
         found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
-        print(json.dumps(match_facts(options, match) | {"drives": found}))
+        print(to_json(match_facts(options, match) | {"drives": found}))
     else:
         print(match_heading(match))
         print(_table(comparisons["as it is"]))

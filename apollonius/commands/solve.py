@@ -1,13 +1,13 @@
 """`apollonius solve`: ground truth by dynamic programming, kept as a file."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import add_grid_options, chosen_rules, plots, requested_grid, warn
 from apollonius.commands.values import named, new_file, real, require_writable
+from apollonius.document import to_json
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run_solve(options: argparse.Namespace) -> int:
     facts = about(solution, game) | {"file": str(path)}
     display.end()
     if options.json:
-        print(json.dumps(facts))
+        print(to_json(facts))
     else:
         for name, value in facts.items():
             print(f"{name:<52} {value:.4g}" if isinstance(value, float) else f"{name:<52} {value}")

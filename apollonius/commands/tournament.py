@@ -1,7 +1,6 @@
 """`apollonius tournament`: every pursuer against every evader."""
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, warn
 from apollonius.commands.values import count, named, new_file, new_folder
+from apollonius.document import to_json
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
 
@@ -85,7 +85,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     options.display.end()
     if options.json:
         settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
-        print(json.dumps(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
+        print(to_json(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
     else:
         print(tournament_table(tournament, starts.word(game)))
     written = [path for path in (options.plot, options.keep) if path]

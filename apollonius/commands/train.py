@@ -185,7 +185,9 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     """Play the agents of a finished run, and print how good they are."""
     from apollonius.evaluate.pairings import evaluate_run
-    from apollonius.evaluate.trend import trend_of_run
+    from apollonius.evaluate.trend import self_play_trend
+    from apollonius.learn.plans import SELF_PLAY
+    from apollonius.learn.progress import evaluations_of, load_metrics
     from apollonius.terminal import match_table
 
     def tell(match: "Match", result: "MatchResult") -> None:
@@ -193,6 +195,6 @@ def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
 
     evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()
-    if trend := trend_of_run(folder):
+    if trend := self_play_trend(evaluations_of(load_metrics(folder / "metrics.jsonl"), SELF_PLAY)):
         print(trend, end="\n\n")
     finish(folder, then=command("report", folder))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from apollonius.errors import require
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.outcome import PURSUER_WINS
 from apollonius.game.scenario import Scenario
@@ -19,6 +20,11 @@ class ByArena:
 
     wins: tuple[int, ...]
     games: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        counts = list(zip(self.wins, self.games, strict=False))
+        possible = len(self.wins) == len(self.games) > 0 and all(0 <= won <= games > 0 for won, games in counts)
+        require(possible, "wins by arena", counts, "wins of 1 game or more in each arena")
 
     @property
     def rates(self) -> list[float]:

@@ -1,7 +1,6 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -13,8 +12,9 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
-from apollonius.evaluate.by_arena import ByArena, count_by_arena
-from apollonius.evaluate.robots import RobotCounts, count_robots
+from apollonius.evaluate.by_arena import count_by_arena
+from apollonius.evaluate.result import MatchResult
+from apollonius.evaluate.robots import count_robots
 from apollonius.evaluate.smoothness import Changes, mean_change
 from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.evaluate.statistics import wilson_interval
@@ -90,43 +90,6 @@ class Match:
 def _keys(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
-
-
-@dataclass(frozen=True)
-class MatchResult:
-    """What a match came to. Rates are in [0, 1], with Wilson 95 % intervals."""
-
-    games: int
-    outcomes: dict[str, int]
-    """Games by outcome: the rows of Tables II and III, plus `both_failed`."""
-    pursuer_win_rate: float
-    """Captured, or only the evader failed."""
-    pursuer_win_interval: tuple[float, float]
-    evader_win_rate: float
-    """Only the pursuer failed, or the time limit was reached where the rules count that as the evader's win."""
-    evader_win_interval: tuple[float, float]
-    evader_undefeated_rate: float
-    """Everything but the pursuer's wins and double failures (Fig. 6)."""
-    mean_steps: float
-    mean_capture_steps: float | None
-    """Over the captured games; None if there are none."""
-    doomed_start_rate: float | None
-    """Share of the starts from which a robot cannot help crashing (`apollonius.solve.viability`); None if unknown."""
-    capture_steps_deviation: float | None = None
-    """Standard deviation of the length of the captured games; None if there are none."""
-    pursuer_change: tuple[float, float] | None = None
-    """Mean |change of u1| and of u2 per step, as shares of their largest values; None where it was not measured."""
-    evader_change: tuple[float, float] | None = None
-    """The same of the evader."""
-    arenas: ByArena | None = None
-    """The same match by arenas, where there are several."""
-    robots: RobotCounts | None = None
-    """What became of the robots, in a game of teams."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as JSON-like data; nothing of arenas where there is one only, or of robots where they are two."""
-        data = asdict(self)
-        return {name: value for name, value in data.items() if name not in ("arenas", "robots") or value is not None}
 
 
 def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:

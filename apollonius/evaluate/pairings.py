@@ -1,6 +1,5 @@
 """The matches by which the agents at the end of a training run are judged."""
 
-import json
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -8,12 +7,16 @@ from typing import Any
 
 from apollonius.agents.store import load_header
 from apollonius.catalogue import find_player
-from apollonius.document import write_atomically
+from apollonius.document import to_json, write_atomically
+from apollonius.errors import require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
 from apollonius.playout import Report
+
+MOST_MATCHES = 32
+"""Most matches between the agents of one run; those that training leaves there meet in three."""
 
 
 def last_agents(run: Path) -> dict[str, Path]:
@@ -37,9 +40,15 @@ def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
 
 
 def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str, str], Match]:
-    """The matches of a run's last agents, by the names that they have in it."""
+    """Return the matches of a run's last agents, by the names that they have in it.
+
+    Raises:
+        InvalidInput: for more than `MOST_MATCHES`.
+    """
     agents, found = last_agents(run), {}
-    for pair in pairings(agents):
+    pairs = pairings(agents)
+    require(len(pairs) <= MOST_MATCHES, f"matches of the agents in '{run}'", len(pairs), f"at most {MOST_MATCHES}")
+    for pair in pairs:
         files = BySide(*pair).map(lambda name: str(agents.get(name, name)))
         players = ROLES.map(lambda role, files=files: find_player(files[role], role, game))
         found[pair] = Match(game, players, games, seed)
@@ -70,4 +79,4 @@ def evaluate_run(
         result = play_match(match, report=partial(of_all, number * games))
         record[f"{pursuer} against {evader}"] = result.to_dict()
         on_match(match, result)
-    write_atomically(run / "evaluation.json", json.dumps(record, indent=2).encode())
+    write_atomically(run / "evaluation.json", to_json(record, indent=2).encode())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Array, Int
 
+from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.types import RobotStatus
 
@@ -15,6 +16,12 @@ class RobotCounts:
 
     pursuers: dict[str, int]
     evaders: dict[str, int]
+
+    def __post_init__(self) -> None:
+        known = {status.name.lower() for status in RobotStatus}
+        for side in (self.pursuers, self.evaders):
+            possible = known - {"hit_mate"} <= set(side) <= known and min(side.values()) >= 0
+            require(possible, "robots", side, f"counts of {', '.join(sorted(known))}")
 
     @property
     def captured(self) -> int:

@@ -1,9 +1,7 @@
 """What became of self-play from the first look at it to the last, in words."""
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 from apollonius.game.outcome import PURSUER_WINS, names_of
 
@@ -11,28 +9,36 @@ _MUCH = 0.1
 """A fall of the pursuer's wins that wants a word."""
 
 
-def trend_of_run(run: Path) -> str:
-    """What became of the self-play of a training run, as `self_play_trend` tells it."""
-    lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
-    own = [line for line in lines if line["stage"] == "self-play"]
-    return self_play_trend([line["evaluation"] for line in own if "evaluation" in line])
+@runtime_checkable
+class Look(Protocol):
+    """A greedy evaluation in the course of a training."""
+
+    @property
+    def env_steps(self) -> int:
+        """Env steps before it."""
+        ...
+
+    @property
+    def outcomes(self) -> Mapping[str, int]:
+        """Games by outcome."""
+        ...
 
 
-def self_play_trend(looks: Sequence[Mapping[str, Any]]) -> str:
+def self_play_trend(looks: Sequence[Look]) -> str:
     """How greedy games ended at the first look at self-play and at the last, and where wins went that were lost.
 
     Args:
-        looks: evaluations as `metrics.jsonl` has them, in their order.
+        looks: in their order.
 
     Returns:
         Some sentences; empty where there are fewer than two looks.
     """
     if len(looks) < 2:
         return ""
-    first, last = (_shares(look["outcomes"]) for look in (looks[0], looks[-1]))
+    first, last = (_shares(look.outcomes) for look in (looks[0], looks[-1]))
     parts = [f"{what} from {first[what]:.0%} to {last[what]:.0%}" for what in list(first)[1:]]
     said = (
-        f"Self-play, greedy games, from {looks[0]['env_steps']:,} to {looks[-1]['env_steps']:,} env steps: "
+        f"Self-play, greedy games, from {looks[0].env_steps:,} to {looks[-1].env_steps:,} env steps: "
         f"the pursuer's wins went from {first['wins']:.0%} to {last['wins']:.0%}: {', '.join(parts)}."
     )
     fallen, given = (first[what] - last[what] for what in ("wins", "the evader's own failures"))

@@ -2,14 +2,16 @@
 
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
+from apollonius.errors import require
 from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real, RobotState
+from apollonius.limits import MOST_COUNTED
 
 EVADER_FAILS = (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
 """The evader failed alone."""
@@ -102,6 +104,24 @@ def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]
     possible = [outcome for outcome in Outcome if outcome not in (Outcome.ONGOING, Outcome.TERRITORY_REACHED)]
     reached = [Outcome.TERRITORY_REACHED] if int(counts[Outcome.TERRITORY_REACHED]) else []
     return {outcome.name.lower(): int(counts[outcome]) for outcome in possible + reached}
+
+
+def require_counts(counts: Mapping[str, int], source: str, games: int | None = None) -> None:
+    """Refuse counts by name, as files have them, that cannot be those of games.
+
+    Args:
+        source: where they come from, for the message.
+        games: how many there are in all; None for any number.
+
+    Raises:
+        InvalidInput: for outcomes that are missing or unknown, negative counts, and those that do not add up.
+    """
+    name, known = f"{source}: outcomes", set(counts_by_name([0] * len(Outcome)))
+    named = known <= set(counts) <= known | {Outcome.TERRITORY_REACHED.name.lower()}
+    require(named, name, ", ".join(counts), ", ".join(sorted(known)))
+    counted = all(0 <= count <= MOST_COUNTED for count in counts.values())
+    require(counted, name, dict(counts), f"counts from 0 to {MOST_COUNTED:,}")
+    require(games in (None, sum(counts.values())), name, dict(counts), f"{games} games in all")
 
 
 def names_of(outcomes: Sequence[Outcome]) -> list[str]:

@@ -1,6 +1,5 @@
 """The whole training state as one safetensors file: written atomically, read back to the last bit."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,14 +11,12 @@ from safetensors.numpy import save
 
 from apollonius.arenas.record import from_dict
 from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
-from apollonius.document import parse_json, write_atomically
+from apollonius.document import parse_json, to_json, write_atomically
 from apollonius.errors import InvalidInput, require
-from apollonius.game.outcome import counts_by_name
-from apollonius.game.types import Outcome
+from apollonius.game.outcome import require_counts
 
 FORMAT = "apollonius-checkpoint-2"
 T = TypeVar("T")
-_OUTCOMES = tuple(counts_by_name(np.zeros(len(Outcome), int)))
 
 
 @dataclass(frozen=True)
@@ -29,6 +26,13 @@ class Evaluation:
     env_steps: int
     episodes: int
     outcomes: dict[str, int]
+
+    def __post_init__(self) -> None:
+        for name in ("env_steps", "episodes"):
+            value = getattr(self, name)
+            require(0 <= value < 2**62, name, value, "0 or more")
+        require_counts(self.outcomes, "evaluation")
+        require(any(self.outcomes.values()), "outcomes", self.outcomes, "those of one game at least")
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,6 @@ class Stand:
         for name in ("chunks", "seconds", "metrics_bytes"):
             value = getattr(self, name)
             require(0 <= value < 2**62, name, value, "0 or more")
-        for found in (self.best, self.evaluation):
-            counts = found.outcomes if found else {}
-            require(set(counts) in (set(), set(_OUTCOMES)), "outcomes", ", ".join(counts), ", ".join(_OUTCOMES))
 
 
 def save_checkpoint(path: Path, state: Any, stand: Stand) -> None:
@@ -63,7 +64,7 @@ def save_checkpoint(path: Path, state: Any, stand: Stand) -> None:
         OSError: when the disk is full or read-only; the previous checkpoint is untouched.
     """
     arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
-    write_atomically(path, save(arrays, {FORMAT: json.dumps(asdict(stand))}))
+    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(stand))}))
 
 
 def load_stand(path: Path) -> Stand:

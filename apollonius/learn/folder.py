@@ -15,8 +15,6 @@ from apollonius.learn.config import RunConfig
 _HOLDER = ".process"
 """File with the number of the process that trains in a folder."""
 _LONGEST_NUMBER = 20
-_FORMER = ("margin", "exploiter_seats")
-"""Numbers of `[self_play.opponents]` that only schemes had which are gone: older files name them."""
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
@@ -95,16 +93,14 @@ def _remove_run(folder: Path) -> None:
             path.unlink()
 
 
-def load_config(path: Path) -> RunConfig:
-    """The config of a file as `create_run` writes it; what it leaves out has its default.
+def load_config(path: Path, within: Path | None = None) -> RunConfig:
+    """Return the config of a file as `create_run` writes it; what it leaves out has its default.
+
+    Args:
+        within: the folder that must contain the file, wherever links lead; None for any.
 
     Raises:
         InvalidInput: when it is missing, no TOML, or has an unknown key or an impossible value.
     """
-    data = parse_toml(read_bytes(path, "a training's config.toml", "check the path"), path)
-    stage = data.get("self_play")
-    opponents = stage.get("opponents") if isinstance(stage, dict) else None
-    if isinstance(opponents, dict):
-        for key in _FORMER:
-            opponents.pop(key, None)
-    return from_dict(RunConfig, data, str(path))
+    content = read_bytes(path, "a training's config.toml", "check the path", within=within)
+    return from_dict(RunConfig, parse_toml(content, path), str(path))

@@ -30,7 +30,7 @@ from apollonius.learn.evaluation import greedy_outcomes
 from apollonius.learn.fixed_target import fixed_target, start_fixed_target
 from apollonius.learn.folder import agent_file, held
 from apollonius.learn.plans import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, load_first, plans_of
-from apollonius.learn.progress import Progress, append_metrics, measure, truncate_metrics
+from apollonius.learn.progress import Progress, append_metrics, begin_metrics, measure
 from apollonius.learn.school import TABLES, School, open_schools
 from apollonius.learn.self_play import self_play, start_self_play
 from apollonius.learn.train_state import Plan, TrainState
@@ -103,16 +103,18 @@ class Run:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
         stages = list(self.plans)
         done = stages.index(stand.stage) if stand else 0
-        truncate_metrics(self.metrics, stand.metrics_bytes if stand else 0)
         best: Network | None = None
         for stage in stages[done:]:
             plan = self.plans[stage]
+            if stand is None:
+                begin_metrics(self.metrics)
             if stand is None or stand.stage != stage:
                 first = ROLES.map(lambda role: load_first(self.config, role))
                 saved = self._start(stage, plan, BySide(first.pursuer or best, first.evader))
                 stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
                 saved = load_checkpoint(self.checkpoint, self._start(stage, plan, BySide(None, None)))
+                begin_metrics(self.metrics, stand)
             saved, finished = self._train_stage(plan, saved, stand)
             if not finished:
                 return False

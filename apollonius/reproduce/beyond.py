@@ -1,7 +1,7 @@
 """What our pursuer is held to beyond the paper: one agent, all at once."""
 
 from apollonius import MatchResult
-from apollonius.reproduce.claims import rate_claim
+from apollonius.evaluate.claims import rate_claim
 from apollonius.reproduce.finding import Finding, as_data, beside_the_paper, win_count
 from apollonius.reproduce.study import Study
 

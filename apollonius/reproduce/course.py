@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from apollonius import Outcome
+from apollonius.evaluate.claims import Claim, rate_claim
 from apollonius.evaluate.paper import STAGE_1
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.reproduce import figure6, table2, table3
-from apollonius.reproduce.claims import Claim, rate_claim
 from apollonius.reproduce.finding import Finding, percent
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
@@ -66,7 +66,7 @@ def claims_at(study: Study, moment: int) -> tuple[Claim, ...]:
 def _evaluated(study: Study, name: str, seed: int, moment: int, outcomes: Sequence[Outcome]) -> tuple[int, int]:
     """How many games ended so, and all games, of the last evaluation within a percentage of a run's first stage."""
     evaluations = study.evaluations(name, seed, "fixed-target")
-    games = evaluations[max(1, len(evaluations) * moment // 100) - 1]["outcomes"]
+    games = evaluations[max(1, len(evaluations) * moment // 100) - 1].outcomes
     return sum(games[outcome] for outcome in names_of(outcomes)), sum(games.values())
 
 

@@ -1,7 +1,7 @@
 """Fig. 4: success rate and average reward in stage 1, over episodes."""
 
+from apollonius.evaluate.claims import rate_claim
 from apollonius.evaluate.paper import STAGE_1
-from apollonius.reproduce.claims import rate_claim
 from apollonius.reproduce.finding import Finding, win_count
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
@@ -16,11 +16,11 @@ def run(study: Study) -> Finding:
     successes, rewards = [], []
     for seed in study.seeds:
         evaluations = study.evaluations("curriculum", seed, "fixed-target")
-        games = sum(evaluations[0]["outcomes"].values())
+        games = sum(evaluations[0].outcomes.values())
         successes.append(
             (
-                [evaluation["episodes"] for evaluation in evaluations],
-                [100 * evaluation["outcomes"]["captured"] / games for evaluation in evaluations],
+                [evaluation.episodes for evaluation in evaluations],
+                [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations],
             )
         )
         rewards.append(reward_curve(study, "curriculum", seed, "fixed-target"))
@@ -42,5 +42,5 @@ def run(study: Study) -> Finding:
 
 def reward_curve(study: Study, name: str, seed: int, stage: str) -> Curve:
     """Episodes of a stage, and the running mean of the exploring pursuer's reward in an episode."""
-    played = [line for line in study.metrics(name, seed, stage) if sum(line["outcomes"].values())]
-    return [line["episodes"] for line in played], smooth([line["pursuer_return"] for line in played], _WINDOW)
+    played = [line for line in study.metrics(name, seed, stage) if line.games]
+    return [line.episodes for line in played], smooth([line.pursuer_return for line in played], _WINDOW)

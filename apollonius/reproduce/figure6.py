@@ -1,7 +1,7 @@
 """Fig. 6: agents of the curriculum against agents of self-play from scratch."""
 
 from apollonius import MatchResult
-from apollonius.reproduce.claims import Claim, rate_claim
+from apollonius.evaluate.claims import Claim, rate_claim
 from apollonius.reproduce.finding import Finding, outcome_shares, outcome_table, win_count
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style

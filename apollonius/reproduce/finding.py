@@ -1,14 +1,13 @@
 """What a figure, a table or a study finds: words, pictures, numbers and verdicts."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from apollonius import MatchResult
-from apollonius.document import write_atomically
-from apollonius.reproduce.claims import Claim
+from apollonius.document import to_json, write_atomically
+from apollonius.evaluate.claims import Claim
 from apollonius.show.markdown import markdown_table, mean_over_seeds
 
 
@@ -28,7 +27,7 @@ class Finding:
 
 def write_finding(finding: Finding, folder: Path, name: str) -> None:
     """Write one finding into a folder, as `NAME.md` and `NAME.json`, atomically."""
-    write_atomically(folder / f"{name}.json", json.dumps(finding.data, indent=1).encode())
+    write_atomically(folder / f"{name}.json", to_json(finding.data, indent=1).encode())
     write_atomically(folder / f"{name}.md", f"{as_markdown(finding)}\n".encode())
 
 

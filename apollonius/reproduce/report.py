@@ -1,12 +1,11 @@
 """The report of a study: `report.md` for people, `results.json` for programs."""
 
-import json
 from collections.abc import Sequence
 
-from apollonius.document import write_atomically
-from apollonius.reproduce.claims import FEWEST_SEEDS, Claim
+from apollonius.document import to_json, write_atomically
+from apollonius.evaluate.claims import FEWEST_SEEDS, FULL_BUDGET, Claim
 from apollonius.reproduce.finding import Finding, as_markdown, percent
-from apollonius.reproduce.study import FULL_BUDGET, Study
+from apollonius.reproduce.study import Study
 from apollonius.show.markdown import markdown_table
 
 
@@ -32,7 +31,7 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
         claim_table(claims, study.is_full),
         *[as_markdown(finding) for finding in findings],
     ]
-    write_atomically(study.folder / "results.json", json.dumps(results, indent=1).encode())
+    write_atomically(study.folder / "results.json", to_json(results, indent=1).encode())
     write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
 
 

@@ -1,17 +1,17 @@
 """A study: the paper's six agents, trained with several seeds, and the matches between them."""
 
-import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from apollonius import Game, Match, Named, Role, find_player
 from apollonius.catalogue import SHIELDED
+from apollonius.evaluate.claims import FULL_BUDGET
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
+from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
-from apollonius.learn.progress import last_metrics
+from apollonius.learn.progress import MetricsLine, evaluations_of, last_metrics, load_metrics
 from apollonius.playout import Results
 
 RUN_OF = {
@@ -25,8 +25,6 @@ RUN_OF = {
 """The training run that each agent comes from."""
 SELF_PLAYED = ("P_curriculum", "E_curriculum", "P_scratch", "E_scratch")
 """The agents that are also kept as they were at earlier moments of self-play."""
-FULL_BUDGET = "paper"
-"""The preset that trains for as long as the paper."""
 MATCH_SEED = 0
 """Seed of the starts of every match: all pairings meet the same ones."""
 
@@ -107,14 +105,13 @@ class Study:
         """What a pairing came to."""
         return count(self.pairing(pursuer, evader, seed, percent), self.play(pursuer, evader, seed, percent))
 
-    def evaluations(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
-        """The greedy evaluations in the course of a stage: episodes, env steps, games by outcome."""
-        return [line["evaluation"] for line in self.metrics(name, seed, stage) if "evaluation" in line]
+    def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
+        """Return the greedy evaluations in the course of a stage."""
+        return evaluations_of(self.metrics(name, seed, stage), stage)
 
-    def metrics(self, name: str, seed: int, stage: str) -> list[dict[str, Any]]:
-        """The lines of a run's `metrics.jsonl` that belong to a stage."""
-        lines = (self.run(name, seed) / "metrics.jsonl").read_text().splitlines()
-        return [line for line in map(json.loads, lines) if line["stage"] == stage]
+    def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
+        """Return the lines of a run's `metrics.jsonl` that belong to a stage."""
+        return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]
 
     def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:
         """By folder: what to train, and which agents are there once it is finished."""

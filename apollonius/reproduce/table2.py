@@ -1,8 +1,8 @@
 """Table II: against the random evader."""
 
 from apollonius import MatchResult
+from apollonius.evaluate.claims import Claim, difference_claim, rate_claim
 from apollonius.evaluate.paper import TABLE_2
-from apollonius.reproduce.claims import Claim, difference_claim, rate_claim
 from apollonius.reproduce.finding import Finding, as_data, beside_the_paper, win_count
 from apollonius.reproduce.study import Study
 

@@ -1,8 +1,8 @@
 """Table III: against the evader of self-play from scratch."""
 
 from apollonius import MatchResult
+from apollonius.evaluate.claims import Claim, difference_claim
 from apollonius.evaluate.paper import TABLE_3
-from apollonius.reproduce.claims import Claim, difference_claim
 from apollonius.reproduce.finding import Finding, as_data, beside_the_paper
 from apollonius.reproduce.study import Study
 

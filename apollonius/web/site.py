@@ -1,6 +1,5 @@
 """The folder that is served: the page, the named games and the trained agents, as plain files for any web host."""
 
-import json
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
+from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.game.arena import Disc
 from apollonius.game.by_side import BySide
@@ -129,7 +129,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
         "files": published,
         "chosen": {name: getattr(chosen, name) for name in _BEGINS_WITH},
     }
-    (folder / "catalogue.json").write_text(json.dumps(catalogue))
+    (folder / "catalogue.json").write_text(to_json(catalogue))
 
 
 def _write_map(occupancy: OccupancyMap, folder: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.kind import Named
-from apollonius.cache import content
+from apollonius.cache import content, digest
 from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.evaluate import match_cache
@@ -66,6 +66,17 @@ def test_a_bad_file_is_replaced(folder, damage):
     damaged = {"nan": sound.replace("0.", "NaN", 1), "other": re.sub(r'("games": )30', r"\g<1>31", sound)}
     path.write_text(damaged.get(damage, damage))
     assert path.read_text() != sound
+    assert cached_match(folder, MATCH) == play_match(MATCH)
+    assert path.read_text() == sound
+
+
+@pytest.mark.parametrize("lie", [{"games": 31}, {"pursuer_win_rate": 1.5}, {"arenas": {"wins": [1], "games": [30]}}])
+def test_a_result_that_no_match_comes_to_is_replaced(folder, lie):
+    (path,) = folder.iterdir()
+    sound = path.read_text()
+    fields = json.loads(sound)
+    fields["result"] |= lie
+    path.write_text(json.dumps(fields | {"sha256": digest(fields["result"])}))
     assert cached_match(folder, MATCH) == play_match(MATCH)
     assert path.read_text() == sound
 

@@ -1,11 +1,13 @@
 """What is said of self-play comes from its first and its last look alone."""
 
+from types import SimpleNamespace
+
 from apollonius.evaluate.trend import self_play_trend
 
 
 def look(env_steps, **outcomes):
     rest = {"captured": 0, "evader_hit_obstacle": 0, "evader_out_of_range": 0, "no_result": 0}
-    return {"env_steps": env_steps, "episodes": 1, "outcomes": rest | outcomes}
+    return SimpleNamespace(env_steps=env_steps, outcomes=rest | outcomes)
 
 
 FIRST = look(

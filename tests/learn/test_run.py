@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import equinox as eqx
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
@@ -21,6 +22,7 @@ from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import evaluation, fixed_target, self_play
 from apollonius.learn import run as run_module
+from apollonius.learn.checkpoint import FORMAT, load_stand
 from apollonius.learn.folder import create_run, held, load_config
 from apollonius.learn.opponents.opponent_config import OpponentConfig
 from apollonius.learn.run import Run
@@ -28,6 +30,7 @@ from apollonius.playout import Results
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
 
 REPOSITORY = Path(__file__).parents[2]
+CHECKPOINT = "checkpoint.safetensors"
 TIMES = ("seconds", "env_steps_per_second")
 """What a metrics line says about the clock; everything else in it must come out the same."""
 CURRICULUM = [f"{side}_curriculum{part}" for side in "EP" for part in ("", "-25", "-50", "-75")]
@@ -438,6 +441,19 @@ def test_a_checkpoint_of_an_older_version_is_refused(uninterrupted, tmp_path):
     (folder / "checkpoint.safetensors").write_bytes(content.replace(b"checkpoint-2", b"checkpoint-1"))
     with pytest.raises(InvalidInput, match=r"no checkpoint of this version.*train again"):
         Run(RUN, folder).execute()
+
+
+@pytest.mark.parametrize("lie", [lambda end, line: end - 40, lambda end, line: end - line, lambda end, line: end + 1])
+def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path, lie):
+    folder = begin(tmp_path / "run")
+    content, stand = ((uninterrupted / "checkpoint.safetensors").read_bytes(), load_stand(uninterrupted / CHECKPOINT))
+    whole = (uninterrupted / "metrics.jsonl").read_bytes()
+    lying = replace(stand, metrics_bytes=lie(len(whole), len(whole.splitlines(keepends=True)[-1])))
+    (folder / CHECKPOINT).write_bytes(save(load(content), {FORMAT: json.dumps(asdict(lying))}))
+    (folder / "metrics.jsonl").write_bytes(whole)
+    with pytest.raises(InvalidInput, match=r"metrics.jsonl.*checkpoint says; train again|no record of training"):
+        Run(RUN, folder).execute()
+    assert (folder / "metrics.jsonl").read_bytes() == whole
 
 
 def test_an_agent_is_no_checkpoint(uninterrupted, tmp_path):

@@ -1,6 +1,5 @@
 """What an exported policy is made of: a network, the numbers of a game, and what to do when in doubt."""
 
-import json
 import re
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
@@ -16,6 +15,7 @@ from apollonius.agents.classical import BRAKE_STRAIGHT
 from apollonius.agents.network import GaussianActor
 from apollonius.agents.store import Agent, AgentHeader
 from apollonius.arenas.record import to_dict
+from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
@@ -162,7 +162,7 @@ class Blueprint:
         """The agent's header, the game that is built in, and the one that it was trained for."""
         said: dict[str, Any] = asdict(self.header)
         said |= {"agent": self.agent, "trained_game": said["game"], "game": to_dict(self.game)}
-        return {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+        return {key: value if isinstance(value, str) else to_json(value) for key, value in said.items()}
 
 
 def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from apollonius.errors import require
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.replay import Replay, as_data
 from apollonius.show.robots import in_play
@@ -12,6 +13,8 @@ from apollonius.show.robots import in_play
 GAMES = 200
 """Games of each pairing among which those that are shown are found."""
 SEED = 1
+LONGEST = 50_000
+"""Most steps of such a game; the paper's have 1,000 at most."""
 ORDER = (
     "one for every way in which they end, those that the pursuer lost first; beside each how long it lasts, and "
     "how many of the games end so."
@@ -58,7 +61,13 @@ class Shown:
 
 
 def games_to_show(match: Match) -> list[Shown]:
-    """One game for each outcome that occurs in a match, in the order of `worst_first`."""
+    """Return one game for each outcome that occurs in a match, in the order of `worst_first`.
+
+    Raises:
+        InvalidInput: when its games may last for more than `LONGEST` steps.
+    """
+    bound = f"at most {LONGEST:,}, or no page could hold them"
+    require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
     results = play_games(match)
     outcomes = np.asarray(results.outcome)
     first: dict[int, int] = {}

@@ -1,7 +1,6 @@
 """How a stage of training went: greedy games, rewards and losses over episodes, as pictures for a page."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter
@@ -9,6 +8,8 @@ from matplotlib.ticker import EngFormatter
 from apollonius.evaluate.paper import STAGE_1
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
 from apollonius.game.types import Outcome
+from apollonius.learn.checkpoint import Evaluation
+from apollonius.learn.progress import MetricsLine, evaluations_of
 from apollonius.show import palette
 from apollonius.show.curves import Curve, draw_rate, smooth
 from apollonius.show.style import inline_svg
@@ -18,45 +19,45 @@ _POINTS = 300
 _SIDES = {"pursuer": palette.PURSUER, "evader": palette.EVADER}
 
 
-def learning_pictures(lines: list[dict[str, Any]], against: Sequence[str]) -> list[str]:
+def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[str]:
     """Greedy games, mean rewards and mean losses of a stage as `<svg>` elements; what was not measured is left out.
 
     Args:
         lines: of the run's `metrics.jsonl`, of one stage.
         against: the evaders of stage 1, by name.
     """
-    stage = lines[0]["stage"]
-    evaluations = [line["evaluation"] for line in lines if "evaluation" in line]
-    learning = [line for line in lines if line["updates"]]
+    stage = lines[0].stage
+    evaluations = evaluations_of(lines, stage)
+    learning = [line for line in lines if line.updates]
     pictures = []
     if len(evaluations) > 1:
         fixed = stage == "fixed-target" and list(against) == ["still"]
         label = "How greedy games end, in per cent, over episodes"
         pictures.append(inline_svg(lambda axes: _draw_greedy(axes, evaluations, fixed), label))
-    sides = list(lines[-1]["losses"])
-    played = [line for line in lines if sum(line["outcomes"].values())]
+    sides = list(lines[-1].losses)
+    played = [line for line in lines if line.games]
     if len(played) > 1:
-        rewards = {side: _curve(played, [line[f"{side}_return"] for line in played]) for side in sides}
+        rewards = {side: _curve(played, [getattr(line, f"{side}_return") for line in played]) for side in sides}
         pictures.append(inline_svg(lambda axes: _draw_rewards(axes, rewards), "Mean reward of a game over episodes"))
     if len(learning) > 1:
-        losses = {side: _curve(learning, [line["losses"][side] for line in learning]) for side in sides}
+        losses = {side: _curve(learning, [line.losses.get(side, 0.0) for line in learning]) for side in sides}
         pictures.append(inline_svg(lambda axes: _draw_losses(axes, losses), "Mean loss of an update over episodes"))
     return pictures
 
 
-def _curve(lines: list[dict[str, Any]], values: list[float]) -> Curve:
+def _curve(lines: Sequence[MetricsLine], values: list[float]) -> Curve:
     """A running mean over a hundredth of the lines against episodes, thinned out."""
     mean = smooth(values, max(1, len(values) // 100))
     every = max(1, len(mean) // _POINTS)
-    return [line["episodes"] for line in lines][::every], mean[::every]
+    return [line.episodes for line in lines][::every], mean[::every]
 
 
-def _draw_greedy(axes: Axes, evaluations: list[dict[str, Any]], fixed: bool) -> None:
-    episodes = [evaluation["episodes"] for evaluation in evaluations]
-    games = [sum(evaluation["outcomes"].values()) for evaluation in evaluations]
+def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> None:
+    episodes = [evaluation.episodes for evaluation in evaluations]
+    games = [sum(evaluation.outcomes.values()) for evaluation in evaluations]
 
     def draw(outcomes: Sequence[Outcome], colour: str, label: str) -> None:
-        times = [sum(evaluation["outcomes"][name] for name in names_of(outcomes)) for evaluation in evaluations]
+        times = [sum(evaluation.outcomes.get(name, 0) for name in names_of(outcomes)) for evaluation in evaluations]
         draw_rate(axes, episodes, times, games, colour, label)
 
     if fixed:

@@ -1,6 +1,7 @@
 """The page of a report: what stands on it, and the one HTML file that it becomes."""
 
 import base64
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -10,11 +11,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
-from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
 
-from apollonius.document import write_atomically
-from apollonius.errors import require
-from apollonius.evaluate.match import MatchResult
+from apollonius.document import read_bytes, write_atomically
+from apollonius.errors import InvalidInput, require
+from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.show import palette
 from apollonius.show.report.games import Shown
@@ -89,7 +90,7 @@ def save_page(page: Page, path: Path) -> None:
     Raises:
         InvalidInput: when it would be larger than `MAX_BYTES`; nothing is written.
     """
-    html = render(page).encode()
+    html = render(page).encode(errors="replace")
     bound = f"at most {MAX_BYTES:,}; make the figures in the folder smaller"
     require(len(html) <= MAX_BYTES, "size of the report [bytes]", f"{len(html):,}", bound)
     write_atomically(path, html)
@@ -104,6 +105,7 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.policies["json.dumps_kwargs"]["allow_nan"] = False
     environment.filters["markdown"] = _markdown
     environment.filters["words"] = lambda name: name.replace("_", " ")
     return environment.get_template("page.html").render(
@@ -117,13 +119,21 @@ def render(page: Page) -> str:
     )
 
 
-def picture(path: Path, label: str) -> Markup:
-    """A PNG file as an element that holds it, at the size of its letters' design; narrow screens show it smaller."""
-    with Image.open(path) as opened:
-        width = opened.width / _PIXELS
+def picture(folder: Path, name: str, label: str) -> Markup:
+    """Return an element that holds a PNG file, at the size of its letters' design; narrow screens show it smaller.
+
+    Raises:
+        InvalidInput: when the file is outside the folder, too large, or no PNG.
+    """
+    content = read_bytes(folder / name, "a picture of the report", "make it again", MAX_BYTES, within=folder)
+    try:
+        with PngImageFile(io.BytesIO(content)) as opened:
+            width = opened.width / _PIXELS
+    except Exception as error:  # Pillow raises what it likes for a damaged file
+        raise InvalidInput(f"'{folder / name}' is no PNG file ({error}): make it again.") from error
     return Markup(
         '<img class="print" alt="{}" style="width: {:.0f}px; min-width: {:.0f}px" src="data:image/png;base64,{}">'
-    ).format(label, width, _NARROWEST * width, base64.b64encode(path.read_bytes()).decode())
+    ).format(label, width, _NARROWEST * width, base64.b64encode(content).decode())
 
 
 def _markdown(text: str) -> Markup:

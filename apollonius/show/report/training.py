@@ -1,53 +1,45 @@
 """The report of a training run: how its agents learned, how good they are, and games that they play."""
 
-import json
-import tomllib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 
 from apollonius.agents.built_in import PLAYERS
-from apollonius.arenas.record import from_dict
-from apollonius.errors import InvalidInput
-from apollonius.evaluate.match import MatchResult
+from apollonius.document import parse_json, read_bytes
+from apollonius.errors import require
 from apollonius.evaluate.pairings import last_matches
 from apollonius.evaluate.paper import paper_shares
+from apollonius.evaluate.result import read_result
 from apollonius.evaluate.trend import self_play_trend
 from apollonius.game.game import Game
+from apollonius.learn.config import RunConfig
+from apollonius.learn.folder import load_config
+from apollonius.learn.plans import FIXED_TARGET, SELF_PLAY
+from apollonius.learn.progress import MetricsLine, evaluations_of, load_metrics
+from apollonius.learn.stage_config import StageConfig
 from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
 from apollonius.show.report.learning import learning_pictures
 from apollonius.show.report.page import Judged, Page, Section
 
-_STAGES = {"fixed-target": "fixed_target", "self-play": "self_play"}
-"""Names of the stages, and of their tables in the configuration."""
-
 
 def training_page(folder: Path) -> Page:
-    """The report of the training run in a folder, finished or not.
+    """Return the report of the training run in a folder, finished or not.
 
     Raises:
         InvalidInput: when a file of the run is missing or not what training writes.
     """
-    try:
-        text = (folder / "config.toml").read_text()
-        config = tomllib.loads(text)
-        lines = _lines(folder / "metrics.jsonl")
-        stages = [stage for stage in _STAGES if config["stages"] in (stage, "both")]
-        facts = [_fact(stage, lines, config) for stage in stages]
-        matches = _matches(folder / "evaluation.json", folder.resolve().name)
-        game = from_dict(Game, config["game"], f"'{folder / 'config.toml'}'")
-        sections = [section for stage in stages if (section := _learning(stage, lines, config))]
-        seed = config["seed"]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        message = f"'{folder}' is no whole training run ({type(error).__name__}: {error}): train it again."
-        raise InvalidInput(message) from error
-    games = _games(folder, game)
+    config, lines = load_config(folder / "config.toml", folder), load_metrics(folder / "metrics.jsonl", within=folder)
+    plans = {FIXED_TARGET: config.fixed_target, SELF_PLAY: config.self_play}
+    stages = {name: plan for name, plan in plans.items() if config.stages in (name, "both")}
+    by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
+    facts = [_fact(name, by_stage[name], stage) for name, stage in stages.items()]
+    matches = load_matches(folder / "evaluation.json")
+    sections = [_learning(name, by_stage[name], config, stage) for name, stage in stages.items() if by_stage[name]]
+    games = _games(folder, config.game)
     return Page(
         title=f"Training run {folder.resolve().name}",
-        summary=f"{_described(game)} Stages: {', '.join(stages)}; seed {seed}.",
+        summary=f"{_described(config.game)} Stages: {', '.join(stages)}; seed {config.seed}.",
         warnings=_warnings(folder, facts, matches, games),
         matches=matches,
         matches_note=(
@@ -58,14 +50,9 @@ def training_page(folder: Path) -> Page:
         games=games,
         games_note=f"Of {GAMES} games of each pairing from seed {SEED}, {ORDER}",
         facts=[("stage", "env steps", "planned", "episodes", "updates", "minutes", "env steps per second"), *facts],
-        config=text,
+        config=(folder / "config.toml").read_text("utf-8"),
         command=f"apollonius train --config {folder / 'config.toml'} --out NEW",
     )
-
-
-def _lines(path: Path) -> list[dict[str, Any]]:
-    """The lines of a run's metrics; none where it has not begun."""
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
 
 
 def _described(game: Game) -> str:
@@ -78,16 +65,15 @@ def _described(game: Game) -> str:
     )
 
 
-def _fact(stage: str, lines: list[dict[str, Any]], config: dict[str, Any]) -> tuple[str, ...]:
-    """A row of the table of stages: how far training came, and how fast it was."""
-    planned = f"{config[_STAGES[stage]]['env_steps']:,}"
-    own = [line for line in lines if line["stage"] == stage]
-    if not own:
+def _fact(stage: str, lines: Sequence[MetricsLine], plan: StageConfig) -> tuple[str, ...]:
+    """Return a row of the table of stages: how far training came, and how fast it was."""
+    planned = f"{plan.env_steps:,}"
+    if not lines:
         return stage, "0", planned, "0", "0", "-", "-"
-    last = own[-1]
-    rate = f"{last['env_steps'] / last['seconds']:,.0f}" if last["seconds"] else "-"
-    counts = (f"{last[name]:,}" for name in ("episodes", "updates"))
-    return stage, f"{last['env_steps']:,}", planned, *counts, f"{last['seconds'] / 60:.1f}", rate
+    last = lines[-1]
+    rate = f"{last.env_steps / last.seconds:,.0f}" if last.seconds else "-"
+    counts = f"{last.episodes:,}", f"{last.updates:,}"
+    return stage, f"{last.env_steps:,}", planned, *counts, f"{last.seconds / 60:.1f}", rate
 
 
 def _warnings(folder: Path, facts: list[tuple[str, ...]], matches: list[Judged], games: list[Shown]) -> list[str]:
@@ -105,29 +91,33 @@ def _warnings(folder: Path, facts: list[tuple[str, ...]], matches: list[Judged],
     return found
 
 
-def _matches(path: Path, run: str) -> list[Judged]:
-    """The matches that judged the run; none where it was not judged."""
+def load_matches(path: Path) -> list[Judged]:
+    """Return the matches of an `evaluation.json`; none where the run was not judged.
+
+    Raises:
+        InvalidInput: when it is not what training writes, or leads outside its folder.
+    """
+    if not path.exists():
+        return []
+    remedy, run = "remove it, or train again", path.parent.resolve().name
+    content = read_bytes(path, "what training wrote", remedy, within=path.parent)
     judged = []
-    for name, result in (json.loads(path.read_text()) if path.is_file() else {}).items():
-        pursuer, evader = name.split(" against ")
-        judged_as = from_dict(MatchResult, result, f"'{path}'")
-        ours = [name if name in PLAYERS else f"{run}/{name}" for name in (pursuer, evader)]
-        judged.append(Judged(ours[0], ours[1], judged_as, paper_shares(pursuer, evader)))
+    for name, data in parse_json(content, f"'{path}' has no results of matches; {remedy}").items():
+        pair = name.split(" against ")
+        require(len(pair) == 2, f"'{path}': match", name, f"NAME against NAME; {remedy}")
+        ours = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
+        judged.append(Judged(ours[0], ours[1], read_result(data, f"'{path}'"), paper_shares(*pair)))
     return judged
 
 
-def _learning(stage: str, lines: list[dict[str, Any]], config: dict[str, Any]) -> Section | None:
-    own = [line for line in lines if line["stage"] == stage]
-    if not own:
-        return None
-    pictures = [Markup(svg) for svg in learning_pictures(own, against=config["evaders"])]
-    games = config[_STAGES[stage]]["evaluation_games"]
+def _learning(stage: str, lines: Sequence[MetricsLine], config: RunConfig, plan: StageConfig) -> Section:
+    pictures = [Markup(svg) for svg in learning_pictures(lines, against=config.evaders)]
     text = (
-        f"Greedy games: {games:,} from fixed starts, with Wilson 95 % intervals over games as bands. Rewards and "
-        "losses: running means over the games and updates of training, in which players explore."
+        f"Greedy games: {plan.evaluation_games:,} from fixed starts, with Wilson 95 % intervals over games as bands. "
+        "Rewards and losses: running means over the games and updates of training, in which players explore."
     )
-    if stage == "self-play":
-        text = f"{text}\n\n{self_play_trend([line['evaluation'] for line in own if 'evaluation' in line])}".rstrip()
+    if stage == SELF_PLAY:
+        text = f"{text}\n\n{self_play_trend(evaluations_of(lines, stage))}".rstrip()
     return Section(f"Learning: {stage}", text, pictures)
 
 

@@ -1,6 +1,7 @@
 """The report of a training run: its numbers and games, nothing from outside, and what is missing in words."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from apollonius.catalogue import find_player
 from apollonius.cli import main
@@ -195,22 +197,61 @@ def test_the_command_writes_the_report_into_the_run(copy, capsys):
     ("name", "content"),
     [
         ("config.toml", "stages = "),
-        ("config.toml", "seed = 3"),
+        ("config.toml", "seed = -3"),
         ("metrics.jsonl", '{"stage": "fixed-target", "env_'),
         ("metrics.jsonl", '{"stage": "fixed-target"}'),
         ("evaluation.json", "[]"),
         ("evaluation.json", '{"a": {}}'),
         ("evaluation.json", '{"a against b": {"games": 3}}'),
         ("results.json", "{}"),
+        *((name, "[" * 100_000) for name in ("config.toml", "metrics.jsonl", "evaluation.json", "results.json")),
+        *((name, os.mkfifo) for name in ("metrics.jsonl", "evaluation.json")),
+        *((name, lambda path: path.symlink_to("/dev/zero")) for name in ("metrics.jsonl", "evaluation.json")),
+        *((name, lambda path: path.symlink_to(outside(path))) for name in ("config.toml", "evaluation.json")),
     ],
 )
 def test_what_is_no_run_is_refused_in_one_line(copy, capsys, name, content):
-    (copy / name).write_text(content)
-    assert main(["report", str(copy)]) == 2
+    if isinstance(content, str):
+        (copy / name).write_text(content)
+    else:
+        content((copy / name).rename(copy / "moved").with_name(name))
+    refused(copy, capsys)
+
+
+def outside(path):
+    """A whole file of that name beside the folder."""
+    return shutil.copy(path.with_name("moved"), path.parents[1] / path.name)
+
+
+def refused(folder, capsys):
+    """How the command refuses a folder: in one line, and with nothing written."""
+    before = sorted(folder.rglob("*"))
+    assert main(["report", str(folder)]) == 2
     told = capsys.readouterr().err
     assert told.startswith("apollonius report: ")
     assert told.count("\n") == 1
-    assert not (copy / "report.html").exists()
+    assert sorted(folder.rglob("*")) == before
+    return told
+
+
+@pytest.mark.parametrize("where", ["absolute", "../picture.png", "link.png", "config.toml"])
+def test_a_report_holds_pictures_of_its_own_folder_alone(copy, capsys, where):
+    picture = copy.parent / "picture.png"
+    Image.new("L", (4, 4)).save(picture)
+    (copy / "link.png").symlink_to(picture)
+    found = {"T": {"text": "", "pictures": [str(picture) if where == "absolute" else where]}}
+    about = {"budget": "tiny", "seeds": [0], "games": 40, "intervals": "wide", "claims": [], "findings": found}
+    (copy / "results.json").write_text(json.dumps(about))
+    (copy / "seed-0" / "curriculum").mkdir(parents=True)
+    shutil.copy(copy / "config.toml", copy / "seed-0" / "curriculum")
+    assert ("is no PNG" if where == "config.toml" else "outside the folder") in refused(copy, capsys)
+
+
+def test_games_that_no_page_could_hold_are_not_played(copy, capsys):
+    config = copy / "config.toml"
+    config.write_text(config.read_text().replace("max_steps = 100\n", f"max_steps = {10**9}\n"))
+    assert "max_steps = 1000000000" in config.read_text()
+    assert "at most 50,000" in refused(copy, capsys)
 
 
 def test_an_unfinished_reproduction_is_refused(copy, capsys):

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from apollonius.evaluate.claims import Claim, difference_claim, rate_claim
 from apollonius.evaluate.statistics import mean_interval, rate_difference_interval, rate_interval, wilson_interval
-from apollonius.reproduce.claims import Claim, difference_claim, rate_claim
 from tests.documents import REPOSITORY
 
 
