@@ -272,7 +272,7 @@ SEVERAL = "suite-v1/maze-00,maze-01"
         f"slice nobody --opponent 5 5 --game {SEVERAL}",
         f"exploit pursuer nobody --game {SEVERAL}",
         f"play --game {SEVERAL}",
-        f"export P_pool --to numpy --out a.py --game {SEVERAL}",
+        f"export P_pool --to c --out a.c --game {SEVERAL}",
         f"pursuers {SEVERAL}",
         f"arena check {SEVERAL}",
         f"arena chart {SEVERAL} --out a.npz",

@@ -115,7 +115,7 @@ ENOUGH = {
     "arena suite": {},
     "arena chart": {"game": ["paper"], "--out": ["new.npz"]},
     "arena random": {"--out": ["new.toml"]},
-    "export": {"agent": ["P_pool"], "--to": ["numpy"], "--out": ["a.py"]},
+    "export": {"agent": ["P_pool"], "--to": ["c"], "--out": ["a.c"]},
     "reproduce": {},
 }
 """Arguments that each command cannot do without."""

@@ -7,19 +7,19 @@ from apollonius.commands.ending import command, finish
 from apollonius.commands.values import named, new_file
 from apollonius.errors import require
 
-FORMATS = ("onnx", "numpy", "c")
+FORMATS = ("onnx", "c")
 
 
 def add_export(subparsers: Any) -> None:
     """The parser of `export`."""
-    parser = subparsers.add_parser("export", help="write a trained agent as ONNX, NumPy or C, which need no JAX")
+    parser = subparsers.add_parser("export", help="write a trained agent as ONNX or C, which need no JAX")
     parser.add_argument("agent", type=named, metavar="AGENT", help="a zoo agent, or a .safetensors file")
-    parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, one Python file with NumPy, or C99")
+    parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, or C99")
     parser.add_argument(
         "--out",
-        type=new_file(".onnx", ".py", ".c"),
+        type=new_file(".onnx", ".c"),
         required=True,
-        help="file to write: .onnx, .py or .c (with its .h)",
+        help="file to write: .onnx or .c (with its .h)",
     )
     parser.add_argument(
         "--game",

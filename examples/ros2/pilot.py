@@ -3,7 +3,6 @@
 A `Pilot` never raises and always has a command. While it cannot trust what it sees, it brakes, and says why.
 """
 
-import importlib.util
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -87,21 +86,16 @@ class Pilot:
 
 
 def load_policy(file: Path) -> Decide:
-    """The policy in a file that `apollonius export --to numpy` or `--to onnx` wrote."""
-    if file.suffix == ".onnx":
-        import numpy as np
-        import onnxruntime
+    """The policy in a file that `apollonius export --to onnx` wrote."""
+    import numpy as np
+    import onnxruntime
 
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
 
-        def decide(state: Sequence[float]) -> Sequence[float]:
-            outputs = session.run(None, {"state": np.array([state], np.float32)})
-            return [number for output in outputs for number in output.ravel().tolist()]
+    def decide(state: Sequence[float]) -> Sequence[float]:
+        outputs = session.run(None, {"state": np.array([state], np.float32)})
+        return [number for output in outputs for number in output.ravel().tolist()]
 
-        return decide
-    spec = importlib.util.spec_from_file_location("policy", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.decide
+    return decide

@@ -1,6 +1,6 @@
 """A ROS 2 node that drives one robot by an exported policy: a template to copy, with `pilot.py` beside it.
 
-    python3 pursuit_node.py --ros-args -p policy:=P_pool.py -r own/odom:=/robot1/odom \
+    python3 pursuit_node.py --ros-args -p policy:=P_pool.onnx -r own/odom:=/robot1/odom \
         -r opponent/odom:=/robot2/odom -r cmd_vel:=/robot1/cmd_vel
 
 docs/deploy.md of Apollonius goes through it line by line.
@@ -24,7 +24,7 @@ class PursuitNode(Node):
 
     def __init__(self):
         super().__init__("pursuit")
-        self.declare_parameter("policy", "policy.py")
+        self.declare_parameter("policy", "policy.onnx")
         limits = Limits()
         self.pilot = Pilot(load_policy(Path(self.get_parameter("policy").value)), limits)
         self.drive = self.create_publisher(Twist, "cmd_vel", 1)

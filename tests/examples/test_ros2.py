@@ -11,8 +11,7 @@ import jax
 import numpy as np
 import pytest
 
-from apollonius.adapters.export import numpy as export_numpy
-from apollonius.adapters.export import onnx as export_onnx
+from apollonius.adapters.export import onnx
 from apollonius.adapters.export.blueprint import make_blueprint
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe
@@ -111,17 +110,16 @@ def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(p
 
 
 @pytest.mark.parametrize(("make", "brake"), [(make_network, (1, -0.3, 0.0)), (make_actor, (-0.3, 0.0))])
-@pytest.mark.parametrize("format_", [export_numpy, export_onnx])
-def test_it_loads_what_is_exported(pilot_module, tmp_path, format_, make, brake):
+def test_it_loads_what_is_exported(pilot_module, tmp_path, make, brake):
     game = make_game("paper")
     agent = describe(make("encoded", 8, 1, jax.random.key(0)), Role.PURSUER, {}, {})
     blueprint = make_blueprint("small", agent, game)
-    out = tmp_path / f"small{format_.SUFFIX}"
-    for path, content in format_.make_files(blueprint, out).items():
+    out = tmp_path / f"small{onnx.SUFFIX}"
+    for path, content in onnx.make_files(blueprint, out).items():
         path.write_bytes(content)
     decide = pilot_module.load_policy(out)
     state = [*OWN, *OPPONENT]
-    assert decide(state) == pytest.approx(format_.load(out)(np.array(state, np.float32)))
+    assert decide(state) == pytest.approx(onnx.load(out)(np.array(state, np.float32)))
     assert decide([math.nan] * 8) == pytest.approx(brake)
 
 

@@ -1,6 +1,6 @@
 """Observations as programs that leave the package make them: each is the one of `apollonius.observe`, number by number.
 
-In Python, C, ONNX and on the page; on many states in and around several arenas, from either side.
+In C, ONNX and on the page; on many states in and around several arenas, from either side.
 """
 
 import ctypes
@@ -14,7 +14,6 @@ import pytest
 from onnx import TensorProto, helper
 
 from apollonius.adapters.export import c
-from apollonius.adapters.export import numpy as plain
 from apollonius.adapters.export.blueprint import make_blueprint
 from apollonius.adapters.export.features import INPUTS, encoded, paper
 from apollonius.adapters.export.graph import Graph, matrix
@@ -52,13 +51,6 @@ def in_c(blueprint, agent, states, folder):
     return numbers
 
 
-def in_python(blueprint, agent, states, folder):
-    names = {}
-    (content,) = plain.make_files(blueprint, folder / "policy.py").values()
-    exec(content.decode(), names)
-    return [names["observe"](names["Robot"](*row[:4]), names["Robot"](*row[4:])) for row in states.tolist()]
-
-
 def in_onnx(blueprint, agent, states, folder):
     graph = Graph(columns={"state": INPUTS})
     features, rows = {"encoded": encoded, "paper": paper}[blueprint.header.observation](graph, blueprint)
@@ -80,7 +72,7 @@ def on_the_page(blueprint, agent, states, folder):
     return ask(agent=asked, positions=np.roll(turned, 4, axis=1).tolist())["observed"]
 
 
-@pytest.mark.parametrize("elsewhere", [in_python, in_c, in_onnx, on_the_page])
+@pytest.mark.parametrize("elsewhere", [in_c, in_onnx, on_the_page])
 @pytest.mark.parametrize("name", EXPORTED)
 def test_each_version_of_an_observation_is_the_packages(elsewhere, name, tmp_path):
     agent = describe(make_network(name, 4, 1, jax.random.key(0)), Role.EVADER, {}, {})

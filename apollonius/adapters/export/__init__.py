@@ -1,1 +1,1 @@
-"""Trained agents as files that need no JAX: ONNX, one NumPy module, C99."""
+"""Trained agents as files that need no JAX: ONNX and C99."""

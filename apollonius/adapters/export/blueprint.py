@@ -195,10 +195,10 @@ def make_blueprint(name: str, agent: Agent, game: Game) -> Blueprint:
 
 
 def identifier(out: Path) -> str:
-    """What the policy of a file is called in C and Python: the file's name without its ending.
+    """Return what the policy of a file is called in C: the file's name without its ending.
 
     Raises:
-        InvalidInput: for a name that neither of them allows.
+        InvalidInput: for a name that C does not allow.
     """
     allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
     require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")

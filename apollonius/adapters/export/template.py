@@ -30,7 +30,7 @@ def fill(template: str, blueprint: Blueprint, **values: object) -> str:
 
 
 def _shared(blueprint: Blueprint) -> dict[str, object]:
-    """What is written alike in every language."""
+    """What is written alike in every file."""
     return {
         "title": blueprint.title,
         "dt": f"{blueprint.game.dt:g}",

@@ -2,9 +2,7 @@
 
 import ctypes
 import dataclasses
-import json
 import subprocess
-import sys
 from functools import cache
 from shutil import which
 
@@ -16,7 +14,6 @@ import pytest
 from onnx import helper
 
 from apollonius.adapters.export import c, chart_file, onnx
-from apollonius.adapters.export import numpy as plain
 from apollonius.adapters.export.blueprint import Blueprint, make_blueprint
 from apollonius.adapters.export.egocentric import egocentric
 from apollonius.adapters.export.features import INPUTS
@@ -81,15 +78,6 @@ def played(role: Role, continuous: bool, game: Game = HERE) -> Played:
     return Played(blueprint, elsewhere, states, np.asarray(seen), np.asarray(actions))
 
 
-def module(blueprint, folder):
-    """The Python file's names."""
-    for path, content in plain.make_files(blueprint, folder / "small.py").items():
-        path.write_bytes(content)
-    names = {"__file__": str(folder / "small.py")}
-    exec((folder / "small.py").read_text(), names)
-    return names
-
-
 def chart_of(blueprint, folder, suffix=chart_file.SUFFIX):
     (folder / f"there{suffix}").write_bytes(chart_file.chart_bytes(blueprint.chart, suffix))
     return folder / f"there{suffix}"
@@ -100,12 +88,6 @@ def source(blueprint, folder, name="small"):
     for path, content in c.make_files(blueprint, folder / f"{name}.c").items():
         path.write_bytes(content)
     return folder / f"{name}.c"
-
-
-def in_python(case, folder):
-    names = module(case.blueprint, folder)
-    chart = names["Chart"](chart_of(case.elsewhere, folder))
-    return [names["observe"](names["Robot"](*row[:4]), names["Robot"](*row[4:]), chart) for row in case.states.tolist()]
 
 
 def in_onnx(case, folder):
@@ -142,7 +124,7 @@ def in_c(case, folder):
 needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
 
 
-@pytest.mark.parametrize("elsewhere", [in_python, in_onnx, pytest.param(in_c, marks=needs_gcc)])
+@pytest.mark.parametrize("elsewhere", [in_onnx, pytest.param(in_c, marks=needs_gcc)])
 @pytest.mark.parametrize("role", ROLES_)
 @pytest.mark.parametrize("game", [HERE, THERE], ids=["here", "there"])
 def test_the_observation_is_the_packages(elsewhere, role, game, tmp_path):
@@ -154,12 +136,6 @@ def test_the_observation_is_the_packages(elsewhere, role, game, tmp_path):
     away = np.abs(seen - case.seen).max(axis=1)
     assert np.median(away) < 5e-6
     assert (away > 1e-4).mean() < 0.02, "where it jumps"
-
-
-def decide_in_python(case, folder):
-    names = module(case.blueprint, folder)
-    chart = names["Chart"](chart_of(case.elsewhere, folder))
-    return lambda state: names["decide"](state.tolist(), chart)
 
 
 def decide_in_onnx(case, folder):
@@ -174,9 +150,7 @@ def decide_in_c(case, folder):
     return c.load(file)
 
 
-each = pytest.mark.parametrize(
-    "elsewhere", [decide_in_python, decide_in_onnx, pytest.param(decide_in_c, marks=needs_gcc)]
-)
+each = pytest.mark.parametrize("elsewhere", [decide_in_onnx, pytest.param(decide_in_c, marks=needs_gcc)])
 
 
 @each
@@ -228,52 +202,9 @@ def test_a_model_that_is_given_no_chart_has_its_own_for_a_batch_of_any_size(tmp_
     assert [part.shape for part in session.run(None, {"state": case.states[:0]})] == [(0,), (0, 2)]
 
 
-ALONE = """
-import json, sys
-before = set(sys.modules)
-sys.path.insert(0, sys.argv[1])
-import small
-state = json.loads(sys.argv[2])
-answers = [small.decide(state), small.decide(state, small.Chart(sys.argv[3]))]
-foreign = {name.split(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)
-print(json.dumps([answers, sorted(foreign)]))
-"""
-
-
-def test_the_python_file_needs_numpy_and_the_chart_beside_it_alone(tmp_path):
-    here, there = played(Role.PURSUER, False, HERE), played(Role.PURSUER, False, THERE)
-    module(here.blueprint, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["small.npz", "small.py"]
-    row = next(row for row in range(100, 400) if here.actions[row] != there.actions[row])
-    state = here.states[row]
-    arguments = [str(tmp_path), json.dumps(state.tolist()), str(chart_of(there.elsewhere, tmp_path))]
-    run = subprocess.run([sys.executable, "-c", ALONE, *arguments], check=True, capture_output=True, text=True)
-    (own, other), foreign = json.loads(run.stdout)
-    assert own[0] == here.actions[row]
-    assert other != own
-    assert foreign == ["numpy", "small"]
-
-
-def test_without_a_chart_it_says_what_is_missing(tmp_path):
-    (tmp_path / "small.py").write_bytes(
-        next(iter(plain.make_files(played(Role.PURSUER, False).blueprint, tmp_path / "small.py").values()))
-    )
-    names = {"__file__": str(tmp_path / "small.py")}
-    exec((tmp_path / "small.py").read_text(), names)
-    with pytest.raises(ValueError, match=r"no small\.npz beside .* no chart was given"):
-        names["decide"]([1.0] * 8)
-
-
-def test_a_file_that_is_no_chart_is_refused(tmp_path):
-    names = module(played(Role.PURSUER, False).blueprint, tmp_path)
-    np.savez(tmp_path / "no.npz", field=np.zeros((2, 2)), beside=0, ways=0, x=0, y=0, side=1)
-    with pytest.raises(ValueError, match=r"no\.npz is no chart"):
-        names["Chart"](tmp_path / "no.npz")
-
-
 def test_a_file_written_again_is_the_same(tmp_path):
     blueprint = played(Role.PURSUER, False).blueprint
-    for format_ in (plain, onnx, c):
+    for format_ in (onnx, c):
         out = tmp_path / f"small{format_.SUFFIX}"
         assert format_.make_files(blueprint, out) == format_.make_files(blueprint, out)
 

@@ -43,7 +43,6 @@ def apollonius(*arguments):
     ("to", "files"),
     [
         pytest.param("onnx", ["new/evader.onnx"], marks=pytest.mark.slow),
-        pytest.param("numpy", ["new/evader.npz", "new/evader.py"], marks=pytest.mark.slow),
         pytest.param(
             "c",
             ["new/evader.c", "new/evader.chart", "new/evader.h"],
@@ -52,7 +51,7 @@ def apollonius(*arguments):
     ],
 )
 def test_a_policy_is_written_and_checked_in_an_arena_with_a_polygon(capsys, to, files):
-    out = next(file for file in files if file.endswith((".onnx", ".py", ".c")))
+    out = next(file for file in files if file.endswith((".onnx", ".c")))
     assert apollonius("export", "egocentric.safetensors", "--to", to, "--out", out, "--game", "hall.toml") == 0
     printed = capsys.readouterr()
     where, checked, timed = printed.out.splitlines()
@@ -87,7 +86,7 @@ def test_the_chart_of_another_map_is_written(capsys):
 )
 def test_what_cannot_be_taken_is_refused_in_a_line(capsys, tmp_path, agent, out, naming):
     before = {path.name for path in tmp_path.iterdir()}
-    to = {".c": "c", ".py": "numpy", ".onnx": "onnx"}[Path(out).suffix]
+    to = {".c": "c", ".onnx": "onnx"}[Path(out).suffix]
     assert apollonius("export", f"{agent}.safetensors", "--to", to, "--out", out) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

@@ -9,7 +9,7 @@ from shutil import which
 import jax
 import pytest
 
-from apollonius.adapters.export import numpy as export_numpy
+from apollonius.adapters.export import onnx as export_onnx
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.record import to_dict
@@ -43,7 +43,6 @@ in_every_format = pytest.mark.parametrize(
     ("to", "files"),
     [
         ("onnx", ["new/evader.onnx"]),
-        ("numpy", ["new/evader.py"]),
         pytest.param("c", ["new/evader.c", "new/evader.h"], marks=pytest.mark.skipif(not which("gcc"), reason="gcc")),
     ],
 )
@@ -78,14 +77,14 @@ def test_a_continuous_policy_is_written_and_checked_and_timed(capsys, to, files)
 
 
 def test_another_game_is_built_in_where_asked_for(capsys):
-    assert export("silent.safetensors", "--to", "numpy", "--out", "evader.py", "--game", "paper") == 0
-    assert "OWN = Body(v_min=0.0, v_max=1.2, u1_max=0.3, u2_max=0.8, radius=0.0)" in Path("evader.py").read_text()
+    assert export("silent.safetensors", "--to", "c", "--out", "evader.c", "--game", "paper") == 0
+    assert "v from 0 to 1.2 m/s, |u1| up to 0.3 m/s^2, |u2| up to 0.8 rad/s, radius 0 m" in Path("evader.h").read_text()
 
 
 def test_a_game_of_ones_own_is_built_in(capsys):
     Path("hall.toml").write_text("[arena]\nx_max = 12.0\ndiscs = [" + 3 * "{x = 6.0, y = 5.0, radius = 0.8}, " + "]")
-    assert export("small.safetensors", "--to", "numpy", "--out", "evader.py", "--game", "hall.toml") == 0
-    assert "X_MIN, X_MAX, Y_MIN, Y_MAX = 0.0, 12.0, 0.0, 10.0" in Path("evader.py").read_text()
+    assert export("small.safetensors", "--to", "c", "--out", "evader.c", "--game", "hall.toml") == 0
+    assert "X_MAX = 12.0f" in Path("evader.c").read_text()
 
 
 def test_an_agent_of_the_zoo_becomes_c(capsys, tmp_path):
@@ -94,7 +93,14 @@ def test_an_agent_of_the_zoo_becomes_c(capsys, tmp_path):
         assert ": 0 actions differ from the package's" in capsys.readouterr().out
 
 
-def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
+@pytest.mark.skipif(not which("gcc"), reason="gcc")
+def test_what_is_missing_to_compare_is_said(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert export("small.safetensors", "--to", "c", "--out", "evader.c") == 0
+    assert "; onnxruntime is not installed to compare with: pip install" in capsys.readouterr().out
+
+
+def test_what_is_missing_to_check_is_said(capsys, monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert export("small.safetensors", "--to", "c", "--out", "evader.c") == 0
     assert capsys.readouterr().out.splitlines()[1:] == ["not checked: there is no gcc here"]
@@ -102,8 +108,6 @@ def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
     assert export("small.safetensors", "--to", "onnx", "--out", "evader.onnx") == 0
     install = "onnxruntime is not installed: pip install 'apollonius[export]'"
     assert capsys.readouterr().out.splitlines()[1:] == [f"not checked: {install}"]
-    assert export("small.safetensors", "--to", "numpy", "--out", "evader.py") == 0
-    assert "; onnxruntime is not installed to compare with: pip install" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -116,9 +120,9 @@ def test_what_is_missing_to_check_or_compare_is_said(capsys, monkeypatch):
         (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "no.toml"], ["no.toml", "check the path"]),
         (["silent.safetensors", "--to", "c", "--out", "a.c"], ["game = None", "silent"]),
         (["small.safetensors", "--to", "c", "--out", "a.c", "--game", "chess"], ["chess", "paper"]),
-        (["small.safetensors", "--to", "c", "--out", "a.py"], ["--out = a.py", ".c"]),
-        (["small.safetensors", "--to", "numpy", "--out", "3.py"], ["3.py", "letter"]),
-        (["small.safetensors", "--to", "rust", "--out", "a.rs"], ["rust", "onnx", "numpy", "c"]),
+        (["small.safetensors", "--to", "c", "--out", "a.onnx"], ["--out = a.onnx", ".c"]),
+        (["small.safetensors", "--to", "c", "--out", "3.c"], ["3.c", "letter"]),
+        (["small.safetensors", "--to", "rust", "--out", "a.rs"], ["rust", "onnx", "c"]),
         (["small.safetensors", "--to", "c"], ["--out"]),
     ],
     ids=" ".join,
@@ -141,8 +145,8 @@ def test_onnx_without_its_library_is_refused(capsys, monkeypatch):
 
 
 def test_a_policy_that_decides_otherwise_is_not_written(capsys, small, tmp_path, monkeypatch):
-    monkeypatch.setattr(export_numpy, "load", lambda source: lambda state: (0, -0.3, -0.8))
-    assert export("small.safetensors", "--to", "numpy", "--out", "a.py") == 2
+    monkeypatch.setattr(export_onnx, "load", lambda source: lambda state: (0, -0.3, -0.8))
+    assert export("small.safetensors", "--to", "onnx", "--out", "a.onnx") == 2
     assert "of 10,000 actions differ from the package's" in capsys.readouterr().err
     assert {path.name for path in tmp_path.iterdir()} == small
 
@@ -151,15 +155,15 @@ def test_a_policy_that_decides_otherwise_is_not_written(capsys, small, tmp_path,
     ("wrong", "said"), [(2e-4, "by 2e-04 of the largest, more than 1e-04"), (math.nan, "by nan of")]
 )
 def test_a_continuous_policy_that_steers_otherwise_is_not_written(capsys, small, tmp_path, monkeypatch, wrong, said):
-    load = export_numpy.load
+    load = export_onnx.load
 
     def load_wrong(source):
         decide = load(source)
         u2_max = make_game("robot").evader.u2_max
         return lambda state: (decide(state)[0], decide(state)[1] + wrong * u2_max)
 
-    monkeypatch.setattr(export_numpy, "load", load_wrong)
-    assert export("smooth.safetensors", "--to", "numpy", "--out", "a.py") == 2
+    monkeypatch.setattr(export_onnx, "load", load_wrong)
+    assert export("smooth.safetensors", "--to", "onnx", "--out", "a.onnx") == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
