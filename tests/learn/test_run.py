@@ -435,14 +435,6 @@ def test_a_truncated_checkpoint_is_refused(uninterrupted, tmp_path, kept):
         Run(RUN, folder).execute()
 
 
-def test_a_checkpoint_of_an_older_version_is_refused(uninterrupted, tmp_path):
-    folder = begin(tmp_path / "run")
-    content = (uninterrupted / "checkpoint.safetensors").read_bytes()
-    (folder / "checkpoint.safetensors").write_bytes(content.replace(b"checkpoint-2", b"checkpoint-1"))
-    with pytest.raises(InvalidInput, match=r"no checkpoint of this version.*train again"):
-        Run(RUN, folder).execute()
-
-
 @pytest.mark.parametrize("lie", [lambda end, line: end - 40, lambda end, line: end - line, lambda end, line: end + 1])
 def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path, lie):
     folder = begin(tmp_path / "run")

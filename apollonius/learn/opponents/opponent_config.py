@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from apollonius.errors import require, require_positive
 from apollonius.learn.opponents.scheme import AbstractScheme, find_scheme
-from apollonius.learn.opponents.schemes import INSTEAD, SCHEMES
+from apollonius.learn.opponents.schemes import SCHEMES
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,7 @@ class OpponentConfig:
     next draw, so it must leave that time."""
 
     def __post_init__(self) -> None:
-        instead = INSTEAD.get(self.scheme)
-        bound = f"{instead}, as this scheme is gone" if instead else f"one of {', '.join(SCHEMES)}"
-        require(self.scheme in SCHEMES, "scheme", self.scheme, bound)
+        require(self.scheme in SCHEMES, "scheme", self.scheme, f"one of {', '.join(SCHEMES)}")
         require_positive(self, "versions", "seats", "renewal")
         require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
 

@@ -5,13 +5,3 @@ SCHEMES = (
     "uniform",
     "prioritised-hard",
 )
-INSTEAD = {
-    "alternating": "latest",
-    "latest-80-20": "prioritised-hard",
-    "prioritised-even": "prioritised-hard",
-    "gated": "uniform",
-    "psro": "uniform",
-    "psro-hedge": "uniform",
-    "league": "prioritised-hard",
-}
-"""Schemes that there were, and which to take instead; docs/self_play.md says why they went."""
