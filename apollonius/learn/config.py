@@ -8,10 +8,24 @@ from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.types import Role
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.opponents.seats import seat_games
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from apollonius.limits import SEED
+
+
+def require_pay_in_play(game: Game, role: Role) -> None:
+    """Refuse to train a team by a reward that comes after its robots can be out of play.
+
+    A robot learns until it is out of play. By the zero-sum profile it would not learn that its side lost or won
+    after that, and leaving early would cost nothing.
+
+    Raises:
+        InvalidInput: for a side of several robots in the zero-sum profile.
+    """
+    paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
+    require(paid, "reward.profile", game.reward.profile, "'paper' for a team that learns, which pays robots in play")
 
 
 @dataclass(frozen=True)
@@ -47,6 +61,8 @@ class RunConfig:
         SEED.require("seed", self.seed)
         if self.sac is not None:
             self.game.require_two("soft actor-critic")
+        for role in (Role.PURSUER,) if self.stages == "fixed-target" else Role:
+            require_pay_in_play(self.game, role)
         past, games = self.self_play.opponents, self.learner.games
         seated = past.share == 0 or seat_games(past, games) > 0
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")

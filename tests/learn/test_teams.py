@@ -138,3 +138,18 @@ def test_what_does_not_learn_in_teams_yet_says_so():
         replace(RUN, game=TEAM, stages="distillation")
     with pytest.raises(InvalidInput, match=r"robots = 2 v 1 .* soft actor-critic knows"):
         replace(RUN, game=TEAM, sac=SACConfig(**SMALL))
+
+
+ZERO_SUM = replace(GAME, reward=replace(GAME.reward, profile="zero-sum"))
+
+
+@pytest.mark.parametrize(("stages", "size"), [("fixed-target", (2, 1)), ("self-play", (2, 1)), ("self-play", (1, 2))])
+def test_a_team_that_would_not_learn_that_it_lost_is_refused(stages, size):
+    with pytest.raises(InvalidInput, match=r"reward.profile = zero-sum .*'paper'"):
+        replace(RUN, game=in_teams(ZERO_SUM, *size), stages=stages)
+
+
+def test_one_robot_learns_for_wins_alone_against_a_team():
+    """Its game is over when it is out of play, and the side's pay is its own."""
+    config = replace(RUN, game=in_teams(ZERO_SUM, 1, 2), stages="fixed-target")
+    assert config.game.reward.profile == "zero-sum"
