@@ -272,6 +272,13 @@ def test_a_ros_map_has_the_same_field(tmp_path, plain):
     assert theirs["digest"] == ours.digest
 
 
+@pytest.mark.parametrize("named", ["floor.yaml", {"file": "floor.yaml", "sha256": "0"}])
+def test_a_game_whose_map_is_not_there_asks_for_it(named):
+    (read,) = ask(read=[json.dumps({"arena": {"map": named}})])["read"]
+    said = "this game is on the map floor.yaml: drop its .yaml and its image together with it"
+    assert read["complaint"] == said
+
+
 def test_teams_of_a_file_are_chosen_on_the_page():
     (read,) = ask(read=['{"pursuers": 3}'])["read"]
     said = "pursuers = 3 is not possible: it must be left out here: how many robots there are is chosen under Games"
