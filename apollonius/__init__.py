@@ -12,6 +12,10 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'apollonius' has no attribute '{name}'")
     import importlib
 
+    if name == "parallel_env":
+        from apollonius.extras import require_extra
+
+        require_extra("gym", f"apollonius.{name}")
     return getattr(importlib.import_module(homes[name]), name)
 
 

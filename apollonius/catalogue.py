@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
+from apollonius.agents.names import SHIELDED
 from apollonius.agents.network import QNetwork
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.shield import shielded
@@ -22,8 +23,6 @@ from apollonius.solve.solved import Solved
 
 KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
-SHIELDED = "shielded:"
-"""Before a player's name: the same, behind a shield."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
@@ -41,6 +40,7 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
         InvalidInput: when there is none, its file is bad or of another game, it plays the other side only, it has to
             know the game and there is none, or a shield cannot help.
     """
+    _require_name(name)
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
@@ -48,6 +48,10 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
         if found := kind.find(name, role, game):
             return found
     raise unknown(name, *KINDS)
+
+
+def _require_name(name: object) -> None:
+    require(isinstance(name, str), "player", name, "a name, or the path of a file")
 
 
 def price_of_losing(player: Named, game: Game) -> float:

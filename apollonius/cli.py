@@ -1,6 +1,7 @@
 """The command line of `apollonius`: what can be asked, and how errors are told."""
 
 import argparse
+import errno
 import os
 import sys
 from typing import Any, NoReturn
@@ -22,7 +23,7 @@ from apollonius.commands.solve import add_solve
 from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
 from apollonius.compilations import keep_compilations
-from apollonius.errors import LONGEST_MESSAGE, InvalidInput, shown
+from apollonius.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown
 from apollonius.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__
 
@@ -40,6 +41,13 @@ COMMANDS = {
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse what is none of an argument's choices, with the one that was meant where that can be told."""
+        known = [str(choice) for choice in action.choices or ()]
+        if action.choices is not None and value not in action.choices and (near := nearest(str(value), known)):
+            raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
+        super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
+
     def error(self, message: str) -> NoReturn:
         """Print the error and leave with status 2."""
         told = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
@@ -53,7 +61,11 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: of the command; by default those of the process.
     """
-    options = build_parser().parse_args(arguments)
+    parser, given = build_parser(), sys.argv[1:] if arguments is None else arguments
+    if not given:
+        parser.print_help()
+        return 0
+    options = parser.parse_args(given)
     from apollonius.display import Display  # which draws, and --help need not wait for that
 
     try:
@@ -66,9 +78,18 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains once more at its exit
         return 1
+    except RuntimeError as error:
+        if "Unable to initialize backend" not in str(error):
+            raise
+        wish = shown(os.environ.get("JAX_PLATFORMS", ""))
+        told = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
+        print(f"apollonius {options.command}: {told}", file=sys.stderr)
+        return 2
     except OSError as error:
         where = f" '{shown(error.filename)}'" if error.filename else ""
-        print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}", file=sys.stderr)
+        how = stopped().removeprefix("stopped").removeprefix("; ") or "give the same command again"
+        full = f"; make room on the disk, then {how}" if error.errno == errno.ENOSPC else ""
+        print(f"apollonius {options.command}: cannot use{where}: {error.strerror or error}{full}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(stopped(), file=sys.stderr, flush=True)

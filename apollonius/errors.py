@@ -1,7 +1,8 @@
 """How impossible input is refused: one line that names the value, the bound and the remedy."""
 
+import difflib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 _LONGEST_VALUE = 200
@@ -32,6 +33,27 @@ def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
         text = f"{text[: longest * 2 // 3]} ... {text[-longest // 3 :]}"
     text = " ".join(text.splitlines())
     return text if text.isprintable() else "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that somebody who wrote another one meant, if one is near."""
+    spelt = {one.lower(): one for one in known}
+    near = difflib.get_close_matches(name.lower(), spelt, n=5)
+    near = [one for one in near if sorted(one) == sorted(name.lower())] or near  # two letters changed places
+    return spelt[near[0]] if near else None
+
+
+def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant: str | None) -> str:
+    """Return the message that refuses an unknown name: the known one that was meant, or all.
+
+    Args:
+        kind: what has no such name: "game".
+        others: what could be given besides the known names.
+        meant: the `nearest` of them, if one is near.
+    """
+    if meant:
+        return f"no {kind} is called '{shown(name)}': did you mean '{meant}'?"
+    return f"no {kind} is called '{shown(name)}': choose one of {', '.join(known)}, or give {others}."
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:

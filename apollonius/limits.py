@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import SupportsIndex
 
 from apollonius.errors import InvalidInput, require
 
@@ -54,13 +55,16 @@ class Counted:
         room = f", for which {memory:,.1f} GiB of memory have room" if limit < self.most else ""
         return f"a whole number, at least {self.least}, at most {limit:,}{room}"
 
-    def require(self, name: str, count: int) -> None:
+    def require(self, name: str, count: object) -> None:
         """Refuse a number of them that there cannot be.
 
         Raises:
             InvalidInput: if it is too small or too large.
         """
-        require(self.least <= count <= self.limit, name, count, self.bound())
+        whole = (
+            count.__index__() if isinstance(count, SupportsIndex) and not isinstance(count, bool) else self.least - 1
+        )
+        require(self.least <= whole <= self.limit, name, count, self.bound())
 
 
 def require_memory(name: str, value: object, needed: int, remedy: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from apollonius import catalogue
-from apollonius.agents import trained
+from apollonius.agents import names, trained
 from apollonius.agents.classical import Still
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named
@@ -105,7 +105,8 @@ def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
 
 def test_which_side_an_agent_of_the_zoo_plays_its_file_says(monkeypatch, pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "Eager.safetensors")
-    monkeypatch.setattr(trained, "ZOO", tmp_path)
+    for module in (names, trained):
+        monkeypatch.setattr(module, "ZOO", tmp_path)
     assert "Eager" in player_names(Role.PURSUER, make_game("paper"))
     assert "Eager" not in player_names(Role.EVADER, make_game("paper"))
 

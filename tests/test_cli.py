@@ -3,8 +3,10 @@
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +16,15 @@ import tomli_w
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
+import apollonius
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import load_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
 from apollonius.cli import COMMANDS, main
+from apollonius.errors import InvalidInput
+from apollonius.extras import EXTRAS
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -212,7 +217,11 @@ def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, c
     ("arguments", "naming"),
     [
         (["fly"], ["fly", "--help"]),
-        ([], ["COMMAND", "--help"]),
+        (["trian"], ["trian", "did you mean 'train'"]),
+        (["train", "--preset", "quik"], ["quik", "did you mean 'quick'"]),
+        (["evaluate", "P_pol", "still"], ["P_pol", "did you mean 'P_pool'"]),
+        (["evaluate", "P_pool", "still", "--game", "ofice"], ["ofice", "did you mean 'office'"]),
+        (["evaluate", "P_pool", "still", "--game", "team-3v1/ofice"], ["ofice", "did you mean 'office'"]),
         (["train", "--preset", "huge"], ["huge", "quick", "paper"]),
         (["train", "--profile", "slow"], ["slow", "fast", "paper"]),
         (["train", "--stage", "third"], ["third", "fixed-target", "self-play", "both"]),
@@ -264,13 +273,13 @@ SEVERAL = "suite-v1/maze-00,maze-01"
 @pytest.mark.parametrize(
     "words",
     [
-        f"simulate nobody nobody --game {SEVERAL}",
-        f"show nobody nobody --game {SEVERAL}",
-        f"evaluate nobody nobody --record 1 --game {SEVERAL}",
-        f"regret nobody --game {SEVERAL}",
+        f"simulate random random --game {SEVERAL}",
+        f"show random random --game {SEVERAL}",
+        f"evaluate random random --record 1 --game {SEVERAL}",
+        f"regret random --game {SEVERAL}",
         f"solve safety --game {SEVERAL}",
-        f"slice nobody --opponent 5 5 --game {SEVERAL}",
-        f"exploit pursuer nobody --game {SEVERAL}",
+        f"slice random --opponent 5 5 --game {SEVERAL}",
+        f"exploit pursuer random --game {SEVERAL}",
         f"play --game {SEVERAL}",
         f"export P_pool --to c --out a.c --game {SEVERAL}",
         f"pursuers {SEVERAL}",
@@ -293,6 +302,73 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played(capsys):
     assert_refused(
         capsys, "evaluate", "random", "still", "--game", "both.toml", naming=["'both.toml': arena", "scenario"]
     )
+
+
+def test_the_command_alone_prints_what_there_is(capsys):
+    assert run_main() == 0
+    printed = capsys.readouterr()
+    assert "evaluate" in printed.out
+    assert printed.err == ""
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "status", "line"),
+    [
+        ("JAX_PLATFORMS", "nope", 2, "JAX_PLATFORMS = nope is not possible"),
+        ("JAX_ENABLE_X64", "1", 2, "JAX_ENABLE_X64 = True is not possible"),
+        ("PYTHONIOENCODING", "ascii:strict", 0, ""),
+    ],
+)
+@pytest.mark.slow
+def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, variable, value, status, line):
+    monkeypatch.setenv(variable, value)
+    said = run_process(
+        "import sys; from apollonius.__main__ import main; sys.exit(main())",
+        "tournament", "--pursuers", "random", "--evaders", "still", "--games", "2",
+    )  # fmt: skip
+    assert said.returncode == status, said.stderr
+    assert line in said.stderr
+    assert "Traceback" not in said.stderr
+    if status == 0:
+        assert " ? " in said.stdout  # for plus or minus
+
+
+@pytest.mark.parametrize(
+    ("modules", "arguments", "extra"),
+    [
+        (["imageio_ffmpeg"], ["show", "random", "still", "--out", "game.mp4"], "video"),
+        (["matplotlib"], ["show", "random", "still", "--out", "game.png"], "plot"),
+        (["ray"], ["exploit", "pursuer", "P_pool", "--on", "ray"], "ray"),
+        (["mujoco"], ["simulate", "random", "still"], "sim"),
+        (["jinja2"], ["report", "."], "plot"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else " ".join(value),
+)
+def test_libraries_that_are_missing_are_named_before_any_work(capsys, monkeypatch, modules, arguments, extra):
+    for module in modules:
+        monkeypatch.setitem(sys.modules, module, None)
+    assert_refused(capsys, *arguments, naming=["pip install", f"the extra '{extra}'"])
+
+
+def test_the_extras_are_those_of_the_package():
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    for extra, modules in EXTRAS.items():
+        wanted = [re.match(r"[\w-]+", one)[0] for one in project["optional-dependencies"][extra]]
+        assert wanted == list(modules.values())
+
+
+def test_an_interface_without_its_library_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pettingzoo", None)
+    with pytest.raises(InvalidInput, match="the extra 'gym'"):
+        _ = apollonius.parallel_env
+
+
+def test_a_full_disk_names_the_file_and_how_to_go_on(capsys, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "a.toml.tmp")
+
+    monkeypatch.setattr(os, "replace", full)
+    assert_refused(capsys, "arena", "random", "--out", "a.toml", naming=["'a.toml'", "No space left", "make room"])
 
 
 def test_a_truncated_agent_is_refused(agent, capsys):
@@ -320,13 +396,15 @@ def test_an_agent_on_the_wrong_side_is_refused(agent, capsys):
         ("[dqn]\nlearning_rat = 0.1", ["config.toml", "learning_rat", "'learning_rate'"]),
         ("sede = 3", ["sede", "'seed'"]),
         ("[game.pursuer]\nv_maximum = 2.0", ["v_maximum", "'v_max'"]),
+        ("learning_rate = 0.1", ["learning_rate", "move it to [dqn] or [sac]"]),
+        ("[dqn]\nseed = 1", ["seed", "move it to the top"]),
         ("[dqn]\nwidth = 'wide'", ["width"]),
         ("[dqn]\nbatch = 0", ["batch = 0", "more than 0"]),
         ("[game]\ndt = -0.1", ["dt = -0.1", "more than 0"]),
         ("stages = 'third'", ["stages"]),
         ("seed = ", ["config.toml", "no TOML"]),
     ],
-    ids=["misspelt", "misspelt at the top", "misspelt in the game", "type", "value", "game", "choice", "syntax"],
+    ids=["misspelt", "top", "game", "moved", "moved-to-top", "type", "value", "game-value", "choice", "syntax"],
 )
 def test_a_bad_config_is_refused(capsys, config, naming):
     Path("config.toml").write_text(config)
@@ -462,5 +540,8 @@ def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
     assert run_main("train", "--config", tiny, "--stage", "fixed-target", "--out", "run") == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.splitlines()[-1] == "apollonius train: cannot use: No space left on device"
+    assert printed.err.splitlines()[-1] == (
+        "apollonius train: cannot use 'run/checkpoint.safetensors': No space left on device; make room on the disk, "
+        "then go on with: apollonius resume run"
+    )
     assert not list(Path("run").rglob("*.tmp"))

@@ -34,6 +34,8 @@ KINDS: dict[str, set[str]] = {
     "file to read": NONE,
     "folder to read": {"folder"},
     "name": EVERYTHING | {"9" * 5_000},
+    "agent": {"folder", "nowhere/deeper"},
+    "game": {"nowhere/deeper"},
 }
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
 COUNTS = "games hold responses env_steps seeds port most"
@@ -78,7 +80,6 @@ ARGUMENTS = {
     "folder": "folder to read",
     **dict.fromkeys(
         [
-            "game",
             "pursuer",
             "evader",
             "pursuers",
@@ -87,12 +88,12 @@ ARGUMENTS = {
             "agent",
             "first",
             "against",
-            "coordinator",
             "players",
-            "observation",
         ],
-        "name",
+        "agent",
     ),
+    **dict.fromkeys(["coordinator", "observation"], "name"),
+    "game": "game",
 }
 """The kind of each argument, by its name, or by command and name where commands differ."""
 ENOUGH = {
@@ -180,13 +181,13 @@ def test_every_odd_value_makes_sense_or_is_refused_as_it_is_read(capsys, command
     for value in ODD:
         told = refusal(capsys, lambda value=value: parser.parse_args(line(command, name, value, times)))
         assert (told is None) == (value in KINDS[kind]), (value[:40], told)
-        if told and kind != "choice":
+        if told and kind not in ("choice", "agent", "game"):
             assert "is not possible: it must be" in told
             assert shown(value) in told
     assert [str(path) for path in Path().rglob("*")] == ["folder"]
 
 
-NAMES = [(command, name) for command, name, _, kind in arguments() if kind == "name"]
+NAMES = [(command, name) for command, name, _, kind in arguments() if kind in ("name", "agent", "game")]
 
 
 @pytest.mark.parametrize(("command", "name"), NAMES, ids=lambda value: value.strip("-"))
@@ -220,7 +221,7 @@ def test_no_odd_value_is_the_name_of_anything(capsys, command, name):
 def test_what_a_command_cannot_do_with_a_value_it_says_before_it_works(capsys, words):
     told = refusal(capsys, lambda: main(words))
     assert told is not None
-    assert any(words in told for words in ("must be", "needs", "there is no", "no place to start"))
+    assert any(words in told for words in ("must be", "needs", "there is no", "no place to start", "did you mean"))
     assert [str(path) for path in Path().rglob("*")] == ["folder"]
 
 
@@ -274,13 +275,17 @@ def test_a_written_grid_is_read():
 
 
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
-    from apollonius.arenas import random_arena, suite
+    from apollonius.agents.built_in import PLAYERS
+    from apollonius.agents.names import BUILT_IN
+    from apollonius.arenas import random_arena
     from apollonius.commands import arena
     from apollonius.commands.exploit import ATTACKERS
     from apollonius.commands.options import LENGTHS
     from apollonius.commands.show import FORMATS
     from apollonius.commands.train import BY_TABLE, PROFILES
     from apollonius.exploit.attackers import KINDS
+    from apollonius.game import names
+    from apollonius.game import presets as games
     from apollonius.learn import learner_config
     from apollonius.learn.config import DISTILLATIONS, PRESETS
     from apollonius.show import animation
@@ -289,7 +294,8 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert set(BY_TABLE) == set(DISTILLATIONS)
     assert list(ATTACKERS) == list(KINDS)
     assert tuple(random_arena.KINDS) == arena.KINDS
-    assert suite.PARTS == arena.PARTS
+    assert tuple(PLAYERS) == BUILT_IN
+    assert tuple(games.PRESETS) == names.PRESETS
     assert [kind for kind in arena.KINDS if random_arena.random_arena(kind, 0).map] == list(arena.CELLS)
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert set(FORMATS) == {".png", ".json", *animation.FORMATS}
@@ -312,6 +318,9 @@ def test_a_value_is_shown_on_one_short_line():
         ["exploit", "pursuer", "P_stage1", "--games", "0"],
         ["arena", "random", "--size", "inf", "5", "--out", "a.toml"],
         ["train", "--out", ""],
+        ["evaluate", "P_pol", "still"],
+        ["evaluate", "P_pool", "still", "--game", "ofice"],
+        ["report", "folder"],
     ],
     ids=" ".join,
 )

@@ -5,10 +5,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from apollonius.adapters.forked import require_unforked
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
-from apollonius.arenas.file import find_game
+from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
@@ -31,8 +32,9 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
             acts as it does.
 
     Raises:
-        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, and a side of several
-            robots.
+        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, a side of several
+            robots, and in a forked process: `gymnasium.vector.AsyncVectorEnv` has those unless it is given
+            `context="spawn"`.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
@@ -46,7 +48,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        game = find_game(game) if isinstance(game, str) else game
+        require_unforked()
+        game = as_game(game)
         self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.adapters.compiled import Compiled
+from apollonius.adapters.forked import require_unforked
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.arenas.charting import charted
@@ -51,7 +52,7 @@ class LiveGame:
         actions: str = "discrete",
     ) -> None:
         self._space = action_space(actions)
-        self.idle = np.zeros(self._space.shape or ())
+        self.idle = np.zeros(self._space.shape or (), self._space.dtype)
         """What stands for the action of a side that is played from inside."""
         reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
@@ -78,6 +79,7 @@ class LiveGame:
 
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
+        require_unforked()
         self._take(self._begin(bits), 0)
 
     def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:

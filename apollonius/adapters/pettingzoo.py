@@ -7,10 +7,11 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
+from apollonius.adapters.forked import require_unforked
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View
-from apollonius.arenas.file import find_game
+from apollonius.arenas.file import as_game
 from apollonius.game.game import Game
 
 
@@ -49,7 +50,8 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        game = find_game(game) if isinstance(game, str) else game
+        require_unforked()
+        game = as_game(game)
         self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
         self.render_mode = render_mode
         self._live = LiveGame(game, observation, actions=actions)

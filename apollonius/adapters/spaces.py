@@ -57,15 +57,22 @@ def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> n
     """Actions of a space in its number type: one, or a batch of them.
 
     Raises:
-        InvalidInput: for another shape, or one that is none of the space; says what it should be.
+        InvalidInput: for another shape or type, or one that is none of the space; says what it should be.
     """
     discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = np.asarray(given, np.int32 if discrete else np.float32)
+    name, kind = "actions" if batch else "action", "a whole number" if discrete else "numbers"
     shape = batch if discrete else (*batch, 2)
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+    try:
+        actions = np.asarray(given)
+    except ValueError:  # of lists of several lengths
+        actions = np.asarray(None)
+    # A message costs as much as a step of the game.
+    if actions.dtype.kind not in ("iu" if discrete else "iuf"):
+        require(False, name, given, f"{kind} from {least} to {most}")
+    if actions.shape != shape:
+        require(False, f"shape of {name}", actions.shape, str(shape))
     low, high = (actions.min(), actions.max()) if shape else (actions, actions)
-    if actions.shape != shape or not (least <= low and high <= most):  # a message costs as much as a step of the game
-        name = "actions" if batch else "action"
-        require(actions.shape == shape, f"shape of {name}", actions.shape, str(shape))
+    if not (least <= low and high <= most):
         require(False, name, low if low == high else f"{low} to {high}", f"from {least} to {most}")
-    return actions
+    return actions.astype(np.int32 if discrete else np.float32)

@@ -13,14 +13,16 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool
 
 from apollonius.adapters.compiled import Compiled
+from apollonius.adapters.forked import require_unforked
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space, team_action_space
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game
+from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.limits import PARALLEL_GAMES
 from apollonius.observe.registry import find_observation
 
 _MODES = {mode.value: mode for mode in AutoresetMode}
@@ -54,7 +56,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         autoreset_mode: one of Gymnasium's, or its name: `SameStep`, `NextStep` or `Disabled`.
 
     Raises:
-        InvalidInput: for an unknown opponent, game, observation, kind of actions or mode, or less than one game.
+        InvalidInput: for an unknown opponent, game, observation, kind of actions or mode, for less than one game or
+            more than memory has room for, and in a forked process.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
@@ -69,11 +72,12 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         actions: str = "discrete",
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
     ) -> None:
-        require(num_envs >= 1, "num_envs", num_envs, "at least 1")
+        require_unforked()
+        PARALLEL_GAMES.require("num_envs", num_envs)
         mode = autoreset_mode if isinstance(autoreset_mode, AutoresetMode) else _MODES.get(autoreset_mode)
         require(mode is not None, "autoreset_mode", autoreset_mode, f"one of {', '.join(_MODES)}")
         assert mode is not None
-        game = find_game(game) if isinstance(game, str) else game
+        game = as_game(game)
         self.metadata = type(self).metadata | {"autoreset_mode": mode}
         self.num_envs = num_envs
         robots = len(game.bodies[role])
@@ -112,6 +116,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             InvalidInput: for a list of seeds, as one seeds them all, and for a mask that is none.
         """
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
+        require_unforked()
         resets = self._mask(options)
         super().reset(seed=seed)  # pyright: ignore[reportArgumentType]
         if seed is not None or resets.all():

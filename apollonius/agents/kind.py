@@ -4,9 +4,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import AgentHeader
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, nearest, unknown_name
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 
@@ -49,9 +50,10 @@ class AbstractKind(ABC):
 
 def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
     """The refusal of a name that none of these kinds knows."""
-    names = ", ".join(one for kind in kinds for one in kind.names())
     looks = ", or ".join(kind.looks for kind in kinds if kind.looks)
-    return InvalidInput(f"no agent is called '{name}': choose one of {names}, or give {looks}.")
+    known = [one for kind in kinds for one in kind.names()]
+    meant = None if name in BUILT_IN or any(mark in name for mark in "/:") else nearest(name, known)
+    return InvalidInput(unknown_name("agent", name, known, looks, meant))
 
 
 def known_game(game: Game | None, name: str) -> Game:

@@ -16,6 +16,7 @@ from apollonius.arenas.record import from_dict
 from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
 from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.game.validation import require_single_precision
 from apollonius.observe.registry import OBSERVATIONS
 
 FORMAT = "apollonius-agent"
@@ -95,6 +96,7 @@ def load_agent(path: Path) -> Agent:
         InvalidInput: for a file that is missing, truncated, not an agent's, of a newer version, or made for an
             observation this version does not have; says which, and what to do.
     """
+    require_single_precision()
     with _opened_agent(path) as (file, header):
         template = eqx.filter_eval_shape(
             _MAKE[header.network], header.observation, header.width, header.depth, jax.random.key(0)

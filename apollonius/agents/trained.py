@@ -6,6 +6,7 @@ from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
+from apollonius.agents.names import FROM_ZOO, ZOO, zoo_names
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.store import Agent, load_agent, load_header
@@ -17,12 +18,8 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role, Scalar
 from apollonius.observe.registry import find_observation
 
-ZOO = Path(__file__).parent.parent / "zoo"
-"""Where the trained agents that ship with the package lie."""
 ANY = BySide("P_any", "E_any")
 """Those that play in any arena."""
-_FROM_ZOO = "zoo/"
-"""Before the name of a trained agent that ships with the package, where it could be taken for another."""
 _AGENTS = "agents"
 """The folder of a training run that its agents lie in."""
 _RUNS = Path("runs")
@@ -57,11 +54,6 @@ def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGauss
     return EpsilonGreedy(network, amount) if isinstance(network, QNetwork) else SquashedGaussian(network, amount)
 
 
-def zoo_names() -> list[str]:
-    """Names of the agents that ship with the package."""
-    return sorted(path.stem for path in ZOO.glob("*.safetensors"))
-
-
 class Trained(AbstractKind):
     """The agents of the zoo, of training runs and of files, at their best."""
 
@@ -81,7 +73,7 @@ class Trained(AbstractKind):
             return None
         agent, path = _find_for(name, role)
         policy = greedy_in(game, agent.network, name)
-        return Named(name if name.startswith(_FROM_ZOO) else called(path), policy, agent.header)
+        return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
 
 
 TRAINED = Trained()
@@ -141,16 +133,13 @@ def called(path: Path) -> str:
 def _find_for(name: str, role: Role) -> tuple[Agent, Path]:
     agent, path = find_trained(name)
     if agent.header.role != role.name.lower():
-        raise InvalidInput(
-            f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: the pursuer is named first, "
-            "the evader second."
-        )
+        raise InvalidInput(f"'{name}' plays the {agent.header.role}, not the {role.name.lower()}: take another there.")
     return agent, path
 
 
 def _file_of(name: str) -> Path | None:
     """Where the agent of a name lies; None if nowhere."""
-    in_zoo = name.removeprefix(_FROM_ZOO)
+    in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():
         return ZOO / f"{in_zoo}.safetensors"
     if Path(name).suffix == ".safetensors" or Path(name).exists():

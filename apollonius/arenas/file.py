@@ -7,10 +7,11 @@ from typing import Any
 
 import tomli_w
 
+from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn
 from apollonius.arenas.record import find_map, from_dict
 from apollonius.arenas.scenarios import arena_names, is_scenario, scenario_game
-from apollonius.arenas.suite import SUITES, suite_arena
+from apollonius.arenas.suite import suite_arena
 from apollonius.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
@@ -18,14 +19,6 @@ from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
 from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
 from apollonius.limits import GAME_FILES
-
-GALLERY = Path(__file__).parent / "gallery"
-"""Where the games that ship with the package as files lie."""
-
-
-def game_names() -> list[str]:
-    """The presets, then the gallery."""
-    return [*PRESETS, *sorted(path.stem for path in GALLERY.glob("*.toml"))]
 
 
 def about_game(name: str) -> str:
@@ -66,10 +59,7 @@ def find_game(name: str) -> Game:
     if name in PRESETS:
         return make_game(name)
     if name not in game_names():
-        raise InvalidInput(
-            f"no game is called '{name}': choose one of {', '.join(game_names())}, one of a suite, as "
-            f"'{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office', or give a .toml or .json file."
-        )
+        raise InvalidInput(unknown_game(name))
     return load_game(GALLERY / f"{name}.toml")
 
 
@@ -90,6 +80,18 @@ def game_in_one_arena(name: str, who: str) -> Game:
             False, "game", name, f"in one arena, which {who} needs, and this one is in several: name one, as {first}"
         )
     return game
+
+
+def as_game(given: object) -> Game:
+    """Return a game, or the game of a name.
+
+    Raises:
+        InvalidInput: for anything else, and as `find_game`.
+    """
+    if isinstance(given, Game):
+        return given
+    require(isinstance(given, str), "game", given, "a game, or the name of one")
+    return find_game(str(given))
 
 
 def load_game(path: Path) -> Game:

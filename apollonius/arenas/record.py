@@ -1,15 +1,14 @@
 """Configurations as plain data and back: strict, so that a misspelt key is an error and not a default."""
 
-import difflib
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import dacite
 
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.errors import InvalidInput
+from apollonius.errors import InvalidInput, nearest
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.scenario import Scenario
 
@@ -45,8 +44,7 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
         return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks=hooks))
     except dacite.UnexpectedDataError as error:
         unknown = sorted(error.keys)[0]
-        near = difflib.get_close_matches(unknown, _known_keys(kind), n=1, cutoff=0.0)[0]
-        raise InvalidInput(f"{source}: '{unknown}' is no known key: remove it, or did you mean '{near}'?") from error
+        raise InvalidInput(f"{source}: {_unknown_key(unknown, kind)}") from error
     except dacite.DaciteError as error:
         raise InvalidInput(f"{source}: {error}; correct the value.") from error
     except InvalidInput as error:
@@ -114,9 +112,22 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _known_keys(kind: Any) -> set[str]:
-    """Names of all fields of a nested configuration."""
-    names: set[str] = set()
+def _unknown_key(key: str, kind: Any) -> str:
+    """Return what is wrong with a key: it is in another table than its own, or misspelt."""
+    tables = _tables(kind)
+    if homes := [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]:
+        return f"'{key}' is in another table than its own: move it to {' or '.join(homes[:3])}."
+    near = nearest(key, tables)
+    return f"'{key}' is no known key: remove it" + (f", or did you mean '{near}'?" if near else ".")
+
+
+def _tables(kind: Any, within: str = "") -> dict[str, list[str]]:
+    """Return for the name of each field of a nested configuration the tables that have it; the outermost is empty."""
+    found: dict[str, list[str]] = {}
     for name, field in kind.__dataclass_fields__.items():
-        names |= {name} | (_known_keys(field.type) if is_dataclass(field.type) else set())
-    return names
+        found.setdefault(name, []).append(within)
+        for inner in (field.type, *get_args(field.type)):
+            if is_dataclass(inner) and inner not in (Scenario, OccupancyMap):  # which records name
+                for deeper, tables in _tables(inner, f"{within}.{name}" if within else name).items():
+                    found.setdefault(deeper, []).extend(tables)
+    return found

@@ -7,7 +7,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.arenas.suite import PARTS, SUITES, suite_arena, suite_names
+from apollonius.arenas.names import PARTS, SUITES
+from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle

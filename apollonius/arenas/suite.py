@@ -17,14 +17,10 @@ from pathlib import Path
 import dacite
 import numpy as np
 
+from apollonius.arenas.names import PARTS, SUITES
 from apollonius.arenas.random_arena import random_arena
 from apollonius.errors import require
 from apollonius.game.arena import Arena
-
-SUITES = ("suite-v1",)
-"""All suites. Each is a file beside this one, which never changes: another list is another suite."""
-PARTS = ("train", "held-out")
-"""What the arenas of a suite are for."""
 
 
 @dataclass(frozen=True)

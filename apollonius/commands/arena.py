@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from apollonius.arenas.names import PARTS
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import plots
-from apollonius.commands.values import count, named, new_file, real
+from apollonius.commands.values import count, known_agent, known_game, new_file, real
 from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.limits import DISCS, GAME_FILES, SEED
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from apollonius.game.game import Game
     from apollonius.replay import Replay
 
-PARTS = ("train", "held-out")
-"""Parts of a suite."""
 KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
 CELLS = ("caves",)
@@ -35,14 +33,18 @@ def add_arena(subparsers: Any) -> None:
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
-    listed.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of all of them")
+    listed.add_argument("--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of all of them")
     listed.add_argument(
-        "--players", type=named, nargs=2, metavar=("PURSUER", "EVADER"), help="let them play a game in each, with --out"
+        "--players",
+        type=known_agent,
+        nargs=2,
+        metavar=("PURSUER", "EVADER"),
+        help="let them play a game in each, with --out",
     )
     listed.add_argument("--seed", type=count(SEED), default=0, help="seed of these games (default: %(default)s)")
     listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
-    check.add_argument("game", type=named, metavar="GAME", help="a .toml or .json file, or the name of a game")
+    check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
     pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
     check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -51,11 +53,13 @@ def add_arena(subparsers: Any) -> None:
         "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
     )
     suite.add_argument("--part", choices=PARTS, help="of the suite (default: both)")
-    suite.add_argument("--out", type=new_file(".png"), metavar="PNG", help="write a picture of some of each kind")
+    suite.add_argument(
+        "--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of some of each kind"
+    )
     suite.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     suite.set_defaults(run=run_suite)
     chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
-    chart.add_argument("game", type=named, metavar="GAME", help="a .toml or .json file, or the name of a game")
+    chart.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
     chart.add_argument(
         "--out", type=new_file(".npz", ".chart"), required=True, help="file to write: .npz, or .chart for C"
     )
@@ -67,7 +71,7 @@ def add_arena(subparsers: Any) -> None:
     draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
     draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
     draw.add_argument(
-        "--game", type=named, default="paper", help="game whose other rules it has (default: %(default)s)"
+        "--game", type=known_game, default="paper", help="game whose other rules it has (default: %(default)s)"
     )
     draw.add_argument(
         "--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="file to write: .toml or .json"
@@ -118,8 +122,8 @@ def run_check(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
     if options.out and not saved:
-        with plots():
-            from apollonius.show.plan import save_plan
+        from apollonius.show.plan import save_plan
+
         found = survey(game)
         save_plan(Path(options.game).stem, game, found, options.out)
     else:

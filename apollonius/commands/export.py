@@ -4,8 +4,8 @@ import argparse
 from typing import Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.values import named, new_file
-from apollonius.errors import require
+from apollonius.commands.values import known_agent, known_game, new_file
+from apollonius.errors import InvalidInput, require
 
 FORMATS = ("onnx", "c")
 
@@ -13,7 +13,7 @@ FORMATS = ("onnx", "c")
 def add_export(subparsers: Any) -> None:
     """The parser of `export`."""
     parser = subparsers.add_parser("export", help="write a trained agent as ONNX or C, which need no JAX")
-    parser.add_argument("agent", type=named, metavar="AGENT", help="a zoo agent, or a .safetensors file")
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, or C99")
     parser.add_argument(
         "--out",
@@ -23,7 +23,7 @@ def add_export(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--game",
-        type=named,
+        type=known_game,
         help="game that is built in: its name, or a .toml or .json file (default: the one the agent was made for)",
     )
     parser.set_defaults(run=run_export)
@@ -32,22 +32,23 @@ def add_export(subparsers: Any) -> None:
 def run_export(options: argparse.Namespace) -> int:
     """Write the file and check it."""
     from apollonius.adapters.export.writing import STATES, find_exportable, find_format, game_of, write_policy
-    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.arenas.file import find_game, game_in_one_arena
+    from apollonius.arenas.record import to_dict
 
     name, out = options.agent, options.out
     agent, path = find_exportable(name)
     format_ = find_format(options.to)
     require(out.suffix == format_.SUFFIX, "--out", out, f"a file that ends in {format_.SUFFIX} for --to {options.to}")
     game = game_in_one_arena(options.game, "export") if options.game else game_of(agent, name)
-    several = (
-        f"a game in one arena, which is built in; '{name}' was made for {game.scenario.size if game.scenario else 1}"
-    )
-    require(game.scenario is None, "--game", options.game, several)
+    if game.scenario is not None:
+        raise InvalidInput(f"'{name}' plays in any arena, and one is built in: say which, as --game office.")
     options.display.begin(f"writing the policy and comparing it in {STATES:,} states", compiles=True)
     written = write_policy(agent, path.stem, game, format_, out)
     options.display.end()
     print(*written.about, sep="\n")
     sides = (name, "random") if agent.header.role == "pursuer" else ("random", name)
-    then = f"see what becomes of it on a robot with a body: {command('simulate', *sides, '--games', 300)}"
-    finish(*written.files, then=then)
+    rules = ["--game", options.game] if options.game else []
+    try_it = f"see what becomes of it on a robot with a body: {command('simulate', *sides, *rules, '--games', 300)}"
+    at_home = options.game or to_dict(game.arena) == to_dict(find_game("paper").arena)
+    finish(*written.files, then=try_it if at_home else "")
     return 0

@@ -1,13 +1,12 @@
 """What several commands ask for: a game, players, what draws."""
 
 import argparse
-from collections.abc import Callable, Generator, Iterable
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.values import count, named, new_folder, nodes, require_writable
-from apollonius.errors import InvalidInput, require
+from apollonius.commands.values import count, known_agent, known_game, new_folder, nodes, require_writable
+from apollonius.errors import require
 from apollonius.limits import GAME_FILES, GAMES, HOLD, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
@@ -37,7 +36,10 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
         "game says)",
     )  # fmt: skip
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or a .toml or .json file (default: %(default)s)"
+        "--game",
+        type=known_game,
+        default="paper",
+        help="name of the game, or a .toml or .json file (default: %(default)s)",
     )
 
 
@@ -50,8 +52,8 @@ def chosen_rules(options: argparse.Namespace) -> list[str]:
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
     """Two players, how many games they play and from where, and what is told and kept of them."""
-    parser.add_argument("pursuer", type=named, metavar="PURSUER", help=AGENT)
-    parser.add_argument("evader", type=named, metavar="EVADER", help=AGENT)
+    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
     parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -160,14 +162,3 @@ def requested_grid(
     if options.hold is not None:
         hold = options.hold
     return grid, hold
-
-
-@contextmanager
-def plots() -> Generator[None, None, None]:
-    """What is imported here needs what draws and writes pages, and says so where it is missing."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name not in ("matplotlib", "jinja2", "markupsafe", "markdown_it"):
-            raise
-        raise InvalidInput(f"this needs {error.name}: pip install 'apollonius[plot]'.") from error

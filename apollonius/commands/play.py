@@ -8,7 +8,7 @@ from typing import Any
 
 from apollonius.commands.ending import finish
 from apollonius.commands.options import warn
-from apollonius.commands.values import count, named, new_folder
+from apollonius.commands.values import count, known_agent, known_game, new_folder
 from apollonius.limits import PORT, SEED
 
 PLAYER = (
@@ -25,13 +25,13 @@ def add_play(subparsers: Any) -> None:
     )
     parser.add_argument(
         "--against",
-        type=named,
+        type=known_agent,
         metavar="AGENT",
         help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
     )
     parser.add_argument(
         "--game",
-        type=named,
+        type=known_game,
         default="paper",
         help="name of the game, as team-3v1/office, or a .toml or .json file (default: %(default)s)",
     )

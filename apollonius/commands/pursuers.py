@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, plots, warn
-from apollonius.commands.values import count, named, new_file
+from apollonius.commands.options import AGENT, warn
+from apollonius.commands.values import count, known_agent, known_game, new_file
 from apollonius.document import to_json
 from apollonius.errors import InvalidInput
 from apollonius.limits import GAMES, ROBOTS, SEED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from apollonius.arenas.free_space import Island
     from apollonius.evaluate.team_sizes import Matches, TeamSizes
     from apollonius.game.game import Game
@@ -32,16 +30,16 @@ _PLAYED = {"teams": _TEAMS, "evader": "shielded:E_any", "most": 4, "seed": 0}
 def add_pursuers(subparsers: Any) -> None:
     """The parser of `pursuers`."""
     parser = subparsers.add_parser("pursuers", help="how many pursuers are enough in an arena, and how one fewer fails")
-    parser.add_argument("game", type=named, metavar="ARENA", help="the name of a game, or a .toml or .json file")
+    parser.add_argument("game", type=known_game, metavar="ARENA", help="the name of a game, or a .toml or .json file")
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="PNG", help="draw where an evader runs that one fewer never catches"
     )
     parser.add_argument("--games", type=count(GAMES), help="also play so many games with each team (default: none)")
     parser.add_argument(
-        "--teams", type=named, nargs="+", metavar="PURSUER",
+        "--teams", type=known_agent, nargs="+", metavar="PURSUER",
         help=f"who plays all pursuers of a team (default: {' '.join(_TEAMS)})",
     )  # fmt: skip
-    parser.add_argument("--evader", type=named, help=f"{AGENT} (default: %(default)s)")
+    parser.add_argument("--evader", type=known_agent, help=f"{AGENT} (default: %(default)s)")
     parser.add_argument("--most", type=count(ROBOTS), help="pursuers of the largest team (default: %(default)s)")
     parser.add_argument("--seed", type=count(SEED), help="seed of the starts (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
@@ -56,8 +54,6 @@ def run_pursuers(options: argparse.Namespace) -> int:
     from apollonius.terminal import sizes_table
 
     display = options.display
-    if options.out:
-        _drawing()
     if not options.games:
         for name, default in _PLAYED.items():
             if getattr(options, name) != default:
@@ -91,7 +87,9 @@ def run_pursuers(options: argparse.Namespace) -> int:
     else:
         print(_told(options.game, enough), *([sizes_table(sizes)] if sizes else []), sep="\n\n")
     if options.out:
-        _drawing()(Path(options.game).stem, game, enough, options.out, sizes)
+        from apollonius.show.pursuers import save_evasion
+
+        save_evasion(Path(options.game).stem, game, enough, options.out, sizes)
         then = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=then, json=options.json)
     return 0 if enough.agree else 1
@@ -113,13 +111,6 @@ def _played(options: argparse.Namespace, matches: "Matches") -> "TeamSizes":
     sizes = play_sizes(options.evader, matches, options.display.report)
     options.display.end()
     return sizes
-
-
-def _drawing() -> "Callable[[str, Game, Enough, Path, TeamSizes | None], None]":
-    """What draws; refused, before anything is solved, where what it needs is missing."""
-    with plots():
-        from apollonius.show.pursuers import save_evasion
-    return save_evasion
 
 
 def _facts(name: str, enough: "Enough") -> dict[str, Any]:

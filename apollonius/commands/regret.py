@@ -6,7 +6,7 @@ from typing import Any
 from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import AGENT, add_game_options, add_record_options, check_records, warn
 from apollonius.commands.solving import SOLVING, add_table_options, requested_tables
-from apollonius.commands.values import count, named
+from apollonius.commands.values import count, known_agent
 from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.limits import GAMES, RECORDS
@@ -17,7 +17,7 @@ _TABLE, _RESPONSE = PLAYING = "playing against the table", "playing against the 
 def add_regret(subparsers: Any) -> None:
     """The parser of `regret`."""
     parser = subparsers.add_parser("regret", help="how far an agent is from what the solved game says can be had")
-    parser.add_argument("agent", type=named, metavar="AGENT", help=AGENT)
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", help=AGENT)
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), default="pursuer", help="the agent's side (default: %(default)s)"
     )

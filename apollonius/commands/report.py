@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import finish
-from apollonius.commands.options import plots
 from apollonius.commands.values import existing_folder, new_file
 from apollonius.errors import require
+from apollonius.extras import require_extra
 
 
 def add_report(subparsers: Any) -> None:
@@ -24,10 +24,10 @@ def run_report(options: argparse.Namespace) -> int:
     """Write the report."""
     folder: Path = options.folder
     out: Path = options.out or folder / "report.html"
-    with plots():
-        from apollonius.show.report.page import save_page
-        from apollonius.show.report.study import study_page
-        from apollonius.show.report.training import training_page
+    require_extra("plot", "report")
+    from apollonius.show.report.page import save_page
+    from apollonius.show.report.study import study_page
+    from apollonius.show.report.training import training_page
 
     is_study = (folder / "results.json").is_file()
     is_run = (folder / "config.toml").is_file()

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import LENGTHS, PLACES_HELP, plots
-from apollonius.commands.values import count, new_folder
+from apollonius.commands.options import LENGTHS, PLACES_HELP
+from apollonius.commands.values import count, engine, new_folder
+from apollonius.extras import require_extra
 from apollonius.interrupts import go_on
 from apollonius.jobs import ENGINES
 from apollonius.limits import GAMES, SEEDS
@@ -25,15 +26,15 @@ def add_reproduce(subparsers: Any) -> None:
     parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
     parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
-    parser.add_argument("--on", choices=ENGINES, default="local", help=PLACES_HELP)
+    parser.add_argument("--on", type=engine, choices=ENGINES, default="local", help=PLACES_HELP)
     parser.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
     parser.set_defaults(run=run_reproduce)
 
 
 def run_reproduce(options: argparse.Namespace) -> int:
     """Reproduce the paper's evaluation."""
-    with plots():
-        from apollonius.reproduce.reproduction import reproduce
+    require_extra("plot", "reproduce")
+    from apollonius.reproduce.reproduction import reproduce
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
     again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"

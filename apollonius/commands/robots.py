@@ -1,26 +1,23 @@
 """`apollonius robots`: who wins where, with robots of other makes."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots
-from apollonius.commands.values import count, length, named, new_file, ratio
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules
+from apollonius.commands.values import count, known_agent, length, new_file, ratio
 from apollonius.document import to_json
 from apollonius.limits import GAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from apollonius.evaluate.makes import MakeTable
+    pass
 
 
 def add_robots(subparsers: Any) -> None:
     """The parser of `robots`."""
     parser = subparsers.add_parser("robots", help="who wins with a faster, nimbler pursuer and larger bodies")
-    parser.add_argument("pursuer", type=named, metavar="PURSUER", help=AGENT)
-    parser.add_argument("evader", type=named, metavar="EVADER", help=AGENT)
+    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
     for name, what, usual in (
         ("--speed", "top speeds of the pursuer, in those of the evader; its acceleration stays", [0.8, 1.0, 1.25, 1.5]),
         ("--turn", "largest turn rates of the pursuer, in those of the evader", [0.5, 1.0, 2.0]),
@@ -48,8 +45,6 @@ def run_robots(options: argparse.Namespace) -> int:
     from apollonius.game.by_side import BySide
     from apollonius.terminal import make_table
 
-    if options.out:
-        _drawing()
     game, starts = starting(game_in_one_arena(options.game, "robots"), options.starts)
     options.display.begin("playing robots of every make", compiles=True)
     table = play_makes(
@@ -64,7 +59,9 @@ def run_robots(options: argparse.Namespace) -> int:
         options.display.report,
     )
     if options.out:
-        _drawing()(table, options.out)
+        from apollonius.show.makes import draw_makes
+
+        draw_makes(table, options.out)
     options.display.end()
     if options.json:
         names = {"pursuer": table.pursuer, "evader": table.evader}
@@ -76,10 +73,3 @@ def run_robots(options: argparse.Namespace) -> int:
         watch = command("show", options.pursuer, options.evader, *chosen_rules(options), "--out", "game.gif")
         finish(options.out, then=watch, json=options.json)
     return 0
-
-
-def _drawing() -> "Callable[[MakeTable, Path], None]":
-    """What draws the table; refused, before anything is played, where what it needs is missing."""
-    with plots():
-        from apollonius.show.makes import draw_makes
-    return draw_makes

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, requested_match
-from apollonius.commands.values import named, new_file, real
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, requested_match
+from apollonius.commands.values import known_agent, new_file, real
 from apollonius.errors import require
 
 FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
@@ -16,8 +16,8 @@ FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
 def add_show(subparsers: Any) -> None:
     """The parser of `show`."""
     parser = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
-    parser.add_argument("pursuer", type=named, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
-    parser.add_argument("evader", type=named, metavar="EVADER", nargs="?", help="the same, for the other side")
+    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
+    parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
     add_game_options(parser)
     parser.add_argument(
         "--out", type=new_file(*FORMATS), default="game.gif",
@@ -57,8 +57,8 @@ def run_show(options: argparse.Namespace) -> int:
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
     elif options.out.suffix == ".png":
-        with plots():
-            from apollonius.show.arena import save_picture
+        from apollonius.show.arena import save_picture
+
         save_picture(replay, options.out)
     else:
         animation.save_animation(replay, options.out, options.speed or 1.0)

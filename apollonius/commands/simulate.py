@@ -7,6 +7,7 @@ from apollonius.commands.ending import finish_with_replays, write_replays
 from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
 from apollonius.commands.values import existing_file
 from apollonius.document import to_json
+from apollonius.extras import require_extra
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def add_simulate(subparsers: Any) -> None:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Play a match by the rules and with bodies, and print both."""
+    require_extra("sim", "simulate")
     from apollonius.evaluate.match import play_games, worst_first
     from apollonius.simulate.comparison import compare
     from apollonius.simulate.drive import PARTS, load_drive, without

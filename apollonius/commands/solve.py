@@ -5,16 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import add_grid_options, chosen_rules, plots, requested_grid, warn
-from apollonius.commands.values import named, new_file, real, require_writable
+from apollonius.commands.options import add_grid_options, chosen_rules, requested_grid, warn
+from apollonius.commands.values import known_game, new_file, real, require_writable
 from apollonius.document import to_json
 from apollonius.errors import InvalidInput, require
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from apollonius.game.game import Game
-    from apollonius.solve.store import Problem, Solution
+    from apollonius.solve.store import Problem
 
 
 def add_solve(subparsers: Any) -> None:
@@ -26,7 +24,10 @@ def add_solve(subparsers: Any) -> None:
         "game: what a side is sure of against any opponent",
     )  # fmt: skip
     parser.add_argument(
-        "--game", type=named, default="paper", help="name of the game, or a .toml or .json file (default: %(default)s)"
+        "--game",
+        type=known_game,
+        default="paper",
+        help="name of the game, or a .toml or .json file (default: %(default)s)",
     )
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
@@ -61,8 +62,6 @@ def run_solve(options: argparse.Namespace) -> int:
     game, display = game_in_one_arena(options.game, "solve"), options.display
     problem = _requested_problem(options, game)
     warn(options, game)
-    if options.plot:
-        _drawing()
     path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.safetensors")
     require_writable("--out", path.parent)
     written: list[Path] = []
@@ -76,7 +75,9 @@ def run_solve(options: argparse.Namespace) -> int:
         save_solution(solution, path)
         written.append(path)
     if options.plot:
-        _drawing()(solution, game, options.plot)
+        from apollonius.show.solution import save_solution_maps
+
+        save_solution_maps(solution, game, options.plot)
         written.append(options.plot)
     display.begin("judging the table", compiles=True)
     facts = about(solution, game) | {"file": str(path)}
@@ -108,13 +109,6 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     grid, hold = requested_grid(options, game, role, joint_grid if what == "game" else reference_grid)
     payoff = payoff or "win" if what == "game" else None
     return Problem(what, role.name.lower(), to_dict(game), list(grid.counts), hold, target, payoff)
-
-
-def _drawing() -> "Callable[[Solution, Game, Path], None]":
-    """What draws a solution; refused, before anything is solved, where what it needs is missing."""
-    with plots():
-        from apollonius.show.solution import save_solution_maps
-    return save_solution_maps
 
 
 def _next(options: argparse.Namespace, path: Path, role: str) -> str:

@@ -2,29 +2,26 @@
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, plots, warn
-from apollonius.commands.values import count, named, new_file, new_folder
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, warn
+from apollonius.commands.values import count, known_agent, new_file, new_folder
 from apollonius.document import to_json
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from apollonius.evaluate.tournament import Tournament
+    pass
 
 
 def add_tournament(subparsers: Any) -> None:
     """The parser of `tournament`."""
     parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
     everyone = "default: all that need no file and fit the game"
-    parser.add_argument("--pursuers", type=named, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
+    parser.add_argument("--pursuers", type=known_agent, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
     parser.add_argument(
-        "--evaders", type=named, nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})"
+        "--evaders", type=known_agent, nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})"
     )
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
@@ -52,8 +49,6 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.game.types import Role
     from apollonius.terminal import tournament_table
 
-    if options.plot:
-        _drawing()
     game, starts = starting(find_game(options.game), options.starts)
     pursuers, evaders = (
         [find_player(name, role, game) for name in names or player_names(role, game)]
@@ -81,7 +76,9 @@ def run_tournament(options: argparse.Namespace) -> int:
         options.display.report,
     )
     if options.plot:
-        _drawing()(tournament, options.plot)
+        from apollonius.show.tournament import draw_tournament
+
+        draw_tournament(tournament, options.plot)
     options.display.end()
     if options.json:
         settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
@@ -100,10 +97,3 @@ def run_tournament(options: argparse.Namespace) -> int:
         ]
         finish(*written, then=command("show", *best, *chosen_rules(options), "--out", "best.gif"), json=options.json)
     return 0
-
-
-def _drawing() -> "Callable[[Tournament, Path], None]":
-    """What draws a tournament; refused, before anything is played, where what it needs is missing."""
-    with plots():
-        from apollonius.show.tournament import draw_tournament
-    return draw_tournament

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import LENGTHS
 from apollonius.commands.solving import SOLVING, solved_game
-from apollonius.commands.values import count, existing_file, existing_folder, named, new_folder
+from apollonius.commands.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
 from apollonius.errors import require
 from apollonius.interrupts import asked_to_stop, go_on
 from apollonius.learn.opponents.schemes import SCHEMES
@@ -49,15 +49,15 @@ def add_train(subparsers: Any) -> None:
     parser.add_argument(
         "--profile", choices=PROFILES, help="how DQN learns: fast (default) or paper (plain DQN as printed)"
     )
-    parser.add_argument("--game", type=named, help="name of the game, or a .toml or .json file (default: paper)")
+    parser.add_argument("--game", type=known_game, help="name of the game, or a .toml or .json file (default: paper)")
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
     parser.add_argument(
-        "--pursuer", type=named, help="agent that the pursuer of a lone --stage goes on from (default: none)"
+        "--pursuer", type=known_agent, help="agent that the pursuer of a lone --stage goes on from (default: none)"
     )
     parser.add_argument(
         "--evader",
-        type=named,
+        type=known_agent,
         nargs="+",
         help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
         "evader of --stage self-play goes on from (default: none)",

@@ -7,18 +7,24 @@ import argparse
 import math
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from apollonius.errors import require, shown
-from apollonius.limits import Counted
+from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, zoo_names
+from apollonius.arenas.names import game_names, unknown_game
+from apollonius.errors import nearest, require, shown, unknown_name
+from apollonius.extras import missing
+from apollonius.game.names import TEAM
+from apollonius.limits import GAME_FILES, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
 RATIOS = (0.01, 100.0)
 """Least and largest ratio that is taken."""
+_NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
+"""Extras without which files with these endings cannot be written."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
@@ -68,6 +74,13 @@ def _between(text: str, low: float, high: float, bound: str) -> float:
     return number
 
 
+def engine(text: str) -> str:
+    """Where trainings run; refused where the library that it takes is not installed."""
+    if text == "ray" and (remedy := missing("ray")):
+        raise unfit(text, f"local where Ray is not installed: {remedy}")
+    return text
+
+
 def nodes(text: str) -> tuple[int, int, int, int]:
     """How many nodes a grid has along x, y, v and heading, as `101x101x9x47`."""
     found = _NODES.fullmatch(text)
@@ -82,6 +95,31 @@ def named(text: str) -> str:
     if not text or not text.isprintable():
         raise unfit(text, "a name, or the path of a file")
     return text
+
+
+def known_agent(text: str) -> str:
+    """A player's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    bare = named(text).removeprefix(SHIELDED)
+    known = [*BUILT_IN, *zoo_names()]
+    if bare.removeprefix(FROM_ZOO) in known or not _is_plain(bare):
+        return text
+    files = "a .safetensors file, or RUN/NAME for an agent of a training run"
+    raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, nearest(bare, known)))
+
+
+def known_game(text: str) -> str:
+    """A game's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
+    if name.endswith(GAME_FILES):
+        existing_file(name)
+    elif "/" not in name and not TEAM.fullmatch(name) and name not in game_names():
+        raise argparse.ArgumentTypeError(unknown_game(name))
+    return text
+
+
+def _is_plain(name: str) -> bool:
+    """Return whether a name can be neither a file's nor that of an agent of a training run."""
+    return not any(mark in name for mark in "/:.") and not _is(Path(name).exists)
 
 
 def existing_file(text: str) -> Path:
@@ -100,12 +138,16 @@ def existing_folder(text: str) -> Path:
     return path
 
 
-def new_file(*suffixes: str) -> Callable[[str], Path]:
-    """A file to write, with a name that ends in one of these, in a place where that can be done."""
-    return partial(_new_file, suffixes)
+def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:
+    """A file to write, with a name that ends in one of these, in a place where that can be done.
+
+    Args:
+        needs: the extra without which a file with this ending cannot be written.
+    """
+    return partial(_new_file, suffixes, needs)
 
 
-def _new_file(suffixes: tuple[str, ...], text: str) -> Path:
+def _new_file(suffixes: tuple[str, ...], needs: Mapping[str, str], text: str) -> Path:
     path = Path(named(text))
     if path.suffix not in suffixes:
         kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
@@ -114,6 +156,8 @@ def _new_file(suffixes: tuple[str, ...], text: str) -> Path:
         raise unfit(text, "a file, and something else has that name; choose another")
     if reason := _unwritable(path, path.parent):
         raise unfit(text, reason)
+    if path.suffix in needs and (remedy := missing(needs[path.suffix])):
+        raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
     return path
 
 

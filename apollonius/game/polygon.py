@@ -29,10 +29,11 @@ class Polygon(AbstractObstacle):
     """An obstacle with straight edges, convex or not, that do not cross. Only the number of corners is static.
 
     Attributes:
-        vertices: the corners x, y [m], either way round; the last is joined to the first.
+        vertices: the corners x, y [m], either way round; the last is joined to the first. One array, rather than a
+            number each, where many arenas are compiled together.
     """
 
-    vertices: tuple[tuple[Real, Real], ...]
+    vertices: tuple[tuple[Real, Real], ...] | Float[Array, "*arenas corners 2"]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest edge; negative inside."""
@@ -44,7 +45,7 @@ class Polygon(AbstractObstacle):
 
     def outline(self) -> Corners:
         """Its corners."""
-        return self.vertices
+        return tuple((x, y) for x, y in self.vertices)
 
     def check(self, name: str, arena: "Arena") -> None:
         """Refuse corners outside the walls, and edges that meet elsewhere than at the corners they share."""
@@ -151,14 +152,28 @@ class Polygons(AbstractObstacle):
 
 def edges_of(polygons: Sequence[Polygon]) -> Edge:
     """The edges of all polygons, leaves `[edges]`. One after another they take the least arithmetic for a batch."""
+    corners = [_corners(polygon) for polygon in polygons]
+    if len({places.shape for places in corners}) == 1:  # compiles sooner than one polygon after another
+        numbers = jax.vmap(_numbers)(jnp.stack(corners))
+        numbers = tuple(number.reshape(-1) for number in numbers)
+    else:
+        numbers = tuple(jnp.concatenate(parts) for parts in zip(*map(_numbers, corners), strict=True))
+    return jax.vmap(Edge)(*numbers)
 
-    def edges(polygon: Polygon) -> Edge:
-        corners = jnp.stack([jnp.stack([jnp.asarray(one, jnp.float32) for one in place]) for place in polygon.vertices])
-        (x, y), (next_x, next_y) = corners.T, jnp.roll(corners, -1, axis=0).T
-        turn = jnp.where(jnp.sum(x * next_y - next_x * y) > 0, 1, -1)
-        return jax.vmap(Edge)(x, y, next_x - x, next_y - y, jnp.full(x.shape, turn))
 
-    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *[edges(polygon) for polygon in polygons])
+def _corners(polygon: Polygon) -> Float[Array, "corners 2"]:
+    vertices = polygon.vertices
+    if isinstance(vertices, tuple):
+        numbers = [jnp.asarray(one, jnp.float32) for place in vertices for one in place]
+        return jnp.stack(numbers).reshape(-1, 2)
+    return jnp.asarray(vertices)
+
+
+def _numbers(corners: Float[Array, "corners 2"]) -> tuple[Array, ...]:
+    """Return the fields of `Edge` for the edges of one polygon, each `[corners]`."""
+    (x, y), (next_x, next_y) = corners.T, jnp.roll(corners, -1, axis=0).T
+    turn = jnp.where(jnp.sum(x * next_y - next_x * y) > 0, 1, -1)
+    return x, y, next_x - x, next_y - y, jnp.full(x.shape, turn)
 
 
 def _nowhere(x: Scalar, y: Scalar) -> Place:

@@ -1,6 +1,5 @@
 """The named games."""
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -8,6 +7,7 @@ from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
 from apollonius.game.validation import MOST_ROBOTS
@@ -59,10 +59,6 @@ PRESETS: dict[str, Callable[[], Game]] = {
     "robot": robot,
     "territory": territory,
 }
-
-
-TEAM = re.compile(r"team-(\d{1,4})v(\d{1,4})", re.ASCII)
-"""What games of teams are called: by how many pursuers and evaders they have."""
 
 
 def make_game(name: str) -> Game:

@@ -135,7 +135,13 @@ def together(arenas: Sequence[Arena]) -> Arena:
     alike = [padded(arena, discs, polygons, corners, corners_of_map) for arena in arenas]
     shapes = {jax.tree.structure(arena) for arena in alike}
     require(len(shapes) == 1, "arenas", "of several kinds", "all with a territory or all without, and of one class")
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *alike)
+    packed = [replace(arena, polygons=tuple(map(_packed, arena.polygons))) for arena in alike]
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.array(leaves, np.float32)), *packed)
+
+
+def _packed(polygon: Polygon) -> Polygon:
+    """Return the polygon with its corners in one array: compiling takes time for every number that is passed alone."""
+    return Polygon(jnp.asarray(np.asarray(polygon.vertices, np.float32)))
 
 
 def padded(
@@ -156,8 +162,8 @@ def padded(
     require(fits, "discs, polygons, corners", found, f"at most {(discs, polygons, corners)}")
     nowhere = Polygon(((_FAR, _FAR),) * corners)
     filled = tuple(
-        Polygon((*polygon.vertices, *[polygon.vertices[-1]] * (corners - len(polygon.vertices))))
-        for polygon in arena.polygons
+        Polygon((*outline, *[outline[-1]] * (corners - len(outline))))
+        for outline in (polygon.outline() for polygon in arena.polygons)
     )
     return replace(
         arena,
@@ -171,4 +177,5 @@ def _padded_map(found: OccupancyMap | None, corners: tuple[int, int]) -> Occupan
     if found is None:
         return OccupancyMap(jnp.full(corners, _FAR, jnp.float32), 0.0, 0.0, 1.0, "", "")
     missing = [(0, wanted - there) for wanted, there in zip(corners, found.field.shape, strict=True)]
-    return replace(found, field=jnp.pad(found.field, missing, mode="edge"), file="", digest="")
+    # In NumPy, as JAX would compile it for every shape.
+    return replace(found, field=jnp.asarray(np.pad(found.field, missing, mode="edge")), file="", digest="")

@@ -40,6 +40,18 @@ MOST_DISCS = DISCS.most
 """Most discs: with this many, a game takes half a minute to compile."""
 FEWER = "draw so many obstacles as an occupancy map"
 """What to do instead of many obstacles."""
+
+
+def require_single_precision() -> None:
+    """Refuse to compute in double precision, in which no weights, tables and compilations are kept.
+
+    Raises:
+        InvalidInput: where JAX was told to.
+    """
+    double: Any = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]
+    require(not double, "JAX_ENABLE_X64", double, "0: all here is in single precision; unset it")
+
+
 _to_obstacles = jax.jit(jax.vmap(lambda arena, x, y: arena.to_obstacles(x, y), in_axes=(None, 0, 0)))
 
 
@@ -48,6 +60,7 @@ def check_game(game: "Game") -> None:
 
     Games whose numbers are being traced or swept (arrays) are left unchecked: their values are not known here.
     """
+    require_single_precision()
     if any(isinstance(leaf, (jax.Array, np.ndarray)) for _, leaf in _numbers(game)):
         return
     _check_finite(game)

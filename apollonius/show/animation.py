@@ -15,6 +15,7 @@ from PIL import Image, ImageColor
 
 from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, require
+from apollonius.extras import install
 from apollonius.replay import Replay
 from apollonius.show.caption import Captioned
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
@@ -43,6 +44,8 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     require(SLOWEST <= speed <= FASTEST, "speed", speed, f"from {SLOWEST:g} to {FASTEST:g} times real time")
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
+    if path.suffix != ".mp4":  # where all pictures last equally long
+        steps = _moving(replay, steps, pace)
     pictures = list(frames(replay, steps, speed))
     if path.suffix == ".mp4":
         write_atomically(path, _mp4(pictures, 1 / (pace * (steps[1] - steps[0]))))
@@ -58,6 +61,20 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
     content, kind = io.BytesIO(), path.suffix[1:]
     pictures[0].save(content, kind, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
     write_atomically(path, content.getvalue())
+
+
+def _moving(replay: Replay, steps: list[int], pace: float) -> list[int]:
+    """Return the steps without those before which nothing has moved; for the clock, one in a second stays.
+
+    Args:
+        pace: how long a step is shown [s].
+    """
+    shown = steps[:1]
+    for step in steps[1:]:
+        moved = (replay.states[step] != replay.states[shown[-1]]).any()
+        if moved or step == steps[-1] or pace * (step - shown[-1]) > 1 - 1e-6:
+            shown.append(step)
+    return shown
 
 
 def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
@@ -88,7 +105,7 @@ def _mp4(pictures: list[Image.Image], per_second: float) -> bytes:
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:
-        raise InvalidInput("MP4 needs imageio-ffmpeg: pip install 'apollonius[video]', or use .gif.") from error
+        raise InvalidInput(f"MP4 needs imageio-ffmpeg: {install('video')}, or use .gif.") from error
     pictures += pictures[-1:] * round(_LAST_SECONDS * per_second)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "game.mp4"

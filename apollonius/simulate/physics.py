@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from apollonius.errors import InvalidInput, require
+from apollonius.extras import install
 from apollonius.game.game import Game
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.scene import SIDES, WHEELS, mjcf
@@ -28,7 +29,7 @@ class Physics:
             self._mujoco: Any = import_module("mujoco")  # not by name: it has no types, and is needed nowhere else
             rollout: Any = import_module("mujoco.rollout")
         except ModuleNotFoundError as error:
-            raise InvalidInput("robots with bodies need MuJoCo: pip install 'apollonius[sim]'.") from error
+            raise InvalidInput(f"robots with bodies need MuJoCo: {install('sim')}.") from error
         dt = float(game.dt)
         require(drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s")
         self.drive = drive

@@ -43,6 +43,21 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 
+def steering_grid(game: Game, role: Role) -> tuple[Grid, int]:
+    """A coarser grid, for a table that only advises: what it says is tried out in the continuous game.
+
+    It has half as many nodes along x and y, and a hold turns the robot by about one cell of heading.
+
+    Returns:
+        The grid, and the control steps for which an action is held.
+    """
+    grid, hold = reference_grid(game, role)
+    x, y, speeds, headings = grid.counts
+    turn = float(game.body(role).u2_max) * float(game.dt) * hold
+    headings = min(max(round(tau / max(turn, 1e-6)), 8), headings)
+    return make_grid(game.arena, game.body(role), (x // 2 + 1, y // 2 + 1, speeds, headings)), hold
+
+
 def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:
     """The grid of one robot of two: coarser, since pairs of nodes count.
 

@@ -17,7 +17,7 @@ from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
 from apollonius.solve.grid import Grid
 from apollonius.solve.iteration import Table
 from apollonius.solve.motion import motion_of
-from apollonius.solve.reference import reference_grid
+from apollonius.solve.reference import reference_grid, steering_grid
 from apollonius.solve.safety import solve_safety, steered_brakes
 
 _tables = Memory[Table](4)
@@ -54,7 +54,7 @@ class Viability(eqx.Module):
 
 
 def solve_viability(game: Game) -> Viability:
-    """Solve both robots' safety on the reference grid; the latest tables are remembered.
+    """Solve both robots' safety on a grid; the latest tables are remembered.
 
     A robot that brakes to rest is lost where neither braking straight or in a turn, nor braking as the kernel steers,
     comes to rest without contact in the continuous game. Another one is lost where its table says so.
@@ -71,7 +71,7 @@ def solve_viability(game: Game) -> Viability:
 
 def _judge(game: Game, role: Role) -> Backup | TableRoom:
     body = game.body(role)
-    grid, hold = reference_grid(game, role)
+    grid, hold = (steering_grid if body.brakes_to_rest else reference_grid)(game, role)
     # All that a table depends on: not rewards or the time limit.
     table = _tables.get((motion_of(game, role, hold), grid), lambda: solve_safety(game, role, grid, hold).table)
     return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableRoom(grid, table)

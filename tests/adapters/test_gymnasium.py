@@ -1,5 +1,8 @@
 """Gymnasium's interface: what its checker says, and that it is the very same game."""
 
+import subprocess
+import sys
+
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -8,10 +11,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from apollonius.adapters.gymnasium import OneSide
+from apollonius.adapters.spaces import action_space, as_actions
+from apollonius.adapters.vector import ManyGames
 from apollonius.arenas.charting import charted
+from apollonius.arenas.file import as_game
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
+from apollonius.limits import PARALLEL_GAMES
 from apollonius.observe.registry import observe
 
 
@@ -90,3 +97,35 @@ def test_an_unknown_observation_or_opponent_is_refused():
         OneSide(Role.PURSUER, observation="eyes")
     with pytest.raises(InvalidInput, match="nobody"):
         OneSide(Role.PURSUER, opponent="nobody")
+
+
+NO_ACTIONS = [None, float("nan"), 4.5, True, 9, 2**40, 2**80, "left", [1, 2], [[1], [2, 3]]]
+
+
+@pytest.mark.parametrize("kind", ["discrete", "continuous"])
+@pytest.mark.parametrize("action", NO_ACTIONS, ids=str)
+def test_what_is_no_action_is_refused(action, kind):
+    with pytest.raises(InvalidInput, match="action"):
+        as_actions(action, action_space(kind))
+
+
+def test_arguments_of_another_kind_are_refused():
+    with pytest.raises(InvalidInput, match="game = 3"):
+        as_game(3)
+    for games in (2**40, True):
+        with pytest.raises(InvalidInput, match="num_envs"):
+            ManyGames(Role.PURSUER, num_envs=games)
+    for games in (2.5, "many", None):
+        with pytest.raises(InvalidInput, match="num_envs"):
+            PARALLEL_GAMES.require("num_envs", games)
+
+
+def test_a_forked_process_is_refused_with_the_remedy():
+    """Where it would wait for ever."""
+    make = "gymnasium.make('apollonius/Pursuit-v0')"
+    code = (
+        "import os, warnings; warnings.simplefilter('ignore')\n"
+        f"import gymnasium, apollonius.adapters.gymnasium\nif os.fork() == 0:\n {make}\nos.wait()"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert "context='spawn'" in said.stderr

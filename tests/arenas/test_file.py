@@ -92,7 +92,7 @@ def test_a_game_is_found_by_name_or_file(tmp_path):
     assert find_game("one-large") == make_game("one-large")
     (tmp_path / "hall.toml").write_text(HALL)
     assert find_game(str(tmp_path / "hall.toml")).max_steps == 300
-    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or give a \.toml or \.json file"):
+    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or a \.toml or \.json file"):
         find_game("chess")
 
 

@@ -209,3 +209,18 @@ def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [(name, b"good")]
     write(tmp_path / name)
     assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_where_nothing_moves_a_second_is_one_frame(replay, tmp_path):
+    steps = 50
+    states, actions = replay.states[:1].repeat(steps + 1, axis=0), replay.actions[:1].repeat(steps, axis=0)
+    still = replace(replay, states=states, actions=actions)
+    save_animation(still, tmp_path / "still.gif")
+    with Image.open(tmp_path / "still.gif") as picture:
+        frames_shown = picture.n_frames
+        durations = []
+        for number in range(frames_shown):
+            picture.seek(number)
+            durations.append(picture.info["duration"])
+    assert frames_shown == 6
+    assert durations == [1000] * 5 + [2000]

@@ -16,6 +16,7 @@ from apollonius.adapters.export.egocentric import egocentric
 from apollonius.adapters.export.features import INPUTS, encoded, paper
 from apollonius.adapters.export.graph import Graph, Layers, matrix
 from apollonius.adapters.export.parity import Answer, CannotRun, Decide
+from apollonius.extras import install
 
 SUFFIX = ".onnx"
 OPSET = 17
@@ -66,7 +67,7 @@ def _session(model: bytes, entries: Mapping[str, str] | None = None) -> Any:
     try:
         import onnxruntime
     except ModuleNotFoundError as error:
-        raise CannotRun("onnxruntime is not installed: pip install 'apollonius[export]'") from error
+        raise CannotRun(f"onnxruntime is not installed: {install('export')}") from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.log_severity_level = _ERRORS

@@ -20,6 +20,7 @@ from apollonius.catalogue import SHIELDED
 from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.decisions import Decisions, decisions
+from apollonius.extras import install
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 
@@ -62,7 +63,7 @@ def find_format(name: str) -> Format:
     except ModuleNotFoundError as error:
         if error.name != "onnx":
             raise
-        raise InvalidInput("writing ONNX needs a library: pip install 'apollonius[export]'.") from error
+        raise InvalidInput(f"writing ONNX needs a library: {install('export')}.") from error
 
 
 def find_exportable(name: str) -> tuple[Agent, Path]:
@@ -131,7 +132,7 @@ def _check(blueprint: Blueprint, agent: Agent, load: Callable[[], Decide]) -> li
         deciders["network"], states["network"] = load_network(blueprint), played.observations
         beside = ""
     except (ModuleNotFoundError, CannotRun):
-        beside = "; onnxruntime is not installed to compare with: pip install 'apollonius[export]'"
+        beside = f"; onnxruntime is not installed to compare with: {install('export')}"
     times = {name: float(np.median(taken)) for name, taken in microseconds(deciders, states).items()}
     if "network" in times:
         beside = f"; onnxruntime, the network alone: {times['network']:.1f} us"

@@ -99,4 +99,4 @@ def test_of_an_agent_for_many_arenas_it_must_be_said_which_one_is_built_in(capsy
     many = in_arenas(Game(), [Game().arena, load_game(Path("hall.toml")).arena])
     monkeypatch.setattr("apollonius.adapters.export.writing.game_of", lambda agent, name: many)
     assert apollonius("export", "egocentric.safetensors", "--to", "onnx", "--out", "a.onnx") == 2
-    assert re.search("--game = None .* was made for 2", capsys.readouterr().err)
+    assert re.search("plays in any arena.*--game office", capsys.readouterr().err)

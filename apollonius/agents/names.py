@@ -1,0 +1,21 @@
+"""Names of players, which are known without JAX: one that is misspelt is refused at once."""
+
+from pathlib import Path
+
+ZOO = Path(__file__).parent.parent / "zoo"
+"""Where the trained agents that ship with the package lie."""
+FROM_ZOO = "zoo/"
+"""Before the name of a trained agent that ships with the package, where it could be taken for another."""
+BUILT_IN = (
+    "random", "still", "pure-pursuit", "intercept", "voronoi-pursuit", "encirclement", "flee", "flee-aware",
+    "territory",
+)  # fmt: skip
+"""Players that need no file; what they do says `apollonius.agents.built_in`."""
+
+SHIELDED = "shielded:"
+"""Before a player's name: the same, behind a shield."""
+
+
+def zoo_names() -> list[str]:
+    """Names of the agents that ship with the package."""
+    return sorted(path.stem for path in ZOO.glob("*.safetensors"))

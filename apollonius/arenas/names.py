@@ -1,0 +1,24 @@
+"""Names of games and arenas, which are known without JAX: one that is misspelt is refused at once."""
+
+from pathlib import Path
+
+from apollonius.errors import nearest, unknown_name
+from apollonius.game.names import PRESETS
+
+GALLERY = Path(__file__).parent / "gallery"
+"""Where the games that ship with the package as files lie."""
+SUITES = ("suite-v1",)
+"""All suites. Each is a file beside this one, which never changes: another list is another suite."""
+PARTS = ("train", "held-out")
+"""What the arenas of a suite are for."""
+
+
+def game_names() -> list[str]:
+    """The presets, then the gallery."""
+    return [*PRESETS, *sorted(path.stem for path in GALLERY.glob("*.toml"))]
+
+
+def unknown_game(name: str) -> str:
+    """Return the message that refuses the name of a game that there is not."""
+    others = f"one of a suite, as '{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office'"
+    return unknown_name("game", name, game_names(), f"{others}, or a .toml or .json file", nearest(name, game_names()))
