@@ -12,12 +12,10 @@ from apollonius.game.outcome import is_captured
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
 from apollonius.limits import JOINT_HOLD
 from apollonius.solve.joint import lanes_of
-from apollonius.solve.motion import ends
+from apollonius.solve.motion import NEVER, ends
 from apollonius.solve.side import Side
 from apollonius.solve.zero_sum_game import ZeroSumGame
 
-_NEVER = 255
-"""Steps to a capture that does not come."""
 _MOST = JOINT_HOLD.most
 """Steps that fit above nine bits; no hold is longer."""
 Answers = UInt8[Array, "first second draws"]
@@ -27,11 +25,17 @@ Decided = UInt16[Array, "tiles first lanes"]
 
 
 def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Answers | None = None) -> Decided:
-    """The actions of the side that moves first after which a capture within the hold is certain.
+    """Return the actions of the side that moves first after which a capture decides the game within the hold.
 
-    Of those that it survives: for the pursuer, the ones that capture whatever the evader does, of what that survives,
-    in as many steps as the best of them takes; for the evader, the ones to which the pursuer has an answer that
-    captures, in as many as it can hold out. Courses are judged step by step, as the rules do.
+    Courses are judged step by step, as the rules do: what ends the game first counts, in one step a capture before a
+    failure. An action that would crash later has captured, or is captured, all the same. For the pursuer an action
+    decides that wins whatever the evader does, some of it by a capture, in as many steps as the best such action takes
+    at most. For the evader an action decides to which the pursuer has an answer that captures, in as many steps as the
+    evader can hold out.
+
+    So the pursuer is never credited with a capture that the evader can avoid, and the evader never with an escape from
+    one that it cannot: whatever is not decided here goes on, which for the pursuer is a lower bound, as it forgets what
+    would have been caught, and for the evader what happens.
 
     Args:
         zero_sum_game: the game, as the side sees it that moves first.
@@ -52,7 +56,7 @@ def _decisive(
     window = (slices, 2 * reach[0] + 1, 2 * reach[1] + 1)
     inside = (slice(None), slice(reach[0], reach[0] + columns), slice(reach[1], reach[1] + rows))
     around = ((0, 0), *((cells, cells) for cells in reach), (0, 0))
-    survived = jnp.pad(jnp.moveaxis(second.free, 1, -1), around)
+    fails = jnp.pad(jnp.moveaxis(second.failure, 1, -1), around)
     lanes = lanes_of(second.grid)
 
     def by_node(index: Int[Array, ""]) -> UInt16[Array, "places tiles lanes"]:
@@ -60,14 +64,16 @@ def _decisive(
 
         def at(place: Int[Array, ""]) -> UInt16[Array, "tiles lanes"]:
             x, y = place // rows, place % rows
-            possible = survived
+            taken = jnp.ones(fails.shape, bool)
             if answers is not None:
                 row = answers[index * columns * rows + place].reshape(slices, columns, rows, 1, -1)
-                taken = row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None, :, None]
-                possible = survived & jnp.pad(jnp.any(taken, axis=-1), around)
-            possible = jax.lax.dynamic_slice(possible, (0, x, y, 0), (*window, NUM_ACTIONS))
-            near = _pack(zero_sum_game.role, steps, first.free[index, :, x, y], possible)
-            everywhere = jnp.zeros(survived.shape[:3], jnp.uint16)
+                drawn = row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None, :, None]
+                taken = jnp.pad(jnp.any(drawn, axis=-1), around)
+            theirs, taken = (
+                jax.lax.dynamic_slice(leaf, (0, x, y, 0), (*window, NUM_ACTIONS)) for leaf in (fails, taken)
+            )
+            near = _pack(zero_sum_game.role, steps, first.failure[index, :, x, y], theirs, taken)
+            everywhere = jnp.zeros(fails.shape[:3], jnp.uint16)
             everywhere = jax.lax.dynamic_update_slice(everywhere, near, (0, x, y))
             return everywhere[inside].reshape(-1, lanes)
 
@@ -98,7 +104,7 @@ def _steps_to_capture(
 
         nothing = jnp.zeros((), jnp.int32)
         hits = jax.vmap(captured)(*zip(ends(mine), ends(theirs), strict=True))
-        return jnp.where(jnp.any(hits), jnp.argmax(hits) + 1, _NEVER).astype(jnp.uint8)
+        return jnp.where(jnp.any(hits), jnp.argmax(hits) + 1, NEVER).astype(jnp.uint8)
 
     by_answer = jax.vmap(steps, (None, 0, None, None))
     by_action = jax.vmap(by_answer, (0, None, None, None))
@@ -109,18 +115,27 @@ def _steps_to_capture(
 def _pack(
     role: Role,
     steps: UInt8[Array, "slices wide high 9 9"],
-    survives: Bool[Array, "9"],
-    possible: Bool[Array, "slices wide high 9"],
+    own: UInt8[Array, "9"],
+    theirs: UInt8[Array, "slices wide high 9"],
+    taken: Bool[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
-    """Which actions decide, and when."""
-    answers, own = possible[..., None, :], jnp.broadcast_to(survives, (*steps.shape[:3], NUM_ACTIONS))
+    """Return which actions decide, and when.
+
+    Args:
+        steps: to a capture, by both actions.
+        own, theirs: the steps in which the robots fail.
+        taken: the answers that there are.
+    """
+    own, theirs, taken = own[None, None, None, :, None], theirs[..., None, :], taken[..., None, :]
+    captured = (steps < NEVER) & (steps <= own) & (steps <= theirs)
     if role == Role.PURSUER:
-        latest = jnp.max(jnp.where(answers, steps, 0), axis=-1)
-        decides = own & jnp.any(answers, axis=-1) & (latest < _NEVER)
+        won_in = jnp.where(captured, steps, jnp.where(theirs < own, theirs, NEVER))
+        latest = jnp.max(jnp.where(taken, won_in, 0), axis=-1)
+        decides = jnp.any(taken & captured, axis=-1) & (latest < NEVER)
         when = jnp.min(jnp.where(decides, latest, _MOST), axis=-1)
     else:
-        soonest = jnp.min(jnp.where(answers, steps, _NEVER), axis=-1)
-        decides = own & (soonest < _NEVER)
+        soonest = jnp.min(jnp.where(taken & captured, steps, NEVER), axis=-1)
+        decides = soonest < NEVER
         when = jnp.max(jnp.where(decides, soonest, 0), axis=-1)
     bits = jnp.array([1 << action for action in range(NUM_ACTIONS)], jnp.uint16)
     which = jnp.sum(jnp.where(decides, bits[None, None, None], 0), axis=-1, dtype=jnp.uint16)

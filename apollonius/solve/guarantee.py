@@ -10,8 +10,8 @@ backups of nine actions each instead of one of 81 pairs. What the pursuer is sur
 what the evader is sure of, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
 Capuzzo-Dolcetta, 1997, chapter VIII). On every grid the upper is nowhere less than the lower.
 
-A hold that the first robot does not survive is lost at once; one that the second does not survive is won at its end.
-Where an action decides the game by a capture (`capture.decisive`), it is worth that.
+Where an action decides the game by a capture (`capture.decisive`), it is worth that. Otherwise a hold that the first
+robot does not survive is lost at once, and one that the second does not survive is won at its end.
 """
 
 from collections.abc import Callable

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt8
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
@@ -13,6 +13,8 @@ from apollonius.limits import HOLD
 
 HORIZON = 20.0
 """Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""
+NEVER = 255
+"""The step of what does not happen within a hold, later than any step of one."""
 _UNROLL = 5
 """Steps compiled in a row: quicker than a loop, and no longer to compile for a long hold."""
 
@@ -58,6 +60,11 @@ class Motion(eqx.Module):
     def room(self, course: RobotState) -> Scalar:
         """Least clearance [m] of the body along a course, step by step as the rules judge it."""
         return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
+
+    def failure(self, course: RobotState) -> UInt8[Array, ""]:
+        """Return the step of a course in which the body first touches something, from 1; `NEVER` if in none."""
+        touches = jax.vmap(self.arena.clearance_along)(*ends(course)) < self.body.radius
+        return jnp.where(jnp.any(touches), jnp.argmax(touches) + 1, NEVER).astype(jnp.uint8)
 
 
 def discount_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*shape"]:

@@ -132,8 +132,12 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
     def judged(number: Int[Array, ""]) -> Float[Array, "moving lanes"]:
         decided = tile_of(response.decided, number, lanes)
         seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
-        some, all_there_are = decided & _EVERY, jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)
-        certain = some > 0 if zero_sum_game.role == Role.PURSUER else some == all_there_are[None]
+        some = decided & _EVERY
+        if zero_sum_game.role == Role.PURSUER:
+            certain = some > 0
+        else:
+            free = jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)[None]
+            certain = some & free == free
         return jnp.where(certain, zero_sum_game.capture * discount_after(seconds), answered(number))
 
     return refreshed(table, judged)

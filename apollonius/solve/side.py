@@ -1,13 +1,13 @@
 """One robot on its grid: where its held actions lead, and which of them it survives."""
 
 import equinox as eqx
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, UInt8
 
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import Motion, motion_of
-from apollonius.solve.transition_map import TransitionMap, rooms, transition_map_of
+from apollonius.solve.motion import NEVER, Motion, motion_of
+from apollonius.solve.transition_map import TransitionMap, failures, transition_map_of
 
 
 class Side(eqx.Module):
@@ -16,13 +16,18 @@ class Side(eqx.Module):
     Attributes:
         motion, grid: the robot's.
         transitions: where its held actions lead.
-        free: whether they touch nothing.
+        failure: the step in which they touch something; `NEVER` if in none.
     """
 
     motion: Motion
     grid: Grid
     transitions: TransitionMap
-    free: Bool[Array, "slices 9 x y"]
+    failure: UInt8[Array, "slices 9 x y"]
+
+    @property
+    def free(self) -> Bool[Array, "slices 9 x y"]:
+        """Whether the robot survives the whole hold."""
+        return self.failure == NEVER
 
     @property
     def farthest(self) -> float:
@@ -43,4 +48,4 @@ def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0)
     """
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid, slack)
-    return Side(motion, grid, transitions, rooms(motion, grid, transitions) >= 0)
+    return Side(motion, grid, transitions, failures(motion, grid, transitions))

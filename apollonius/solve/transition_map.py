@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt8
 
 from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
 from apollonius.limits import require_memory
@@ -170,12 +170,23 @@ def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, 
 
 @eqx.filter_jit
 def rooms(motion: Motion, grid: Grid, transitions: TransitionMap) -> Float[Array, "slices 9 x y"]:
-    """Least clearance [m] while each action is held from each node."""
+    """Return the least clearance [m] while each action is held from each node."""
+    return _of_courses(motion.room, grid, transitions)
+
+
+@eqx.filter_jit
+def failures(motion: Motion, grid: Grid, transitions: TransitionMap) -> UInt8[Array, "slices 9 x y"]:
+    """Return the step in which the robot fails while each action is held from each node; `NEVER` if in none."""
+    return _of_courses(motion.failure, grid, transitions)
+
+
+def _of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap) -> Array:
+    """Return what a function makes of each action's course from each node: `[slices 9 x y]`."""
     x, y = grid.places()
 
-    def everywhere(course: RobotState) -> Float[Array, "x y"]:
-        def at(x: Scalar, y: Scalar) -> Scalar:
-            return motion.room(jax.vmap(lambda one: RobotState(one.x + x, one.y + y, one.v, one.heading))(course))
+    def everywhere(course: RobotState) -> Array:
+        def at(x: Scalar, y: Scalar) -> Array:
+            return of(jax.vmap(lambda one: RobotState(one.x + x, one.y + y, one.v, one.heading))(course))
 
         return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
 

@@ -5,8 +5,8 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from tests.oracle.numpy_game import closest_pass
-from tests.oracle.numpy_solver import axes, corners, course, indices, nodes, room
+from tests.oracle.numpy_game import closest_pass, gaps
+from tests.oracle.numpy_solver import axes, clearance, corners, course, indices, nodes
 
 
 class Robot:
@@ -20,7 +20,8 @@ class Robot:
         self.courses = [
             [course(game, self.states[index], action, steps) for action in range(9)] for index in self.order
         ]
-        self.free = np.array([[room(game, one) >= 0 for one in many] for many in self.courses])
+        self.fails = np.array([[failure(game, one) for one in many] for many in self.courses])
+        self.free = np.isinf(self.fails)
         self.matrices = np.zeros((9, len(self.order), len(self.order)))
         for position, many in enumerate(self.courses):
             for action, one in enumerate(many):
@@ -45,14 +46,29 @@ def captures(game, first, second, farthest):
     return steps
 
 
-def certain_captures(steps, first, second, pursuing):
-    """By node, node and action of the first robot: the step of a capture that is certain, inf where none is."""
-    if pursuing:
-        answered = np.where(second.free[None, :, None, :], steps, -math.inf).max(axis=-1)
-        answered[answered == -math.inf] = math.inf
-    else:
-        answered = np.where(second.free[None, :, None, :], steps, math.inf).min(axis=-1)
-    return np.where(first.free[:, None, :], answered, math.inf)
+def failure(game, states):
+    """The step of a course in which the robot fails; inf if in none. Who begins in contact fails at once."""
+    if clearance(game, states[0]) < 0:
+        return 1
+    along = [min(gaps(game.arena, game.pursuer.radius, before, after)) for before, after in pairwise(states)]
+    return next((number for number, gap in enumerate(along, start=1) if gap < 0), math.inf)
+
+
+def certain_captures(steps, first, second, pursuing, possible=True):
+    """By node, node and action of the first robot: the step of a capture that is certain, inf where none is.
+
+    By the rules: what comes first ends the game, in one step a capture before a failure.
+
+    possible: which answers there are, by node, node and answer.
+    """
+    own, theirs = first.fails[:, None, :, None], second.fails[None, :, None, :]
+    possible = np.broadcast_to(np.asarray(possible)[..., None, :] if possible is not True else True, steps.shape)
+    captured = np.isfinite(steps) & (steps <= own) & (steps <= theirs)
+    if not pursuing:
+        return np.where(captured & possible, steps, math.inf).min(axis=-1)
+    won = np.where(captured, steps, np.where(theirs < own, theirs, math.inf))
+    latest = np.where(possible, won, -math.inf).max(axis=-1)
+    return np.where((captured & possible).any(axis=-1), latest, math.inf)
 
 
 def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, hold):
@@ -86,15 +102,12 @@ def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, l
     several that it takes equally often."""
     size = len(own.order)
     drawn = np.stack([(answers == action).mean(axis=-1) for action in range(9)], axis=-1)  # [own, other's node, action]
-    possible = (drawn > 0) & other.free[None]
-    by_answer = np.where(possible[:, :, None], steps, -math.inf if pursuing else math.inf)
-    certain_in = by_answer.max(axis=-1) if pursuing else by_answer.min(axis=-1)
-    certain_in = np.where(own.free[:, None] & np.isfinite(certain_in), certain_in, math.inf)
+    certain_in = certain_captures(steps, own, other, pursuing, drawn > 0)
     decided = np.isfinite(certain_in)
     if pursuing:
         certain, when = decided.any(axis=-1), certain_in.min(axis=-1)
     else:
-        certain = (decided == own.free[:, None, :]).all(axis=-1)
+        certain = (decided | ~own.free[:, None, :]).all(axis=-1)
         when = np.where(decided, certain_in, 0).max(axis=-1)
     captured = (win if pursuing else lose) * np.exp(-when * game.dt / horizon)
     discount = math.exp(-hold * game.dt / horizon)

@@ -7,13 +7,17 @@ import pytest
 
 from apollonius import limits
 from apollonius.errors import InvalidInput
+from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.starts import Starts
 from apollonius.game.types import RobotState, Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.zero_sum_game import make_zero_sum_game
+from tests.oracle import numpy_chase
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, as_matrix
 
@@ -117,3 +121,29 @@ def test_robots_must_share_their_places():
     grids = make_grid(SMALL.arena, BODY, (4, 3, 2, 5)), make_grid(SMALL.arena, Unicycle(), (3, 4, 2, 5))
     with pytest.raises(InvalidInput, match=r"as many nodes along x and y as 3x4x2x5"):
         make_duel(make_zero_sum_game(SMALL, grids, HOLD, Role.PURSUER, "win"))
+
+
+RUNNER = Unicycle(v_max=1.2, u1_max=0.3, u2_max=0.0, radius=0.05)
+LINE = Game(
+    pursuer=RUNNER,
+    evader=RUNNER,
+    arena=Arena(x_max=6.0, y_max=0.6),
+    capture_distance=0.31,
+    starts=Starts(clearance=0.1),
+)
+"""A chase along a line: in a second each action leads from a place of 0.15 m and 0.3 m/s to another."""
+
+
+@pytest.mark.parametrize("role", Role)
+def test_on_a_lattice_no_side_is_promised_more_than_the_exact_value(role):
+    """Nothing is interpolated there, so that the rules alone decide; a pursuer that would crash later has captured."""
+    duel = make_duel(zero_sum_game(LINE, role, (41, 3, 5, 3), hold=10))
+    table = as_matrix(guarantee(duel, solve_duel(duel, tolerance=1e-5).table))
+    place, speed = np.meshgrid(np.arange(1, 40), np.arange(5), indexing="ij")
+    node = np.ravel_multi_index((speed, 0 * place, place, 0 * place + 1), duel.first.grid.shape).ravel()
+    state = (place * 5 + speed).ravel()
+    exact = numpy_chase.values(pursuing=role == Role.PURSUER, horizon=HORIZON)[np.ix_(state, state)]
+    found = table[np.ix_(node, node)]
+    assert np.max(found - exact) < 1e-4
+    assert np.mean(found > exact - 0.06) > 0.9  # a hold is lost at its beginning and won at its end
+    assert 0.05 < np.mean(exact > 0) < 0.95
