@@ -203,9 +203,11 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
         lines.append(
             f"  it can be made to lose {low:.2%} at least; the response looks one hold ahead, so far from the most"
         )
-    lines.append(f"  the tables say: sure of {card.sure:+.3f}, conceded at most {card.at_most:+.3f}")
     lines.append(
-        f"  gap to what it could be sure of {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
+        f"  the tables estimate a value from {card.sure:+.3f} to {card.at_most:+.3f}; off their nodes neither is a bound"
+    )
+    lines.append(
+        f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
     )
     lines.append("  gap by where it starts, the arena from above:")
     for row in card.regions:

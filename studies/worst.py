@@ -83,8 +83,9 @@ def verdict(found: Mapping[str, Attacks], role: Role) -> str:
     regret = [sure(attacks, SOLVED) - own[arena] for arena, attacks in found.items()]
     low, high = mean_interval(regret, -2.0, 2.0)
     return (
-        f"{ANY[role]} is sure of at least as much {', '.join(said)} of {len(found)} arenas; of "
-        f"{np.mean(regret):.2f} less than the solved game's player ({low:.2f} to {high:.2f})."
+        f"Against the worst of its attackers {ANY[role]} does at least as well {', '.join(said)} of "
+        f"{len(found)} arenas, and "
+        f"{np.mean(regret):.2f} worse than the solved game's player ({low:.2f} to {high:.2f})."
     )
 
 

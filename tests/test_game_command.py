@@ -41,7 +41,7 @@ def test_the_game_is_solved_once_and_then_loaded(capsys, tables, monkeypatch):
     monkeypatch.setattr("apollonius.solve.solving.solve_duel", None)
     facts = run_json(capsys, "solve", "game", "--role", "evader", *GRID, "--out", tables["evader"])
     assert (facts["grid"], facts["hold [s]"], facts["sweeps"]) == ("4x4x2x4", 1.0, solution.sweeps)
-    assert -1 <= facts["at the worst"] <= facts["the evader is sure of, on average over starts"] <= 1
+    assert -1 <= facts["at the worst"] <= facts["the evader's estimate, on average over starts"] <= 1
     assert_refused(
         capsys, "solve", "game", "--role", "evader", "--payoff", "time", *GRID, "--out", tables["evader"],
         naming=("evader.safetensors", "another problem", "--force"),
@@ -73,7 +73,7 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     assert {replay.index for replay in kept} == {game["game"] for game in card["worst"][:2]}
     assert {(replay.pursuer, replay.evader) for replay in kept} == {("table", "random")}
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
-    assert "gap to what it could be sure of" in capsys.readouterr().out
+    assert "gap to its own table's estimate" in capsys.readouterr().out
 
 
 @pytest.mark.slow

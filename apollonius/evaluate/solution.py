@@ -79,7 +79,7 @@ def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     sure = np.asarray(player.best_value(starts))
     return {
         "payoff": solution.problem.payoff,
-        f"the {role.name.lower()} is sure of, on average over starts": float(np.mean(sure)),
+        f"the {role.name.lower()}'s estimate, on average over starts": float(np.mean(sure)),
         "at the best start": float(np.max(sure)),
         "at the worst": float(np.min(sure)),
     }

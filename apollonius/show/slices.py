@@ -143,7 +143,7 @@ def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
     """The highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
     best = found.values.max(axis=-1)
     mesh = axes.pcolormesh(found.x, found.y, best, cmap="viridis", rasterized=True)
-    label = "what it is sure of [discounted payoff]" if solved else "value [discounted reward to come]"
+    label = "estimate of what it is sure of [discounted payoff]" if solved else "value [discounted reward to come]"
     below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
     axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label=label)
     if solved and np.nanmin(best) < 0 < np.nanmax(best):

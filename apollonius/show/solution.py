@@ -79,7 +79,7 @@ def _of_a_game(solution: Solution, own: Grid, other: Grid, free: Bool[np.ndarray
     there = table[:, np.ravel_multi_index((0, 0, column, row), other.shape)].astype(np.float32).reshape(own.shape)
     x, y = columns[column], rows[row]
     over_others = table.mean(axis=1, dtype=np.float32).reshape(own.shape)
-    meaning = f"what it is sure of [payoff: {solution.problem.payoff}]"
+    meaning = f"estimate of what it is sure of [payoff: {solution.problem.payoff}]"
     speed, still = _speeds(own)[0], _speeds(other)[0]
     one = f"at {speed:g} m/s, the best heading; the other one at ({x:.3g}, {y:.3g}) m, {still:g} m/s"
     return (one, meaning, there[0].max(axis=0)), ("mean over all else", meaning, over_others.mean(axis=(0, 1)))
