@@ -204,7 +204,7 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
             f"  it can be made to lose {low:.2%} at least; the response looks one hold ahead, so far from the most"
         )
     lines.append(
-        f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds between their nodes"
+        f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds off their nodes"
     )
     lines.append(
         f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
