@@ -15,7 +15,6 @@ from apollonius.commands.pursuers import add_pursuers
 from apollonius.commands.regret import add_regret
 from apollonius.commands.report import add_report
 from apollonius.commands.reproduce import add_reproduce
-from apollonius.commands.robots import add_robots
 from apollonius.commands.show import add_show
 from apollonius.commands.simulate import add_simulate
 from apollonius.commands.slice import add_slice
@@ -32,7 +31,7 @@ COMMANDS = {
     "Judge": (add_evaluate, add_tournament, add_exploit, add_simulate),
     "Solve": (add_solve, add_regret, add_pursuers),
     "Watch and play": (add_show, add_play, add_slice, add_report),
-    "Arenas and robots of your own": (add_arena, add_robots, add_export),
+    "Arenas and robots of your own": (add_arena, add_export),
     "The paper": (add_reproduce,),
 }
 """By purpose, in the order of the help."""

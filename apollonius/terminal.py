@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING
 
 from apollonius.display import Display
 from apollonius.evaluate.cycles import cycles
-from apollonius.evaluate.statistics import wilson_interval
 
 if TYPE_CHECKING:
     from apollonius.evaluate.card import Card
-    from apollonius.evaluate.makes import MakeTable
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.team_sizes import TeamSizes
     from apollonius.evaluate.tournament import Tournament
+    from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.progress import Progress
     from apollonius.solve.iteration import Sweep
 
@@ -149,41 +148,23 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
     return "\n".join(lines)
 
 
-def make_table(table: "MakeTable") -> str:
-    """Robots of every make as lines of text, a part for each radius; shares of the games in %, 95 % intervals."""
-    lines = [
-        f"{table.pursuer} (pursuer) against {table.evader} (evader), {table.own_match.games:,} games with each make",
-        "speed and turn: the pursuer's limits over the evader's; all else in % of games",
-        "",
-        f"{'':11}  {'pursuer':<16}  {'evader':<16}{'':8}{'pursuer':>8}{'evader':>8}",
-        f"speed  turn  {'wins':<16}  {'undefeated':<16}{'caught':>8}{'fails':>8}{'fails':>8}{'no end':>8}",
+def varied_table(varied: "VariedMatches") -> str:
+    """Return a sweep as lines of text: a row for each value of the first number, a column for each of the second."""
+    first, *second = varied.variations
+    corner = " \\ ".join(one.field for one in varied.variations)
+    columns = [f"{value:g}" for value in second[0].values] if second else ["pursuer wins"]
+    cells = [
+        f"{100 * result.pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
+        for result in varied.results
+        for low, high in [result.pursuer_win_interval]
     ]
-    for radius, caught, part in zip(table.radii, table.capture_distances, table.matches, strict=True):
-        lines.append(f"radius {radius:g} m, caught within {caught:g} m")
-        for turn, row in zip(table.turn_ratios, part, strict=True):
-            for speed, match in zip(table.speed_ratios, row, strict=True):
-                lines.append(f"{speed:>5.3g}{turn:>6.3g}{_make_row(match)}")
-    own = table.own
-    lines.append(f"the game's own robots: {own}" + ("" if own.radius is not None else ", each with its own radius"))
-    lines.append(f"{own.speed_ratio:>5.3g}{own.turn_ratio:>6.3g}{_make_row(table.own_match)}")
-    return "\n".join(lines)
-
-
-def _make_row(match: "MatchResult") -> str:
-    """What a match came to, in the columns of `make_table`."""
-    counts, games = match.outcomes, match.games
-    shares = [
-        f"  {100 * won / games:5.1f} [{100 * low:.0f}, {100 * high:.0f}]".ljust(18)
-        for won in (round(match.pursuer_win_rate * games), round(match.evader_undefeated_rate * games))
-        for low, high in [wilson_interval(won, games)]
+    rows = [
+        [f"{value:g}", *cells[row * len(columns) : (row + 1) * len(columns)]] for row, value in enumerate(first.values)
     ]
-    kinds = [
-        counts["captured"],
-        counts["pursuer_hit_obstacle"] + counts["pursuer_out_of_range"],
-        counts["evader_hit_obstacle"] + counts["evader_out_of_range"],
-        counts["no_result"],
-    ]
-    return "".join([*shares, *(f"{100 * kind / games:>8.1f}" for kind in kinds)])
+    table = [[corner, *columns], *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = ["  ".join(map(str.rjust, row, widths)) for row in table]
+    return "\n".join([match_heading(varied.match), "the pursuer's wins in % of games, with 95 % intervals", *lines])
 
 
 def card_table(agent: str, starts: str, card: "Card") -> str:

@@ -247,8 +247,6 @@ def with_less(words, options):
         changes = {"--games": "8"} | ({"--response-games": "2"} if options["tables"] else {"--grid": GRIDS["game"]})
     if what == "solve":
         changes["--grid"] = GRIDS[options["what"]]
-    if what == "robots":
-        changes |= {"--speed": "1", "--turn": "1", "--radius": "0"}
     if what == "tournament":
         changes |= {} if options["pursuers"] else {"--pursuers": "intercept", "--evaders": "flee-aware"}
     if options.get("game") == "suite-v1/held-out":

@@ -121,7 +121,7 @@ except KeyboardInterrupt:
         (0.4, ["play", "--no-open"]),
         (5.0, ["play", "--no-open"]),
         (3.0, ["tournament", "--games", 10**5]),
-        (4.0, ["robots", "shielded:P_pool", "E_scratch", "--games", 10**5]),
+        (4.0, ["evaluate", "shielded:P_pool", "E_scratch", "--games", 10**5, "--vary", "pursuer.v_max=1:1.5:3"]),
         (5.0, ["exploit", "pursuer", "P_stage1", "--env-steps", 10**9]),
         (2.0, ["regret", "P_stage1", "--games", 10**6]),
         (3.0, ["simulate", "random", "still", "--games", 10**4]),

@@ -21,10 +21,10 @@ from apollonius.limits import GAME_FILES, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
-RATIOS = (0.01, 100.0)
-"""Least and largest ratio that is taken."""
 _NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
 """Extras without which files with these endings cannot be written."""
+VALUES = Counted(0, most=100, least=2)
+"""Values of a number that is varied."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
@@ -50,27 +50,12 @@ def _count(counted: Counted, text: str) -> int:
 
 def real(text: str) -> float:
     """A finite number of modest size."""
-    return _between(text, -LARGEST, LARGEST, f"a number within {LARGEST:g} of 0")
-
-
-def ratio(text: str) -> float:
-    """How many times one limit of a robot is another."""
-    low, high = RATIOS
-    return _between(text, low, high, f"a number from {low:g} to {high:g}")
-
-
-def length(text: str) -> float:
-    """A length [m]."""
-    return _between(text, 0.0, LARGEST, f"a length from 0 to {LARGEST:g} m")
-
-
-def _between(text: str, low: float, high: float, bound: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
-    if not low <= number <= high:
-        raise unfit(text, bound)
+    if not abs(number) <= LARGEST:
+        raise unfit(text, f"a number within {LARGEST:g} of 0")
     return number
 
 
@@ -79,6 +64,18 @@ def engine(text: str) -> str:
     if text == "ray" and (remedy := missing("ray")):
         raise unfit(text, f"local where Ray is not installed: {remedy}")
     return text
+
+
+def varied(text: str) -> tuple[str, tuple[float, ...]]:
+    """A number of a game and evenly spaced values of it, as `pursuer.v_max=0.8:1.6:5`."""
+    field, equals, numbers = text.partition("=")
+    ends = numbers.split(":")
+    if not (field.strip() and equals and len(ends) == 3):
+        raise unfit(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
+    low, high, steps = real(ends[0]), real(ends[1]), _count(VALUES, ends[2]) - 1
+    if low == high:
+        raise unfit(text, "FIELD=FROM:TO:COUNT with different ends")
+    return field, tuple(float(f"{low * (1 - i / steps) + high * i / steps:.12g}") for i in range(steps + 1))
 
 
 def nodes(text: str) -> tuple[int, int, int, int]:

@@ -1,0 +1,137 @@
+"""A sweep over numbers of a game: a match for each value, all on paired starts and in one compilation."""
+
+import difflib
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from apollonius.errors import InvalidInput, require
+from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.evaluate.shields import alike
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game
+from apollonius.game.types import ROLES
+from apollonius.game.validation import check_game
+from apollonius.playout import Report
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A number of a game and the values that it takes.
+
+    Attributes:
+        field: dotted path of the number in the game, as `pursuer.v_max` or `arena.discs.0.radius`.
+        values: in the order in which they are played and shown.
+    """
+
+    field: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class VariedMatches:
+    """Results of two players' matches over one or two varied numbers of a game.
+
+    Attributes:
+        match: the first of the matches: players, number of games, seed and starts are those of all.
+        variations: the numbers that were varied.
+        own: the values of these numbers in the game itself.
+        results: by the values of the first number, then of the second.
+    """
+
+    match: Match
+    variations: tuple[Variation, ...]
+    own: tuple[float, ...]
+    results: tuple[MatchResult, ...]
+
+    @property
+    def win_rates(self) -> Float[np.ndarray, "..."]:
+        """The pursuer's share of wins, an axis for each varied number."""
+        rates = np.array([result.pursuer_win_rate for result in self.results])
+        return rates.reshape([len(one.values) for one in self.variations])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the results as JSON-like data, each beside the values that it is of."""
+        fields = [one.field for one in self.variations]
+        values = itertools.product(*(one.values for one in self.variations))
+        rows = zip(values, self.results, strict=True)
+        return {"vary": fields, "matches": [dict(zip(fields, at, strict=True)) | found.to_dict() for at, found in rows]}
+
+
+def numbers_of(game: Game) -> dict[str, float]:
+    """Return the numbers of a game that can be varied, by their dotted paths."""
+    leaves = jax.tree_util.tree_flatten_with_path(game)[0]
+    named = ((jax.tree_util.keystr(path, simple=True, separator="."), leaf) for path, leaf in leaves)
+    return {name: leaf for name, leaf in named if isinstance(leaf, int | float)}
+
+
+def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
+    """Return a game with other numbers at some dotted paths.
+
+    Raises:
+        InvalidInput: for a path that is none of `numbers_of`, and for values that no game can be played with.
+    """
+    known = numbers_of(game)
+    for field in numbers:
+        if field not in known:
+            near = difflib.get_close_matches(field, known, n=1, cutoff=0.0)[0]
+            raise InvalidInput(f"the game has no number '{field}': did you mean '{near}'?")
+
+    def value(path: Any, leaf: Any) -> Any:
+        name = jax.tree_util.keystr(path, simple=True, separator=".")
+        if name not in numbers:
+            return leaf
+        number = numbers[name]
+        return int(number) if isinstance(leaf, int) and number.is_integer() else number
+
+    varied = jax.tree_util.tree_map_with_path(value, game)
+    try:
+        check_game(varied)
+    except InvalidInput as error:
+        at = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
+        raise InvalidInput(f"with {at}: {error}") from error
+    return varied
+
+
+def play_varied(
+    game: Game,
+    names: BySide[str],
+    variations: Sequence[Variation],
+    games: int,
+    seed: int = 0,
+    starts: str | None = None,
+    report: Report = lambda done, total: None,
+) -> VariedMatches:
+    """Play a match of two players for each value of a number of the game, or each pair of values of two numbers.
+
+    Args:
+        names: of the players, as `find_player` takes them.
+        variations: one or two of them.
+        games, seed, starts: as of `Match.of_names`, the same for each match.
+        report: called with the number of games that have ended, of all matches together.
+
+    Raises:
+        InvalidInput: as `with_numbers` and `Match.of_names`, before anything is played, and as `play_match`.
+    """
+    fields = [one.field for one in variations]
+    require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")
+    grid = itertools.product(*(one.values for one in variations))
+    rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
+    matches = [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
+    policies = ROLES.map(lambda role: alike([match.players[role].policy for match in matches]))
+    results: list[MatchResult] = []
+    for match, *both in zip(matches, *policies, strict=True):
+        players = BySide(*(replace(player, policy=one) for player, one in zip(match.players, both, strict=True)))
+        before = games * len(results)
+
+        def of_all(done: int, _: int, before: int = before) -> None:
+            report(before + done, games * len(matches))
+
+        results.append(play_match(replace(match, players=players), report=of_all))
+    own = numbers_of(game)
+    return VariedMatches(matches[0], tuple(variations), tuple(float(own[field]) for field in fields), tuple(results))

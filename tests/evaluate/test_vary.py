@@ -1,0 +1,113 @@
+"""Varied numbers of a game: the matches of `evaluate`, in one compilation, as a table, JSON and a picture."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from matplotlib.figure import Figure
+
+from apollonius import playout
+from apollonius.errors import InvalidInput
+from apollonius.evaluate.match import Match, play_match
+from apollonius.evaluate.vary import Variation, numbers_of, play_varied, with_numbers
+from apollonius.game import game as starts
+from apollonius.game.by_side import BySide
+from apollonius.game.presets import make_game
+from apollonius.show import varied as pictures
+from apollonius.terminal import varied_table
+from tests.test_cli import assert_refused, run_main
+
+PAPER = replace(make_game("paper"), max_steps=150)
+NAMES = BySide("pure-pursuit", "flee-aware")
+SPEEDS = Variation("pursuer.v_max", (0.6, 1.2, 2.4))
+RADII = Variation("arena.discs.0.radius", (0.5, 0.7))
+
+
+@pytest.fixture(scope="module")
+def told():
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(told):
+    return play_varied(PAPER, NAMES, (SPEEDS, RADII), 60, 3, report=lambda *numbers: told.append(numbers))
+
+
+def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found, told):
+    assert found.results[2] == play_match(Match.of_names(PAPER, *NAMES, 60, 3))
+    slower = replace(PAPER, pursuer=replace(PAPER.pursuer, v_max=0.6))
+    assert found.results[0] == play_match(Match.of_names(slower, *NAMES, 60, 3))
+    assert found.win_rates.shape == (3, 2)
+    assert found.win_rates[0, 0] < found.win_rates[2, 0]
+    assert told == sorted(told)
+    assert told[-1] == (360, 360)
+
+
+def test_as_text_and_as_data_each_result_is_beside_its_values(found):
+    heading, _, header, *rows = varied_table(found).splitlines()
+    assert "60 games, starts: rest" in heading
+    assert header.split() == ["pursuer.v_max", "\\", "arena.discs.0.radius", "0.5", "0.7"]
+    low, high = found.results[2].pursuer_win_interval
+    shown = f"{100 * found.results[2].pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
+    assert rows[1].split(maxsplit=1)[0] == "1.2"
+    assert rows[1].split(maxsplit=1)[1].startswith(shown)
+    data = json.loads(json.dumps(found.to_dict()))["matches"]
+    at = [(one["pursuer.v_max"], one["arena.discs.0.radius"]) for one in data]
+    assert at == [(speed, radius) for speed in SPEEDS.values for radius in RADII.values]
+    assert [one["outcomes"] for one in data] == [one.outcomes for one in found.results]
+
+
+def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
+    drawn: list[Figure] = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *given, **kw: (drawn.append(self), save(self, *given, **kw)))
+    pictures.draw_varied(found, tmp_path / "map.png")
+    one = replace(found, variations=(SPEEDS,), own=(1.2,), results=found.results[::2])
+    pictures.draw_varied(one, tmp_path / "curve.png")
+    heat, curve = (figure.axes[0] for figure in drawn)
+    assert heat.collections[0].get_array().tolist() == (100 * found.win_rates.T).tolist()
+    assert curve.lines[0].get_ydata().tolist() == pytest.approx(100 * found.win_rates[:, 0])
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_compilation_serves_all_values():
+    game = replace(PAPER, max_steps=20)
+    play_varied(game, NAMES, (Variation("pursuer.v_max", (1.8,)),), 5)
+    compiled = playout._advance._cache_size(), starts._draw_block._cache_size()
+    play_varied(game, NAMES, (SPEEDS, RADII), 5)
+    play_varied(game, NAMES, (Variation("max_steps", (10.0, 20.0)), Variation("dt", (0.1, 0.2))), 5)
+    assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
+
+
+def test_only_the_named_numbers_change():
+    other = with_numbers(PAPER, {"evader.u2_max": 0.4, "max_steps": 70.0})
+    assert other == replace(PAPER, evader=replace(PAPER.evader, u2_max=0.4), max_steps=70)
+    assert numbers_of(other) == numbers_of(PAPER) | {"evader.u2_max": 0.4, "max_steps": 70}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "named"),
+    [
+        ({"pursuer.vmax": 1.0}, r"no number 'pursuer\.vmax': did you mean 'pursuer\.v_max'\?"),
+        ({"pursuer.v_max": float("nan")}, r"pursuer\.v_max = nan"),
+        ({"pursuer.u2_max": 24.0}, r"with pursuer\.u2_max = 24: pursuer\.u2_max = 24"),
+        ({"max_steps": 10.5}, r"max_steps = 10\.5"),
+        ({"capture_distance": 2.0}, r"with capture_distance = 2: starts\.separation"),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused(numbers, named):
+    with pytest.raises(InvalidInput, match=named):
+        with_numbers(PAPER, numbers)
+
+
+def test_the_command_prints_json_draws_and_refuses(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("evaluate", "pure-pursuit", "still", "--games", "5")
+    assert run_main(*words, "--vary", "pursuer.v_max=1:1.5:3", "--json", "--out", "a.png") == 0
+    printed, said = capsys.readouterr()
+    assert [one["pursuer.v_max"] for one in json.loads(printed)["matches"]] == [1, 1.25, 1.5]
+    assert said.splitlines()[-1].startswith("wrote a.png (")
+    for text, named in (("dt", "FIELD=FROM:TO:COUNT"), ("dt=0.1:x:2", "= x"), ("dt=1:1.0:2", "different ends"),
+                        ("dt=0:0.1:1", "at least 2"),
+                        ("pursuer.v_max=-1:1:3", "with pursuer.v_max = -1"), ("u2=1:2:2", "did you mean")):  # fmt: skip
+        assert_refused(capsys, *words, "--vary", text, naming=(named,))
