@@ -1,4 +1,4 @@
-"""A sweep over numbers of a game: a match for each value, all on paired starts and in one compilation."""
+"""A sweep over numbers of a game: a match for each value, all with one seed; numbers are data to the compiled code."""
 
 import difflib
 import itertools
