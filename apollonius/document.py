@@ -9,7 +9,7 @@ import os
 import secrets
 import tempfile
 import tomllib
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,7 @@ def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
         data = tomllib.loads(content.decode())
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
-    _check(data, about)
+    _check(data, f"'{path}' cannot be used; correct it")
     return data
 
 
@@ -144,8 +144,19 @@ def _check(data: Any, about: str) -> None:
     for _ in range(_DEEPEST):
         values = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
         if not all(math.isfinite(value) for value in values if isinstance(value, float)):
-            raise InvalidInput(f"{about} (a number that is not finite).")
+            name, value = next(_not_finite(data))
+            raise InvalidInput(f"{about} ({name} = {value} is not possible: it must be a finite number).")
         level = [value for value in values if isinstance(value, dict | list)]
         if not level:
             return
     raise InvalidInput(f"{about} (nested too deeply).")
+
+
+def _not_finite(data: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the dotted names and values of all numbers that are not finite."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+        inner = f"{name}.{key}" if name else str(key)
+        if isinstance(value, dict | list):
+            yield from _not_finite(value, inner)
+        elif isinstance(value, float) and not math.isfinite(value):
+            yield inner, value

@@ -137,7 +137,7 @@ def _sweep(response: Response, table: JointTable) -> tuple[JointTable, Scalar]:
             certain = some > 0
         else:
             free = jax.lax.dynamic_slice_in_dim(survived, number * lanes, lanes)[None]
-            certain = some & free == free
+            certain = (some > 0) & (some & free == free)
         return jnp.where(certain, zero_sum_game.capture * discount_after(seconds), answered(number))
 
     return refreshed(table, judged)

@@ -107,7 +107,7 @@ def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, l
     if pursuing:
         certain, when = decided.any(axis=-1), certain_in.min(axis=-1)
     else:
-        certain = (decided | ~own.free[:, None, :]).all(axis=-1)
+        certain = (decided | ~own.free[:, None, :]).all(axis=-1) & decided.any(axis=-1)
         when = np.where(decided, certain_in, 0).max(axis=-1)
     captured = (win if pursuing else lose) * np.exp(-when * game.dt / horizon)
     discount = math.exp(-hold * game.dt / horizon)

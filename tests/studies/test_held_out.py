@@ -43,7 +43,7 @@ def test_each_arena_has_a_row_and_there_is_a_mean():
 def test_the_verdict_counts_arenas_and_tells_the_regret():
     said = verdict(FOUND, Role.EVADER)
     assert "as specialist in 1, as classical in 2 of 2 arenas" in said
-    regret = "0.25 less than the solved game's player (-1.66 to 2.00)"  # 12.706 / sqrt(2) standard deviations
+    regret = "0.25 worse than the solved game's player (-1.66 to 2.00)"  # 12.706 / sqrt(2) standard deviations
     assert regret in said
 
 
