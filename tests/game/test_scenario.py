@@ -14,14 +14,15 @@ from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
+from apollonius.evaluate.by_arena import count_by_arena
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.scenario import in_arenas, padded
-from apollonius.game.types import Role
-from apollonius.playout import play_out
+from apollonius.game.types import Outcome, Role
+from apollonius.playout import Results, play_out
 from apollonius.rollout import begin, collect
 from apollonius.solve.motion import motion_of
 
@@ -128,3 +129,11 @@ def test_what_must_know_the_arena_beforehand_refuses_several_in_a_line():
         in_arenas(GAME, [NARROW, replace(WIDE, territory=Disc(0.0, 3.0, 0.3))])
     with pytest.raises(InvalidInput, match=r"arena.discs\[0\] centre"):
         in_arenas(GAME, [NARROW, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(9.0, 2.0, 0.4),))])
+
+
+def test_arenas_in_which_nothing_was_played_are_not_counted():
+    """A third arena has no game of the two; the pursuer wins that of the first."""
+    scenario = in_arenas(GAME, [NARROW, WIDE, NARROW]).scenario
+    results = Results(jnp.array([Outcome.CAPTURED, Outcome.NO_RESULT]), jnp.array([3, 4]))
+    counted = count_by_arena(scenario, results)
+    assert (counted.wins, counted.games) == ((1, 0), (1, 1))
