@@ -16,6 +16,6 @@ def require_unforked() -> None:
     """
     if _forked:
         raise InvalidInput(
-            "this process was forked, and JAX does not compute in forked ones: start it anew, as "
+            "JAX cannot compute in a forked process: start it by spawning, as "
             "gymnasium.vector.AsyncVectorEnv does with context='spawn', or take gymnasium.make_vec."
         )

@@ -57,7 +57,7 @@ def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> n
     """Actions of a space in its number type: one, or a batch of them.
 
     Raises:
-        InvalidInput: for another shape or type, or one that is none of the space; says what it should be.
+        InvalidInput: for another shape or type, or an action outside the space.
     """
     discrete = isinstance(space, gymnasium.spaces.Discrete)
     name, kind = "actions" if batch else "action", "a whole number" if discrete else "numbers"

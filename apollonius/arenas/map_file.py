@@ -26,7 +26,7 @@ _MOST_IMAGE = 5 * _MOST_CELLS**2
 _BLACK, _FREE = 0, 254
 """What map_server writes for occupied and free cells."""
 _UNKNOWN = 205 / 255
-"""What map_server writes for cells of which nothing is known, of white."""
+"""Grey level that map_server writes for unknown cells, as a share of white."""
 _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
 """The lightest value of each kind of grey image."""
 

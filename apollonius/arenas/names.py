@@ -6,11 +6,11 @@ from apollonius.errors import nearest, unknown_name
 from apollonius.game.names import PRESETS
 
 GALLERY = Path(__file__).parent / "gallery"
-"""Where the games that ship with the package as files lie."""
+"""Folder of the game files that ship with the package."""
 SUITES = ("suite-v1",)
 """All suites. Each is a file beside this one, which never changes: another list is another suite."""
 PARTS = ("train", "held-out")
-"""What the arenas of a suite are for."""
+"""Purposes of the arenas of a suite."""
 
 
 def game_names() -> list[str]:
@@ -19,6 +19,6 @@ def game_names() -> list[str]:
 
 
 def unknown_game(name: str) -> str:
-    """Return the message that refuses the name of a game that there is not."""
+    """Return the message that refuses an unknown game."""
     others = f"one of a suite, as '{SUITES[0]}/racks-07', one of teams, as 'team-3v1' or 'team-3v1/office'"
     return unknown_name("game", name, game_names(), f"{others}, or a .toml or .json file", nearest(name, game_names()))

@@ -30,7 +30,7 @@ def fill(template: str, blueprint: Blueprint, **values: object) -> str:
 
 
 def _shared(blueprint: Blueprint) -> dict[str, object]:
-    """What is written alike in every file."""
+    """Return the values that every template fills in."""
     return {
         "title": blueprint.title,
         "dt": f"{blueprint.game.dt:g}",
