@@ -38,7 +38,7 @@ class Score:
     payoff: float
     """Mean of what the games were worth."""
     payoff_interval: tuple[float, float]
-    """Normal 95 % interval of that mean."""
+    """95 % interval of that mean (Student's t)."""
 
 
 @dataclass(frozen=True)
