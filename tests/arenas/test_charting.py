@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.arenas import charting
 from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOPS
+from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -35,6 +36,13 @@ def wide():
     return chart_of(OPEN)
 
 
+def made(field):
+    """A chart with this field, whose lower left corner is (3, -2), with cells of 0.1 m."""
+    blank = jnp.zeros((1, 1, 1), jnp.uint16)
+    corners = jnp.broadcast_to(jnp.asarray(field, jnp.float32), (1, SIDE + 1, SIDE + 1))
+    return Chart(corners, blank, blank, jnp.array([3.0]), jnp.array([-2.0]), jnp.array([SIDE / 10]))
+
+
 def points(arena, count, seed=0):
     rng = np.random.default_rng(seed)
     x = rng.uniform(arena.x_min, arena.x_max, count).astype(np.float32)
@@ -50,6 +58,19 @@ def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
     cell = float(chart.side[0]) / SIDE
     assert float(jnp.max(jnp.abs(found - known))) < 0.75 * cell
     assert float(jnp.mean(jnp.abs(found - known))) < 0.05 * cell
+
+
+@pytest.mark.parametrize(("along", "known"), [(0.03, 0.03), (19.15, 19.15), (19.2, 19.2), (25.0, 19.2), (-1.0, 0.0)])
+def test_room_between_the_corners_is_linear_up_to_the_edge_and_constant_beyond(along, known):
+    rising = jnp.linspace(0, SIDE / 10, SIDE + 1)
+    assert float(made(rising).room(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(known, abs=1e-4)
+    upwards = made(rising[:, None])
+    assert float(upwards.room(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
+
+
+def test_a_ray_is_followed_in_twelve_steps():
+    place = jnp.array([9.0, 1.0, 1.0, 0.0])
+    assert float(made(0.5).range(*place)) == pytest.approx(6.0)
 
 
 def test_a_ray_ends_where_the_first_thing_is(wide):
@@ -92,6 +113,22 @@ def test_ways_lead_through_the_door(room):
     assert way(room, (5.2, 1.0), (3.0, 1.0)) == pytest.approx(way(room, (3.0, 1.0), (5.2, 1.0)), rel=1e-3)
     beside = way(room, (3.9, 3.0), (4.3, 3.0))
     assert beside == pytest.approx(6.3, rel=0.1), "a few centimetres from the wall nothing is seen through it"
+
+
+def test_in_an_empty_square_stops_are_as_far_apart_as_points():
+    """To all within two columns and rows; the lowest and leftmost stop is that of the corner."""
+    chart = chart_of(Arena(0.0, 8.0, 0.0, 8.0), pursuer=Unicycle(radius=0.05), evader=Unicycle(radius=0.05))
+    lengths = np.asarray(chart.ways[0, 20 * STOPS + 20]).reshape(STOPS, STOPS)[18:23, 18:23]
+    away = np.arange(-2, 3)
+    np.testing.assert_array_equal(lengths, np.round(20 * np.hypot(away[:, None], away)))
+    assert int(chart.beside[0, 0, 0]) % 2**STOP_BITS == 0
+
+
+@pytest.mark.parametrize("corner", [-1, 0])
+def test_where_no_stop_is_near_all_cells_take_the_first(corner):
+    found = np.full((3, 3), -1)
+    found[0, 0] = corner
+    np.testing.assert_array_equal(charting._spread(found, np.zeros((4, 4), np.float32)), 0)
 
 
 def test_a_body_that_does_not_fit_through_has_no_way():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from apollonius.arenas.free_space import largest_part
+from apollonius.arenas.tiling import Tiling
 from apollonius.solve import enough
 from tests.arenas.test_tiling import ANNULUS, BENT, ROOM
 
@@ -60,6 +61,21 @@ def test_it_goes_on_until_three_graphs_in_a_row_see_every_island(monkeypatch):
     found = count(SMALL, monkeypatch, (12, 200, 300, 400, 600))
     assert [reading.islands for reading in found.readings] == [0, 1, 1, 1]
     assert found.pursuers == 2
+
+
+@pytest.mark.parametrize(("holes", "graphs"), [((1,) * 5, 3), ((0, 1, 1, 1, 1), 4), ((0,) * 5, 5)])
+def test_graphs_that_miss_an_island_do_not_count_though_they_agree(holes, graphs, monkeypatch):
+    links = (
+        np.roll(np.eye(4, dtype=bool), 1, axis=0) & [[hole], [True], [True], [True]] for hole in np.array(holes, bool)
+    )
+    seen = (Tiling(np.zeros((4, 2)), link | link.T, 0.1, 0.0) for link in links)
+    monkeypatch.setattr(enough, "tile", lambda *given: next(seen))
+    monkeypatch.setattr(enough, "core", lambda adjacency: np.arange(1))
+    monkeypatch.setattr(enough, "SIZES", (10, 20, 30, 40, 50))
+    found = enough.how_many(largest_part(SMALL, 0.0, 0.0, 0.1), lambda spacing, share: None)
+    assert [reading.islands for reading in found.readings] == list(holes[:graphs])
+    assert found.unseen == 1 - holes[graphs - 1]
+    assert found.pursuers == 1
 
 
 def test_what_would_take_too_long_is_left_out(monkeypatch):
