@@ -114,7 +114,7 @@ class HeldOut(driver.AbstractStudy):
         return self.out / arena / "attacks"
 
     def finding(self) -> Finding:
-        """What each loses, and is sure of."""
+        """What each loses, and at most is sure of."""
         found = {arena: read_attacks(self.kept(arena)) for arena in self.chosen}
         text = "\n\n".join(f"{arena_table(found, role)}\n\n{verdict(found, role)}" for role in Role)
         data = {

@@ -57,7 +57,7 @@ def arena_players(attacks: Attacks, role: Role) -> dict[str, str]:
 
 
 def arena_table(found: Mapping[str, Attacks], role: Role) -> str:
-    """A row for each arena: what each player loses to the worst of the attackers, and what it is sure of."""
+    """A row for each arena: what each player loses to its worst attacker; an upper bound on what it is sure of."""
     lines = []
     for arena, attacks in found.items():
         players = arena_players(attacks, role)

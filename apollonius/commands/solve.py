@@ -21,7 +21,7 @@ def add_solve(subparsers: Any) -> None:
     parser.add_argument(
         "what", choices=("safety", "reach", "game"),
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
-        "game: what a side is sure of against any opponent",
+        "game: an estimate of the payoff that a side is sure of against any opponent",
     )  # fmt: skip
     parser.add_argument(
         "--game",

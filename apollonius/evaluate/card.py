@@ -1,4 +1,4 @@
-"""The regret card of an agent: how far its play is from what the solved two-robot game says can be had."""
+"""The regret card of an agent: how far its play is from what can be had, as the solved two-robot game estimates it."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -48,13 +48,13 @@ class Card:
     role: str
     games: int
     sure: float
-    """Mean of what the table says the agent's side can be sure of."""
+    """Mean of the table's estimate of what the agent's side can be sure of."""
     at_most: float
-    """Mean of what the other side's table says that it concedes at most."""
+    """Mean of the estimate, by the other side's table, of what that side concedes at most."""
     agent: Score
     """The agent, against the table's player of the other side."""
     gap: float
-    """Mean over the starts of what its side can be sure of there, less what the agent got."""
+    """Mean over the starts of the estimate of what its side can be sure of there, less what the agent got."""
     gap_interval: tuple[float, float]
     response: Score | None
     """The agent against an opponent that looks ahead knowing what the agent does; None if it was not asked for."""
@@ -75,7 +75,9 @@ def measure_card(
     response_games: int = 1000,
     report: Callable[[str, int, int], None] = lambda opponent, done, total: None,
 ) -> Card:
-    """Compare what an agent gets from the other side's table with what its own side's table is sure of.
+    """Compare what an agent gets from the other side's table with an estimate of what its own side can be sure of.
+
+    The estimate is the table's of the agent's side. Between the nodes of the grid it is no bound: it errs either way.
 
     Args:
         match: the agent against the player by the other side's table.

@@ -73,7 +73,7 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """What the side is sure of at the game's starts."""
+    """Return the estimate of what the side is sure of at the game's starts, most of which are between nodes."""
     player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
     starts = sample_starts(game, jax.random.key(0), STARTS)
     sure = np.asarray(player.best_value(starts))

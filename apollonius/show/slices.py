@@ -101,8 +101,8 @@ def save_slice(
 ) -> None:
     """Two maps of the arena as PNG: the value of a player's best action, and that action.
 
-    Of a solved game the first one shows the barrier too: the line where its side can be sure of neither winning nor
-    losing.
+    Of a solved game the first one shows the barrier too: the line where the estimate of what its side is sure of is
+    neither a win nor a loss.
 
     Args:
         role: the side that it plays.

@@ -27,8 +27,8 @@ def save_solution_maps(solution: Solution, game: Game, path: Path) -> None:
 
     Of safety: from how many headings a crash can be avoided at full speed, and the highest speed that is safe in any
     direction. Of reach: the least time from rest, and from how many headings there is a capture at full speed. Of a
-    game: what the side is sure of while the other robot stands still in the middle, and the mean over all that the
-    other one may do.
+    game: the estimate of what the side is sure of while the other robot stands still in the middle, and its mean over
+    all that the other one may do.
     """
     problem, role = solution.problem, Role[solution.problem.role.upper()]
     bodies = game.body(role), game.body(role.other)

@@ -33,9 +33,17 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Ans
     at most. For the evader an action decides to which the pursuer has an answer that captures, in as many steps as the
     evader can hold out.
 
-    So the pursuer is never credited with a capture that the evader can avoid, and the evader never with an escape from
-    one that it cannot: whatever is not decided here goes on, which for the pursuer is a lower bound, as it forgets what
-    would have been caught, and for the evader what happens.
+    For robots that hold their actions, from node to node, the best action that decides is worth exactly this. Every
+    other action counts for no more than it is worth to the side that moves first:
+
+    - One that this side does not survive is lost at once, although the failure comes some steps later, and although the
+      other robot may fail as early whatever it answers. So what the evader concedes by it is an upper bound, and what
+      the pursuer gets by it a lower one.
+    - After one that it survives, an answer that the other robot does not survive is won at the end of the hold only.
+    - The pursuer's goes on as if the answers that it would have caught had escaped. The evader's has no such answers.
+
+    So the pursuer's values are lower bounds on its payoff, and the evader's, their sign turned, upper bounds on the
+    pursuer's. Interpolation between nodes can break both.
 
     Args:
         zero_sum_game: the game, as the side sees it that moves first.

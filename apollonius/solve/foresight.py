@@ -31,7 +31,7 @@ class ResponsePolicy(AbstractLookahead):
     actions count as often as it takes them. What it then does in the game is drawn anew.
 
     Attributes:
-        table: what its side is sure of, once it has moved.
+        table: what its side is sure of, once it has moved; between nodes an estimate.
         opponent: the other player.
         hold: control steps for which a plan holds an action; None for as many as the table does.
         holds: how many holds a plan has.

@@ -37,7 +37,7 @@ class AbstractLookahead(AbstractActionValuePolicy):
         return _values_in_one(self, seen.own.state, seen.opponent.state, bits)
 
     def best_value(self, states: GameState) -> Float[Array, " games"]:
-        """What its side is sure of in several states of the game, leaves `[games]`."""
+        """Estimate what its side is sure of in several states of the game, leaves `[games]`."""
         return _best_values(self, states)
 
     @abstractmethod
@@ -79,7 +79,7 @@ class SaddlePolicy(AbstractLookahead):
     """The player of either side that makes most of what it can be sure of (`guarantee`).
 
     Attributes:
-        table: that of `solve_duel`: what its side is sure of once it has moved.
+        table: that of `solve_duel`: what its side is sure of once it has moved; between nodes an estimate.
     """
 
     table: Shaped[Array, "tiles moving lanes"]
