@@ -48,10 +48,10 @@ def main() -> None:
 
     grid, hold = apollonius.reference_grid(game, Role.PURSUER)
     side = make_side(game, Role.PURSUER, grid, hold)
-    alone = jnp.zeros(grid.shape, jnp.float32)
+    alone, free = jnp.zeros(grid.shape, jnp.float32), side.free
 
     def worth(index: jax.Array, action: int, later: jax.Array) -> jax.Array:
-        return jnp.where(side.free[index, action], later, 0.0)
+        return jnp.where(free[index, action], later, 0.0)
 
     sweep = jax.jit(lambda table: side.transitions.backup(table, worth))
     once = seconds(lambda: sweep(alone))
