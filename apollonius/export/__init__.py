@@ -1,0 +1,1 @@
+"""JAX functions as programs that need no JAX: C, JavaScript, ONNX."""

@@ -1,0 +1,270 @@
+"""A program over flat arrays: what a JAX function is translated to before a language is chosen.
+
+Functions read buffers, write buffers and compute with scalars. There are no shapes any more: an index is arithmetic.
+Every part is immutable and compared by its contents, so that equal functions can be told to be one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+INDEX = "int32"
+"""The kind of counters and indices."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A literal. Kinds are the names of NumPy's types."""
+
+    value: float | int | bool
+    kind: str = INDEX
+
+
+@dataclass(frozen=True)
+class Name:
+    """A scalar that has a name: a parameter, a loop's counter, or the constant of a `Let`."""
+
+    name: str
+    kind: str = INDEX
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """An array of one kind.
+
+    Attributes:
+        cell: whether it is a single variable, whose index is always 0.
+        given: whether it is a parameter of its function.
+        leaf: for an array of the whole program's arguments or results, the name of its record and its own.
+    """
+
+    name: str
+    kind: str
+    size: int
+    cell: bool = False
+    given: bool = False
+    leaf: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Load:
+    """An element of a buffer."""
+
+    buffer: Buffer
+    index: "Expression"
+
+    @property
+    def kind(self) -> str:
+        """The kind of the element."""
+        return self.buffer.kind
+
+
+@dataclass(frozen=True)
+class Apply:
+    """An operation on scalars, all of one kind unless the operation is a conversion, a comparison or a choice."""
+
+    operation: str
+    kind: str
+    operands: tuple["Expression", ...]
+
+
+Expression = Number | Name | Load | Apply
+
+
+@dataclass(frozen=True)
+class Let:
+    """A scalar constant."""
+
+    name: Name
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Allocate:
+    """A buffer of a function's own; its contents are undefined."""
+
+    buffer: Buffer
+
+
+@dataclass(frozen=True)
+class Store:
+    """An element of a buffer is set."""
+
+    buffer: Buffer
+    index: Expression
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Statements repeated for a counter from 0 to `count - 1`."""
+
+    counter: Name
+    count: int
+    body: tuple["Statement", ...]
+
+
+@dataclass(frozen=True)
+class While:
+    """Statements repeated as long as `condition` holds after those of `before`."""
+
+    before: tuple["Statement", ...]
+    condition: Expression
+    body: tuple["Statement", ...]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One of two blocks of statements."""
+
+    condition: Expression
+    true: tuple["Statement", ...]
+    false: tuple["Statement", ...]
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A buffer from some element on, as a function is given it."""
+
+    buffer: Buffer
+    offset: Expression
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call of another function, which writes its results to buffers."""
+
+    function: str
+    arguments: tuple[Expression | Slice, ...]
+
+
+Statement = Let | Allocate | Store | Loop | While | Branch | Call
+
+
+@dataclass(frozen=True)
+class Function:
+    """Statements with parameters: scalars and buffers, the last ones of which are its results."""
+
+    name: str
+    parameters: tuple[Name | Buffer, ...]
+    results: tuple[Buffer, ...]
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An array of an argument or of the result.
+
+    Attributes:
+        name: an identifier, from its place in the pytree.
+        kind: the name of its NumPy type.
+        shape: its shape, `()` for a scalar.
+        offset: where it begins in the argument's record [bytes].
+    """
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    offset: int
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return int(np.prod(self.shape, dtype=int))
+
+
+@dataclass(frozen=True)
+class Record:
+    """An argument, or the result, as one block of memory: its leaves in order, each aligned to its kind, as C does.
+
+    Attributes:
+        name: what the program calls it.
+        leaves: the arrays in it; of a lone array one without a name.
+    """
+
+    name: str
+    leaves: tuple[Leaf, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Its length, a multiple of its widest alignment."""
+        widest = max((np.dtype(leaf.kind).itemsize for leaf in self.leaves), default=1)
+        last = self.leaves[-1] if self.leaves else None
+        end = last.offset + last.size * np.dtype(last.kind).itemsize if last else 0
+        return end + -end % widest
+
+    @classmethod
+    def of(cls, name: str, leaves: list[tuple[str, str, tuple[int, ...]]]) -> "Record":
+        """Return the record of leaves, each given by its name, kind and shape."""
+        placed, end = [], 0
+        for leaf, kind, shape in leaves:
+            width = np.dtype(kind).itemsize
+            start = end + -end % width
+            placed.append(Leaf(leaf, kind, shape, start))
+            end = start + placed[-1].size * width
+        return cls(name, tuple(placed))
+
+    def pack(self, values: list[Any]) -> bytes:
+        """Return the block of memory that holds these arrays.
+
+        Args:
+            values: an array for each leaf.
+        """
+        block = bytearray(self.bytes)
+        for leaf, value in zip(self.leaves, values, strict=True):
+            content = np.ascontiguousarray(np.asarray(value), leaf.kind).tobytes()
+            block[leaf.offset : leaf.offset + len(content)] = content
+        return bytes(block)
+
+    def unpack(self, block: bytes) -> list[np.ndarray]:
+        """Return the arrays that a block of memory holds."""
+        return [
+            np.frombuffer(block, leaf.kind, leaf.size, leaf.offset).reshape(leaf.shape).copy() for leaf in self.leaves
+        ]
+
+
+@dataclass(frozen=True)
+class Program:
+    """A translated function: the last of its functions, which reads the arguments and writes the result.
+
+    Attributes:
+        name: an identifier that all its public names begin with.
+        functions: each after those that it calls.
+        constants: the arrays that the function closes over.
+        arguments, results: how they lie in memory.
+    """
+
+    name: str
+    functions: tuple[Function, ...]
+    constants: tuple[tuple[Buffer, np.ndarray], ...]
+    arguments: tuple[Record, ...]
+    results: tuple[Record, ...]
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The arguments and the results that have any array in them."""
+        return tuple(record for record in (*self.arguments, *self.results) if record.leaves)
+
+
+Reader = Callable[[tuple[Expression, ...]], Expression]
+"""From an index, one expression for each axis, to the element there."""
+
+
+def plus(one: Expression, other: Expression) -> Expression:
+    """Return the sum of two indices, computed here as far as they are known."""
+    if isinstance(one, Number) and isinstance(other, Number):
+        return Number(int(one.value) + int(other.value))
+    if isinstance(one, Number):
+        one, other = other, one
+    return one if other == Number(0) else Apply("add", INDEX, (one, other))
+
+
+def times(one: Expression, factor: int) -> Expression:
+    """Return a multiple of an index, computed here as far as it is known."""
+    if isinstance(one, Number):
+        return Number(int(one.value) * factor)
+    if factor == 0:
+        return Number(0)
+    return one if factor == 1 else Apply("mul", INDEX, (one, Number(factor)))
