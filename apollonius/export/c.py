@@ -28,6 +28,7 @@ from apollonius.export.program import (
     Statement,
     Store,
     While,
+    parts,
 )
 
 _TYPES = {
@@ -84,7 +85,11 @@ def source(program: Program) -> str:
     printer = _Printer(program)
     *functions, entry = program.functions
     bodies = [f"{printer.signature(function)}\n{printer.block(function.body)}" for function in functions]
-    bodies.append(f"{_signature(program)}\n{printer.block(entry.body)}")
+    used = {part.leaf[0] for part in parts(entry.body) if isinstance(part, Buffer) and part.leaf}
+    given = [record.name for record in program.arguments if record.leaves]
+    ignored = [f"    (void){name};" for name in given if name not in used]
+    opened, *lines = printer.block(entry.body).splitlines()
+    bodies.append("\n".join([_signature(program), opened, *ignored, *lines]))
     constants = [
         f"static const {_TYPES[buffer.kind]} {buffer.name}[{buffer.size}] = {{\n{_rows(array, buffer.kind)}\n}};"
         for buffer, array in program.constants

@@ -8,7 +8,6 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,8 @@ from apollonius.export.program import (
     Slice,
     Store,
     While,
+    parts,
+    swept,
 )
 from apollonius.export.values import Block, Place, Value, contiguous, moved, placed, scalar
 
@@ -105,8 +106,8 @@ class _Translator:
         made = self.run(block, closed.jaxpr, closed.consts, values(arguments))
         for value, target in zip(made, values(results), strict=True):
             block.copy(value, target)
-        entry = Function(self.name, (), (), tuple(block.statements))
-        used = {part.name for function in [*self.functions.values(), entry] for part in _parts(function.body)}
+        entry = Function(self.name, (), (), swept(block.statements))
+        used = {part.name for function in [*self.functions.values(), entry] for part in parts(function.body)}
         constants = tuple(one for one in self.constants.values() if one[0].name in used)
         return Program(self.name, (*self.functions.values(), entry), constants, tuple(arguments), tuple(results))
 
@@ -129,6 +130,7 @@ class _Translator:
     def constant(self, value: Any) -> Value:
         """Return a literal, or an array that the function closes over."""
         array = np.asarray(value)
+        array = array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
         kind, shape = str(array.dtype), array.shape
         if array.size == 1:
             return scalar(Number(array.reshape(()).item(), kind), shape)
@@ -186,14 +188,15 @@ class _Translator:
         ]
         for value, target in zip(results, targets, strict=True):
             inside.copy(value, placed(value.shape, Place(target, Number(0), contiguous(value.shape))))
-        used = {part.name for part in _parts(inside.statements)}
+        body = swept(inside.statements)
+        used = {part.name for part in parts(body)}
         kept = [one.name in used for one in parameters]
-        parts = tuple(one for one, keep in zip(parameters, kept, strict=True) if keep), tuple(targets)
-        key = (*parts, tuple(inside.statements))
+        signature = tuple(one for one, keep in zip(parameters, kept, strict=True) if keep), tuple(targets)
+        key = (*signature, body)
         if key not in self.functions:
             word = re.sub(r"\W+", "_", name).strip("_").lower() or "function"
             self.names[word] += 1
-            self.functions[key] = Function(f"{word}_{self.names[word]}", *parts, tuple(inside.statements))
+            self.functions[key] = Function(f"{word}_{self.names[word]}", *signature, body)
         made = [block.empty(value.kind, value.shape) for value in results]
         passed = [argument for (_, argument), keep in zip(arguments, kept, strict=True) if keep]
         block.add(Call(self.functions[key].name, (*passed, *(_whole(value) for value in made))))
@@ -365,18 +368,6 @@ def _inner(equation: JaxprEqn) -> Iterator[Jaxpr]:
         for one in value if isinstance(value, tuple | list) else (value,):
             if isinstance(one, ClosedJaxpr | Jaxpr):
                 yield one.jaxpr if isinstance(one, ClosedJaxpr) else one
-
-
-def _parts(part: Any) -> Iterator[Name | Buffer]:
-    """All names and buffers in statements."""
-    if isinstance(part, Name | Buffer):
-        yield part
-    elif isinstance(part, tuple | list):
-        for one in part:
-            yield from _parts(one)
-    elif is_dataclass(part) and not isinstance(part, type):
-        for field in fields(part):
-            yield from _parts(getattr(part, field.name))
 
 
 _KINDS = {"float32", "int32", "uint32", "bool", "uint8", "uint16", "int8", "int16"}
