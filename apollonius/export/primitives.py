@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.export.program import Apply, Branch, Expression, Load, Loop, Name, Number, Statement, Store, plus, times
+from apollonius.export.program import Apply, Branch, Expression, Load, Loop, Name, Number, Statement, Store, apply, plus, times
 from apollonius.export.values import Block, Index, Shape, Value, moved, number, placed, reshaped, scalar
 
 Rule = Callable[[Block, list[Value], Mapping[str, Any], Any], Value]
@@ -41,7 +41,7 @@ def _elementwise(operation: str) -> Rule:
         kind = str(out.dtype)
 
         def read(index: Index) -> Expression:
-            return Apply(operation, kind, tuple(_along(one, index) for one in operands))
+            return apply(operation, kind, *(_along(one, index) for one in operands))
 
         return Value(kind, out.shape, read)
 
@@ -137,11 +137,11 @@ def _select(block: Block, operands: list[Value], params: Mapping[str, Any], out:
         chosen, asked = _along(cases[-1], index), _along(which, index)
         for case in range(len(cases) - 2, -1, -1):
             is_it = (
-                Apply("not", "bool", (asked,))
+                apply("not", "bool", asked)
                 if which.kind == "bool"
-                else Apply("le", "bool", (asked, Number(case, which.kind)))
+                else apply("le", "bool", asked, Number(case, which.kind))
             )
-            chosen = Apply("select", str(out.dtype), (is_it, _along(cases[case], index), chosen))
+            chosen = apply("select", str(out.dtype), is_it, _along(cases[case], index), chosen)
         return chosen
 
     return Value(str(out.dtype), out.shape, read)

@@ -4,6 +4,7 @@ Functions read buffers, write buffers and compute with scalars. There are no sha
 Every part is immutable and compared by its contents, so that equal functions can be told to be one.
 """
 
+import operator
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
@@ -313,6 +314,29 @@ def _kept(statements: Sequence[Statement], read: set[str]) -> tuple[Statement, .
 
 Reader = Callable[[tuple[Expression, ...]], Expression]
 """From an index, one expression for each axis, to the element there."""
+
+
+_KNOWN: dict[str, Callable[..., Any]] = {
+    **{name: getattr(operator, name) for name in ("add", "sub", "mul", "eq", "ne", "lt", "le", "gt", "ge", "neg")},
+    "and": operator.and_,
+    "or": operator.or_,
+    "max": max,
+    "min": min,
+    "sign": lambda x: (x > 0) - (x < 0),
+    "not": lambda x: not x,
+}
+"""Operations on whole numbers and truths that are computed here where their operands are literals."""
+
+
+def apply(operation: str, kind: str, *operands: Expression) -> Expression:
+    """Return an operation on scalars, computed here as far as its operands are known."""
+    if operation == "select" and isinstance(operands[0], Number):
+        return operands[1] if operands[0].value else operands[2]
+    literals = [one for one in operands if isinstance(one, Number) and one.kind in ("int32", "bool")]
+    known = operation in _KNOWN and len(literals) == len(operands) and (operation != "not" or kind == "bool")
+    if known and abs(value := int(_KNOWN[operation](*(one.value for one in literals)))) < 2**31:
+        return Number(bool(value) if kind == "bool" else value, kind)
+    return Apply(operation, kind, operands)
 
 
 def plus(one: Expression, other: Expression) -> Expression:
