@@ -16,6 +16,7 @@ NAMELESS = {"utils", "common", "helpers"}
 ARROWS = {
     "version": "",
     "errors": "",
+    "export": "errors",
     "interrupts": "",
     "matrix_game": "",
     "zoo": "",

@@ -5,11 +5,13 @@ Every part is immutable and compared by its contents, so that equal functions ca
 """
 
 import operator
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from apollonius.export.record import Record
 
 INDEX = "int32"
 """The kind of counters and indices."""
@@ -155,78 +157,6 @@ class Function:
 
 
 @dataclass(frozen=True)
-class Leaf:
-    """An array of an argument or of the result.
-
-    Attributes:
-        name: an identifier, from its place in the pytree.
-        kind: the name of its NumPy type.
-        shape: its shape, `()` for a scalar.
-        offset: where it begins in the argument's record [bytes].
-    """
-
-    name: str
-    kind: str
-    shape: tuple[int, ...]
-    offset: int
-
-    @property
-    def size(self) -> int:
-        """Number of elements."""
-        return int(np.prod(self.shape, dtype=int))
-
-
-@dataclass(frozen=True)
-class Record:
-    """An argument, or the result, as one block of memory: its leaves in order, each aligned to its kind, as C does.
-
-    Attributes:
-        name: what the program calls it.
-        leaves: the arrays in it; of a lone array one without a name.
-    """
-
-    name: str
-    leaves: tuple[Leaf, ...]
-
-    @property
-    def bytes(self) -> int:
-        """Its length, a multiple of its widest alignment."""
-        widest = max((np.dtype(leaf.kind).itemsize for leaf in self.leaves), default=1)
-        last = self.leaves[-1] if self.leaves else None
-        end = last.offset + last.size * np.dtype(last.kind).itemsize if last else 0
-        return end + -end % widest
-
-    @classmethod
-    def of(cls, name: str, leaves: list[tuple[str, str, tuple[int, ...]]]) -> "Record":
-        """Return the record of leaves, each given by its name, kind and shape."""
-        placed, end = [], 0
-        for leaf, kind, shape in leaves:
-            width = np.dtype(kind).itemsize
-            start = end + -end % width
-            placed.append(Leaf(leaf, kind, shape, start))
-            end = start + placed[-1].size * width
-        return cls(name, tuple(placed))
-
-    def pack(self, values: list[Any]) -> bytes:
-        """Return the block of memory that holds these arrays.
-
-        Args:
-            values: an array for each leaf.
-        """
-        block = bytearray(self.bytes)
-        for leaf, value in zip(self.leaves, values, strict=True):
-            content = np.ascontiguousarray(np.asarray(value), leaf.kind).tobytes()
-            block[leaf.offset : leaf.offset + len(content)] = content
-        return bytes(block)
-
-    def unpack(self, block: bytes) -> list[np.ndarray]:
-        """Return the arrays that a block of memory holds."""
-        return [
-            np.frombuffer(block, leaf.kind, leaf.size, leaf.offset).reshape(leaf.shape).copy() for leaf in self.leaves
-        ]
-
-
-@dataclass(frozen=True)
 class Program:
     """A translated function: the last of its functions, which reads the arguments and writes the result.
 
@@ -247,69 +177,6 @@ class Program:
     def records(self) -> tuple[Record, ...]:
         """The arguments and the results that have any array in them."""
         return tuple(record for record in (*self.arguments, *self.results) if record.leaves)
-
-
-def parts(part: Any) -> Iterator[Name | Buffer]:
-    """Yield all names and buffers in statements."""
-    if isinstance(part, Name | Buffer):
-        yield part
-    elif isinstance(part, tuple | list):
-        for one in part:
-            yield from parts(one)
-    elif is_dataclass(part) and not isinstance(part, type):
-        for field in fields(part):
-            yield from parts(getattr(part, field.name))
-
-
-def swept(statements: Sequence[Statement]) -> tuple[Statement, ...]:
-    """Return statements without those that compute what nothing reads."""
-    while True:
-        read = {part.name for part in _read(statements)}
-        kept = _kept(statements, read)
-        if kept == tuple(statements):
-            return kept
-        statements = kept
-
-
-def _read(part: Any) -> Iterator[Name | Buffer]:
-    """Yield the names and buffers that statements read, and those that are not the function's own."""
-    if isinstance(part, Let):
-        part = part.value
-    elif isinstance(part, Allocate):
-        part = ()
-    elif isinstance(part, Store):
-        if part.buffer.given or part.buffer.leaf:
-            yield part.buffer
-        part = (part.index, part.value)
-    if isinstance(part, Name | Buffer):
-        yield part
-    elif isinstance(part, tuple | list):
-        for one in part:
-            yield from _read(one)
-    elif is_dataclass(part) and not isinstance(part, type):
-        for field in fields(part):
-            yield from _read(getattr(part, field.name))
-
-
-def _kept(statements: Sequence[Statement], read: set[str]) -> tuple[Statement, ...]:
-    kept: list[Statement] = []
-    for statement in statements:
-        match statement:
-            case Let(name, _) if name.name not in read:
-                continue
-            case Allocate(buffer) | Store(buffer) if buffer.name not in read:
-                continue
-            case Loop(counter, count, body):
-                if inner := _kept(body, read):
-                    kept.append(Loop(counter, count, inner))
-            case While(before, condition, body):
-                kept.append(While(_kept(before, read), condition, _kept(body, read)))
-            case Branch(condition, true, false):
-                both = _kept(true, read), _kept(false, read)
-                kept += [Branch(condition, *both)] if any(both) else []
-            case _:
-                kept.append(statement)
-    return tuple(kept)
 
 
 Reader = Callable[[tuple[Expression, ...]], Expression]

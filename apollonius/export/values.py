@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 
+import numpy as np
+
 from apollonius.export.program import (
     Allocate,
     Buffer,
@@ -62,6 +64,11 @@ class Value:
     def size(self) -> int:
         """Number of elements."""
         return prod(self.shape)
+
+    @property
+    def first(self) -> Expression:
+        """Its first element, the only one of a lone number."""
+        return self.read((Number(0),) * len(self.shape))
 
     @property
     def whole(self) -> bool:
@@ -143,30 +150,38 @@ class Block:
                 body = [Loop(counter, length, tuple(body))]
         self.statements += body
 
+    def variable(self, first: Expression) -> Buffer:
+        """Return a new variable with a first value."""
+        buffer = self.allocate(first.kind, 1, cell=True)
+        self.add(Store(buffer, Number(0), first))
+        return buffer
+
+    def store(self, target: Value, index: Index, value: Expression) -> None:
+        """Set an element of an array."""
+        assert target.place is not None, "only what lies somewhere can be written"
+        self.add(Store(target.place.buffer, target.place.at(index), value))
+
     def copy(self, value: Value, target: Value) -> None:
         """Store a value in an array of the same shape."""
-        assert target.place is not None, "only what lies somewhere can be written"
         index, inner = self.loops(value.shape)
-        inner.add(Store(target.place.buffer, target.place.at(index), value.read(index)))
+        inner.store(target, index, value.read(index))
         self.close(index, value.shape, inner)
 
     def stored(self, value: Value) -> Value:
         """Return the value as an array or a named scalar, computed here unless it is that already."""
         if value.place is not None:
             return value
-        if value.size == 1:
-            return scalar(self.let(value.read((Number(0),) * len(value.shape))), value.shape)
+        return scalar(self.let(value.first), value.shape) if value.size == 1 else self.copied(value)
+
+    def copied(self, value: Value) -> Value:
+        """Return a new array that holds a value."""
         target = self.empty(value.kind, value.shape)
         self.copy(value, target)
         return target
 
     def in_one_piece(self, value: Value) -> Value:
         """Return the value as an array that lies row by row."""
-        if value.whole:
-            return value
-        target = self.empty(value.kind, value.shape)
-        self.copy(value, target)
-        return target
+        return value if value.whole else self.copied(value)
 
 
 def reshaped(value: Value, shape: Shape) -> Value:
@@ -174,25 +189,31 @@ def reshaped(value: Value, shape: Shape) -> Value:
     if value.place is not None and value.whole:
         return placed(shape, Place(value.place.buffer, value.place.offset, contiguous(shape)))
     assert value.size == 1, "only arrays in one piece have another shape"
-    return Value(value.kind, shape, lambda _: value.read((Number(0),) * len(value.shape)), free=value.free)
+    return Value(value.kind, shape, lambda _: value.first, free=value.free)
 
 
-def moved(value: Value, shape: Shape, axes: Sequence[int | None], starts: Sequence[Expression], steps: Sequence[int]) -> Value:
+def moved(
+    value: Value,
+    shape: Shape,
+    axes: Sequence[int | None],
+    starts: Sequence[Expression] | None = None,
+    steps: Sequence[int] | None = None,
+) -> Value:
     """Return a value seen through other axes.
 
     Args:
         shape: the new shape.
         axes: for each axis of the value the new one that runs along it, or None.
-        starts: the index along each axis of the value that the new index 0 stands for.
-        steps: by how much it grows.
+        starts: the index along each axis of the value that the new index 0 stands for; 0 unless given.
+        steps: by how much it grows; 1 unless given.
     """
+    starts, steps = starts or [Number(0)] * len(axes), steps or [1] * len(axes)
 
     def read(index: Index) -> Expression:
-        there = [
-            start if axis is None else plus(start, times(index[axis], step))
-            for axis, start, step in zip(axes, starts, steps, strict=True)
-        ]
-        return value.read(tuple(there))
+        there = zip(axes, starts, steps, strict=True)
+        return value.read(
+            tuple(start if axis is None else plus(start, times(index[axis], step)) for axis, start, step in there)
+        )
 
     if value.place is None:
         return Value(value.kind, shape, read, free=value.free)
@@ -201,3 +222,24 @@ def moved(value: Value, shape: Shape, axes: Sequence[int | None], starts: Sequen
         if axis is not None:
             strides[axis] += stride * step
     return placed(shape, Place(value.place.buffer, value.place.at(tuple(starts)), tuple(strides)))
+
+
+def row_along(value: Value, step: Expression) -> Value:
+    """Return one row of an array along its first axis."""
+    rest = len(value.shape) - 1
+    return moved(value, value.shape[1:], [None, *range(rest)], [step, *[Number(0)] * rest])
+
+
+def part(value: Value, shape: tuple[int, ...], starts: Sequence[Expression]) -> Value:
+    """Return the part of an array that begins at some index."""
+    return moved(value, shape, range(len(shape)), starts)
+
+
+def least(kind: str) -> float | int | bool:
+    """Return the least number of a kind."""
+    return False if kind == "bool" else -np.inf if kind == "float32" else int(np.iinfo(kind).min)
+
+
+def greatest(kind: str) -> float | int | bool:
+    """Return the greatest number of a kind."""
+    return True if kind == "bool" else np.inf if kind == "float32" else int(np.iinfo(kind).max)

@@ -1,0 +1,188 @@
+"""Primitives of JAX whose results are computed as they are read: operations on scalars, and other views of an array."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+from apollonius.export.program import Apply, Expression, Number, apply
+from apollonius.export.values import Block, Index, Value, moved, reshaped
+
+Params = Mapping[str, Any]
+Rule = Callable[[Block, list[Value], Params, Any], Value]
+"""From the block to write in, the operands, the parameters and the type of the result to that result."""
+
+_ARITHMETIC = ("add", "sub", "mul", "div", "rem", "max", "min", "neg", "abs", "sign")
+_TRUTHS = ("eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_finite")
+_SHIFTS = ("shift_left", "shift_right_logical", "shift_right_arithmetic")
+_ROOTS = ("sqrt", "rsqrt", "cbrt", "exp", "exp2", "expm1", "log", "log1p", "pow", "logistic", "floor", "ceil")
+_ANGLES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
+SIMPLE = (*_ARITHMETIC, *_TRUTHS, *_SHIFTS, *_ROOTS, *_ANGLES)
+"""Primitives that are an operation of a program by the same name."""
+
+
+def along(value: Value, index: Index) -> Expression:
+    """Return an operand's element: axes of length 1 are broadcast, and so is a lone number."""
+    steps = zip(index[: len(value.shape)], value.shape, strict=True)
+    return value.read(tuple(Number(0) if length == 1 else step for step, length in steps))
+
+
+def elementwise(operation: str) -> Rule:
+    """Return the rule of an operation on scalars."""
+
+    def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+        kind = str(out.dtype)
+        return Value(kind, out.shape, lambda index: apply(operation, kind, *(along(one, index) for one in operands)))
+
+    return rule
+
+
+def converted(expression: Expression, kind: str) -> Expression:
+    """Return a number as one of another kind."""
+    if expression.kind == kind:
+        return expression
+    if isinstance(expression, Number):
+        return Number(np.asarray(expression.value).astype(kind).item(), kind)
+    return Apply("convert", kind, (expression,))
+
+
+def is_at_most(which: Expression, case: int) -> Expression:
+    """Return whether a choice, a truth or a number, is one of the first cases up to this one."""
+    if which.kind == "bool":
+        return apply("not", "bool", which)
+    return apply("le", "bool", which, Number(case, which.kind))
+
+
+def _convert(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    (value,), kind = operands, str(out.dtype)
+    if value.kind == kind:
+        return value
+    return Value(kind, out.shape, lambda index: converted(value.read(index), kind))
+
+
+def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    """Multiply by squares, squares of squares and so on, as XLA does."""
+    value, kind, exponent = block.stored(operands[0]), str(out.dtype), int(params.get("y", 2))
+
+    def read(index: Index) -> Expression:
+        product: Expression | None = None
+        factor, left = value.read(index), abs(exponent)
+        while left:
+            if left % 2:
+                product = factor if product is None else Apply("mul", kind, (product, factor))
+            factor, left = Apply("mul", kind, (factor, factor)), left // 2
+        product = product or Number(1, kind)
+        return product if exponent >= 0 else Apply("div", kind, (Number(1, kind), product))
+
+    return Value(kind, out.shape, read)
+
+
+def _round(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    to_even = params["rounding_method"] == jax.lax.RoundingMethod.TO_NEAREST_EVEN
+    return elementwise("round_even" if to_even else "round_away")(block, operands, params, out)
+
+
+def _select(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    which, *cases = operands
+
+    def read(index: Index) -> Expression:
+        chosen, asked = along(cases[-1], index), along(which, index)
+        for case in range(len(cases) - 2, -1, -1):
+            chosen = apply("select", str(out.dtype), is_at_most(asked, case), along(cases[case], index), chosen)
+        return chosen
+
+    return Value(str(out.dtype), out.shape, read)
+
+
+def _clamp(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    low, value, high = operands
+    above = elementwise("max")(block, [value, low], params, out)
+    return elementwise("min")(block, [above, high], params, out)
+
+
+def _broadcast(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    (value,) = operands
+    both = zip(params["broadcast_dimensions"], value.shape, strict=True)
+    return moved(value, out.shape, [None if length == 1 else axis for axis, length in both])
+
+
+def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    (value,) = operands
+    gone, kept = {axis % len(value.shape) for axis in params["dimensions"]}, iter(range(len(out.shape)))
+    return moved(value, out.shape, [None if axis in gone else next(kept) for axis in range(len(value.shape))])
+
+
+def _expand(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    new = {axis % len(out.shape) for axis in params["dimensions"]}
+    return moved(operands[0], out.shape, [axis for axis in range(len(out.shape)) if axis not in new])
+
+
+def _transpose(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    order = params["permutation"]
+    return moved(operands[0], out.shape, [order.index(axis) for axis in range(len(order))])
+
+
+def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    starts = [Number(int(start)) for start in params["start_indices"]]
+    return moved(
+        operands[0], out.shape, range(len(starts)), starts, params["strides"] and list(map(int, params["strides"]))
+    )
+
+
+def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    turned = [axis in params["dimensions"] for axis in range(len(out.shape))]
+    starts = [Number(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
+    return moved(operands[0], out.shape, range(len(turned)), starts, [-1 if turn else 1 for turn in turned])
+
+
+def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    (value,) = operands
+    return reshaped(value if value.size == 1 else block.in_one_piece(value), out.shape)
+
+
+def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    value = block.stored(operands[0])
+    new = len(out.shape) - len(value.shape)
+
+    def read(index: Index) -> Expression:
+        steps = zip(index[new:], value.shape, strict=True)
+        return value.read(tuple(Apply("rem", "int32", (step, Number(length))) for step, length in steps))
+
+    return Value(value.kind, out.shape, read)
+
+
+def _same(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    return operands[0]
+
+
+def _iota(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    kind, axis = str(out.dtype), int(params["dimension"])
+    return Value(kind, out.shape, lambda index: converted(index[axis], kind), free=True)
+
+
+COMPUTED: dict[str, Rule] = {
+    **{name: elementwise(name) for name in SIMPLE},
+    "add_any": elementwise("add"),
+    "bitcast_convert_type": elementwise("bitcast"),
+    "convert_element_type": _convert,
+    **dict.fromkeys(("integer_pow", "square"), _power),
+    "round": _round,
+    "select_n": _select,
+    "clamp": _clamp,
+}
+"""Operations on scalars, by the name of the primitive."""
+
+VIEWS: dict[str, Rule] = {
+    "broadcast_in_dim": _broadcast,
+    "squeeze": _squeeze,
+    "expand_dims": _expand,
+    "transpose": _transpose,
+    "slice": _slice,
+    "rev": _reverse,
+    "reshape": _reshape,
+    "tile": _tile,
+    "iota": _iota,
+    **dict.fromkeys(("stop_gradient", "copy", "copy_p"), _same),
+}
+"""Other views, which move nothing."""

@@ -1,0 +1,109 @@
+"""How the arguments and results of a program lie in memory."""
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+_KEYWORDS = re.compile(
+    "auto|break|case|char|const|continue|default|do|double|else|enum|extern|float|for|goto|if|inline|int|long|register|"
+    "restrict|return|short|signed|sizeof|static|struct|switch|typedef|union|unsigned|void|volatile|while"
+)
+"""Words that no name in C can be."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An array of an argument or of the result.
+
+    Attributes:
+        name: an identifier, from its place in the pytree.
+        kind: the name of its NumPy type.
+        shape: its shape, `()` for a scalar.
+        offset: where it begins in the argument's record [bytes].
+    """
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    offset: int
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return int(np.prod(self.shape, dtype=int))
+
+
+@dataclass(frozen=True)
+class Record:
+    """An argument, or the result, as one block of memory: its leaves in order, each aligned to its kind, as C does.
+
+    Attributes:
+        name: what the program calls it.
+        leaves: the arrays in it; of a lone array one without a name.
+    """
+
+    name: str
+    leaves: tuple[Leaf, ...]
+
+    @property
+    def lone(self) -> bool:
+        """Whether it is an array and no pytree."""
+        return len(self.leaves) == 1 and not self.leaves[0].name
+
+    @property
+    def length(self) -> int:
+        """Its length [bytes], a multiple of its widest alignment."""
+        widest = max((np.dtype(leaf.kind).itemsize for leaf in self.leaves), default=1)
+        last = self.leaves[-1] if self.leaves else None
+        end = last.offset + last.size * np.dtype(last.kind).itemsize if last else 0
+        return end + -end % widest
+
+    @classmethod
+    def of(cls, name: str, leaves: list[tuple[str, str, tuple[int, ...]]]) -> "Record":
+        """Return the record of leaves, each given by its name, kind and shape."""
+        placed, end = [], 0
+        for leaf, kind, shape in leaves:
+            width = np.dtype(kind).itemsize
+            start = end + -end % width
+            placed.append(Leaf(leaf, kind, shape, start))
+            end = start + placed[-1].size * width
+        return cls(name, tuple(placed))
+
+    def pack(self, values: list[Any]) -> bytes:
+        """Return the block of memory that holds these arrays.
+
+        Args:
+            values: an array for each leaf.
+        """
+        block = bytearray(self.length)
+        for leaf, value in zip(self.leaves, values, strict=True):
+            content = np.ascontiguousarray(np.asarray(value), leaf.kind).tobytes()
+            block[leaf.offset : leaf.offset + len(content)] = content
+        return bytes(block)
+
+    def unpack(self, block: bytes) -> list[np.ndarray]:
+        """Return the arrays that a block of memory holds."""
+        return [
+            np.frombuffer(block, leaf.kind, leaf.size, leaf.offset).reshape(leaf.shape).copy() for leaf in self.leaves
+        ]
+
+
+def record_of(name: str, tree: Any) -> Record:
+    """Return the record of a pytree of arrays; its leaves are called after their places in it."""
+    found, leaves = Counter[str](), []
+    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        words = "_".join(re.findall(r"[^\W_]+", jax.tree_util.keystr(path))).lower()
+        called = _named(f"value_{words}" if words[:1].isdigit() else words)
+        found[called] += 1
+        kind = str(jax.dtypes.canonicalize_dtype(jax.numpy.result_type(leaf)))
+        unique = called if found[called] == 1 else f"{called}_{found[called]}"
+        leaves.append((unique, kind, tuple(np.shape(leaf))))
+    return Record.of(_named(name), leaves)
+
+
+def _named(word: str) -> str:
+    return f"{word}_" if _KEYWORDS.fullmatch(word) else word

@@ -1,0 +1,234 @@
+"""Programs in C do what JAX does, primitive by primitive, loop by loop."""
+
+from shutil import which
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.errors import InvalidInput
+from apollonius.export.c import header, source
+from apollonius.export.compiled import FLAGS, Compiled
+from apollonius.export.equations import RULES
+from apollonius.export.translate import translated
+
+needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
+SANITIZED = (*FLAGS, "-fsanitize=undefined", "-fno-sanitize-recover")
+lax = jax.lax
+
+
+@pytest.fixture(autouse=True)
+def anything_goes():
+    """Whatever JAX takes, as users write it."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
+def real(x, y):
+    """Operations on real numbers, `[4]` each; `y` is positive."""
+    z = x * y - x / y + (x - y)
+    return {
+        "power": [x**2, x**3, x**-3, x**7, jnp.power(y, x), jnp.sqrt(y), lax.rsqrt(y), lax.cbrt(x), lax.square(x)],
+        "exp": [jnp.exp(x), jnp.exp2(x), jnp.expm1(x), jnp.log(y), jnp.log1p(y), lax.logistic(x)],
+        "angles": [jnp.sin(x), jnp.cos(x), jnp.tan(x), jnp.arctan(x), jnp.arctan2(x, y), jnp.tanh(x)],
+        "more": [jnp.arcsin(x / 9), jnp.arccos(x / 9), jnp.sinh(x), jnp.cosh(x)],
+        "whole": [
+            jnp.floor(x),
+            jnp.ceil(x),
+            lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
+            lax.round(x),
+            lax.sign(x),
+        ],
+        "order": [jnp.maximum(x, y), jnp.minimum(x, jnp.nan), abs(x), -x, lax.rem(x, y), jnp.clip(x, -1.0, 1.0)],
+        "truth": [x < y, x <= y, x > y, x >= y, x == x, x != y, jnp.isfinite(x / 0), ~(x < 0), (x < 0) ^ (y > 1)],
+        "kinds": [
+            (100 * x).astype(jnp.int32),
+            x.astype(bool),
+            (x * 1e12).astype(jnp.int32),
+            (9 * y).astype(jnp.uint16),
+        ],
+        "bits": [lax.bitcast_convert_type(x, jnp.uint32), lax.bitcast_convert_type(z.view(jnp.int32), jnp.float32)],
+        "chosen": [
+            jnp.where(x < 0, x, y),
+            lax.select_n((y > 1).astype(jnp.int32) + (x > 0), x, y, z),
+            jnp.where(True, x, y),
+        ],
+    }
+
+
+def whole(i, n):
+    """Operations on whole numbers, `[4]` each; `n` is positive and small."""
+    u = i.astype(jnp.uint32)
+    return {
+        "sums": [i + n, i - n, i * n, i // n, i % n, lax.rem(i, n), -i, abs(i), lax.sign(i), jnp.maximum(i, n), i**2],
+        "bits": [i & n, i | n, i ^ n, ~i, i << n, i >> n, lax.shift_right_logical(u, u * 0 + 40), u >> 3, u * u],
+        "kinds": [i.astype(jnp.uint8), i.astype(jnp.int8) + jnp.int8(100), u.astype(jnp.float32), i.astype(bool)],
+    }
+
+
+def arrays(a, k):
+    """Arrays `[3, 4]` seen otherwise, joined, folded and multiplied; `k` is an index that may be out of bounds."""
+    row, tall = a[1], a.T.reshape(2, 6)
+    return {
+        "views": [a.T, a[::2, 1:3], a[::-1], a.reshape(4, 3), a[None], jnp.broadcast_to(row, (2, 4)), a[:, :1] + a[:1]],
+        "joined": [
+            jnp.concatenate([a, -a], 1),
+            jnp.stack([row, 2 * row], 1),
+            jnp.pad(a, ((1, 0), (0, 2)), constant_values=7),
+        ],
+        "folded": [a.sum(), a.sum(0), a.max(1), a.min((0, 1)), a.prod(0), (a > 0).any(), (a > 0).all(1)],
+        "where": [jnp.argmax(a, 1), jnp.argmin(a[0]), jnp.argmax(a > 99)],
+        "running": [jnp.cumsum(a, 1), jnp.cumprod(a, 0), lax.cummax(a, 1), lax.cummin(a, 0, reverse=True)],
+        "products": [a @ row, row @ a.T, a @ a.T, jnp.einsum("ij,ik->ijk", a, tall.reshape(3, 4)), row @ row],
+        "batch": [jnp.einsum("bij,bjk->bik", jnp.stack([a, -a]), jnp.stack([a.T, a.T + 1]))],
+        "nulls": [jnp.maximum(row, 0) @ jnp.tile(a.T, (1, 5))],
+        "indexed": [
+            a[k],
+            a.at[k].get(mode="fill"),
+            a.at[:, k].get(mode="clip"),
+            a[jnp.array([2, 0]), jnp.array([1, 3])],
+        ],
+        "whole": [jnp.arange(3).at[k].get(mode="fill"), jnp.arange(3, dtype=jnp.uint8).at[k].get(mode="fill")],
+        "sliced": [lax.dynamic_slice(a, (k, k), (2, 3)), lax.dynamic_update_slice(a, row[None, :2], (k, 1))],
+        "split": jnp.split(a, 2, axis=1),
+        "constant": a + np.arange(12, dtype=np.float32).reshape(3, 4) ** 2,
+        "counted": [lax.iota(jnp.float32, 5), jnp.arange(4)[None] + jnp.arange(3)[:, None]],
+        "rows": jax.vmap(lambda line, at: line[at])(a, jnp.array([0, 3, 2])),
+    }
+
+
+def flow(x, n):
+    """Loops and branches over `[3]` and a whole number of steps."""
+
+    def turn(carry, seen):
+        one, other, total = carry
+        return (other, one + seen, total + other.sum()), (one * seen, total)
+
+    def collatz(state):
+        number, steps = state
+        return jnp.where(number % 2 == 0, number // 2, 3 * number + 1), steps + 1
+
+    def nested(carry, _):
+        return lax.fori_loop(0, 3, lambda i, inner: jnp.roll(inner, 1) * 0.5 + i, carry), carry[0]
+
+    rows = jnp.stack([x, x + 1, -x])
+    return {
+        "scan": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows),
+        "backwards": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows, reverse=True),
+        "once": lax.scan(turn, (x, 2 * x, jnp.float32(0)), rows[:1]),
+        "while": lax.while_loop(lambda state: state[0] > 1, collatz, (n, jnp.int32(0))),
+        "nested": lax.scan(nested, x, None, length=4),
+        "cond": lax.cond(n > 5, lambda x: x + 1, lambda x: -x, x),
+        "switch": [lax.switch(n - at, [lambda x: x, lambda x: x[::-1], lambda x: 0 * x], x) for at in (6, 7, 9, 20)],
+        "relu": jax.nn.relu(x),
+    }
+
+
+@jax.jit
+def long(x, y):
+    """Some thirty equations, so that it stays a function."""
+    for factor in range(1, 11):
+        x = jnp.sin(x / factor) + y.sum() / factor
+    return x, x[0] * y
+
+
+def calls(x):
+    """One function of two kinds of arguments, and of parts of arrays."""
+    one, two = long(x, x[1:]), long(x[::-1], x[:2] * 2)
+    return {"one": one, "two": two, "again": long(one[0], x[1:])}
+
+
+def same(function, *arguments, within=2e-6):
+    program = translated(function, *arguments, name="tried")
+    made = jax.tree.leaves(dict(sorted(jax.jit(function)(*arguments).items())))
+    for found, wanted in zip(Compiled(program, SANITIZED)(*arguments), made, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=within, atol=within)
+    return program
+
+
+X = np.array([-2.5, 0.5, 3.25, -0.0], np.float32)
+Y = np.array([0.5, 1.75, 2.0, 1e-3], np.float32)
+A = np.array([[1.5, -2, 0, 4], [3, 0, -1, 2], [-4, 7, 5, -6]], np.float32)
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        (real, (X, Y)),
+        (whole, (np.array([-7, 0, 5, 9], np.int32), np.array([2, 3, 1, 4], np.int32))),
+        *((arrays, (A, np.int32(k))) for k in (1, -1, 9)),
+        (flow, (X[:3], np.int32(7))),
+        (calls, (X[:3],)),
+    ],
+    ids=str,
+)
+def test_programs_in_c_do_what_jax_does(function, arguments):
+    same(function, *arguments)
+
+
+def test_a_function_that_is_called_stays_one_and_equal_ones_are_one():
+    program = translated(calls, X[:3], name="tried")
+    assert [function.name for function in program.functions] == ["long_1", "tried"]
+    assert source(program).count("long_1(") == 4
+
+
+def test_the_same_function_is_the_same_text_and_its_arguments_lie_as_said():
+    def shifted(arena, number):
+        return arena["walls"][0] + number, {"far": arena["discs"].sum() * number}
+
+    given = {"walls": (np.float32(1), np.int8(2)), "discs": np.ones((2, 3), np.float32)}, np.float32(2)
+    program, again = (translated(shifted, *given, name="moved") for _ in range(2))
+    assert (source(program), header(program)) == (source(again), header(again))
+    arena, number = program.arguments
+    assert [(leaf.name, leaf.offset) for leaf in arena.leaves] == [("discs", 0), ("walls_0", 24), ("walls_1", 28)]
+    assert arena.length == 32
+    assert number.lone
+    assert "void moved(const moved_arena *arena, float number, moved_result *result);" in header(program)
+    assert "float discs[6]; /* 2 x 3 */" in header(program)
+    for packed, wanted in zip(
+        arena.unpack(arena.pack(jax.tree.leaves(given[0]))), jax.tree.leaves(given[0]), strict=True
+    ):
+        np.testing.assert_array_equal(packed, wanted)
+
+
+def test_what_nothing_needs_is_left_out():
+    program = translated(lambda x: {"y": x + 1, "unused": jnp.sin(x).sum() * 0}["y"], X, name="tried")
+    assert "sinf" not in source(program)
+
+
+@pytest.mark.parametrize(
+    ("function", "needle"),
+    [
+        (jnp.sort, "primitive 'sort'"),
+        (lambda x: x.astype(jnp.float16).sum(), "kind 'float16'"),
+        (lambda x: lax.pad(x, 0.0, ((-1, 0, 0),)), "'pad' cannot be translated: by less than nothing"),
+    ],
+)
+def test_what_cannot_be_translated_is_refused_by_its_name_and_line(function, needle):
+    with pytest.raises(InvalidInput, match=needle) as refused:
+        translated(lambda x: function(x), X)
+    assert "line unknown" not in str(refused.value)
+    assert "test_translate.py" in str(refused.value)
+
+
+def test_every_rule_is_tried():
+    tried = set()
+
+    def walk(jaxpr):
+        for equation in jaxpr.eqns:
+            tried.add(equation.primitive.name)
+            for inner in jax.extend.core.jaxprs_in_params(equation.params):
+                walk(inner)
+
+    for function, arguments in [
+        (real, (X, Y)),
+        (whole, (X.astype(int), X.astype(int))),
+        (arrays, (A, 1)),
+        (flow, (X[:3], 7)),
+    ]:
+        walk(jax.make_jaxpr(function)(*arguments).jaxpr)
+    untried = {"add_any", "stop_gradient", "copy", "copy_p", "reduce_xor", "expand_dims", "clamp", "tan"}
+    assert set(RULES) - tried <= untried
