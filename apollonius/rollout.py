@@ -13,11 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, step_disturbed, with_sensor_noise
-from apollonius.agents.pool import PersistentNoise, Pool, Seated
+from apollonius.agents.policy import Memory
+from apollonius.agents.pool import PersistentNoise, Pool, Read, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role
-from apollonius.observe.view import Views
+from apollonius.observe.observation import WHOLE, perceive
 from apollonius.random_bits import fold_in, random_bits
 
 Players = Pool | Seated | PersistentNoise
@@ -61,11 +62,13 @@ class Transition(eqx.Module):
 class Player(eqx.Module):
     """What one side of each game carries from start to end.
 
-    Team mates are the same member. Of a team, `episode_return` has one more axis after that of the games: its robots.
+    Team mates are the same member. Of a team, `episode_return` has one more axis after that of the games: its robots;
+    the leaves of `memory` are `[games, robots, ...]` of one robot, too.
     """
 
     member: Int[Array, " games"]
     episode_return: Float[Array, "games *robots"]
+    memory: Memory = ()
     handicap: Handicap | None = None
 
 
@@ -77,30 +80,31 @@ class Games(eqx.Module):
 
 
 def begin(
-    starts: GameState,
-    players: BySide[Players],
-    bits: UInt32[Array, "2 games"],
-    disturbance: Disturbance = NONE,
+    starts: GameState, players: BySide[Players], bits: UInt32[Array, "2 games"], disturbance: Disturbance = NONE
 ) -> Games:
     """Games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
     members = ROLES.map(lambda role: players[role].sample(bits[role]))
 
     def player(role: Role) -> Player:
-        return fresh_player(members[role], bits[role], disturbance, len(starts.robots[role]))
+        return fresh_player(members[role], bits[role], disturbance, len(starts.robots[role]), players[role].memory)
 
     return Games(starts, ROLES.map(player))
 
 
 def fresh_player(
-    member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance, robots: int = 1
-) -> Player:
-    """Members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any.
+    member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance, robots: int = 1,
+    memory: Memory = (),
+) -> Player:  # fmt: skip
+    """Return members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any.
 
     Args:
         robots: of the side in each game.
+        memory: with which every game begins.
     """
     handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
-    return Player(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), handicap)
+    shape = (len(bits), robots)
+    begun = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *jnp.shape(leaf))), memory)
+    return Player(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), begun, handicap)
 
 
 def of_robots(values: Sequence[Array]) -> Array:
@@ -117,22 +121,28 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
 
-    def act(role: Role, seen: Any, bits: UInt32[Array, "2 games"]) -> tuple[Actions, ...]:
-        """The actions of each of a side's robots."""
-        robots, playing, member = len(games.state.robots[role]), players[role], games.sides[role].member
-        own_bits = bits_of_team(bits[role], robots)
+    def act(role: Role, read: Read, rows: Any) -> tuple[tuple[Actions, ...], Memory]:
+        """Return the actions of each of a side's robots, and their memory."""
+        robots, playing, side = len(games.state.robots[role]), players[role], games.sides[role]
+        given = rows, to_rows(side.memory), bits_of_team(bits[role], robots)
         if isinstance(playing, Pool):
-            return tuple(jnp.split(playing.act(jnp.tile(member, robots), seen, own_bits), robots))
-        rows = zip(jnp.split(seen, robots), jnp.split(own_bits, robots), strict=True)
-        return tuple(playing.act(member, *own) for own in rows)
+            actions, memory = playing.act(jnp.tile(side.member, robots), read, *given)
+            return tuple(jnp.split(actions, robots)), from_rows(memory, robots)
+        each = [
+            jax.tree.map(lambda leaf, robot=robot: jnp.split(leaf, robots)[robot], given) for robot in range(robots)
+        ]
+        acted = [playing.act(side.member, read, *own) for own in each]
+        memory = jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=1), *(memory for _, memory in acted))
+        return tuple(actions for actions, _ in acted), memory
 
-    def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[Any]:
+    def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[tuple[Read, Any]]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
         noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
-        return ROLES.map(lambda role: players[role].observation.together(Views.of_all(game, noisy[role], role)))
+        return ROLES.map(lambda role: perceive(players[role].observation, game, noisy[role], role))
 
     seen = sees(games.state, bits)
-    actions = ROLES.map(lambda role: act(role, seen[role], bits))
+    acted = ROLES.map(lambda role: act(role, *seen[role]))
+    actions = acted.map(lambda side: side[0])
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
     next_seen = sees(after.state, ~bits)
@@ -140,8 +150,9 @@ def step_games(
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
     def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
-        rows = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
-        return of_robots(rows if isinstance(seen, Views) else jnp.split(seen, len(actions[role])))
+        nothing = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
+        whole = players[role].observation == WHOLE
+        return of_robots(nothing if whole else jnp.split(seen[1], len(actions[role])))
 
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])
@@ -152,8 +163,18 @@ def step_games(
         return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
-    sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], handicaps[role]))
+    sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], acted[role][1], handicaps[role]))
     return Games(after.state, sides), transition
+
+
+def to_rows(memory: Memory) -> Memory:
+    """Return memory by rows, those of the first robots first, from leaves `[games, robots, ...]`."""
+    return jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), memory)
+
+
+def from_rows(memory: Memory, robots: int) -> Memory:
+    """Return memory by games and robots, from rows."""
+    return jax.tree.map(lambda leaf: jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1), memory)
 
 
 def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.classical import Still
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import QNetwork, inferred
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
@@ -171,7 +171,9 @@ def _acting_alone(config: DQNConfig, learner: dqn.DQNLearner, size: int) -> Call
     @jax.jit
     def run(network: QNetwork) -> Int[Array, " games"]:
         def act(chosen: Int[Array, " games"], step: Int[Array, ""]) -> tuple[Int[Array, " games"], None]:
-            return chosen + jnp.argmax(network.together(observations[step % BATCHES]), axis=1), None
+            return chosen + jnp.argmax(
+                jax.vmap(functools.partial(inferred, network))(observations[step % BATCHES]), axis=1
+            ), None
 
         return jax.lax.scan(act, jnp.zeros(config.games, jnp.int32), jnp.arange(MOVES))[0]
 

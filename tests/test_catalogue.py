@@ -25,6 +25,7 @@ from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from tests.acting import act, act_in_rows
 
 
 @pytest.fixture(scope="module")
@@ -121,9 +122,9 @@ def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
     assert pool.size == 3
     observation = jnp.tile(jnp.linspace(-1, 1, 17), (6000, 1))
     words = jax.random.bits(jax.random.key(2), (6000,))
-    actions = [np.asarray(pool.act(jnp.full(6000, member), observation, words)) for member in range(3)]
+    actions = [np.asarray(act_in_rows(pool, jnp.full(6000, member), observation, words)) for member in range(3)]
     for member, name in ((0, files[0]), (2, files[1])):
-        alone = find_player(name, Role.PURSUER).policy(observation[0], words[0])
+        alone = act(find_player(name, Role.PURSUER).policy, observation[0], words[0])
         assert (actions[member] == int(alone)).all()
     assert np.bincount(actions[1], minlength=9).min() > 550
 

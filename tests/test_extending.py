@@ -32,6 +32,7 @@ from apollonius.playout import play_at_once
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
 from tests import bearing, capsule, recent
+from tests.acting import act
 from tests.bearing import BEARING
 from tests.capsule import Capsule
 from tests.learn.test_opponents import archive_of
@@ -88,7 +89,7 @@ def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     blocked = look(
         game, type(states).of_two(robot(5.0, 4.3, 1.2, np.pi / 2), robot(9.0, 9.0), jnp.int32(0)), Role.PURSUER
     )
-    assert int(player(blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
+    assert int(act(player, blocked, jnp.uint32(0))) in (0, 1, 2)  # it brakes
 
 
 def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_it():

@@ -22,6 +22,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
+from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
@@ -29,6 +30,7 @@ from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
 from apollonius.playout import play_at_once, play_out
 from apollonius.rollout import begin, collect
+from tests.acting import act_in_rows
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
@@ -46,8 +48,8 @@ class Scripted(AbstractPolicy):
     action: Array
     observation: AbstractObservation = eqx.field(static=True, default=PAPER)
 
-    def __call__(self, observation, bits):
-        return jnp.where(self.action < 0, uniform_action(bits), self.action)
+    def __call__(self, observation, memory, bits):
+        return jnp.where(self.action < 0, uniform_action(bits), self.action), memory
 
 
 RANDOM = -1
@@ -212,8 +214,8 @@ def test_one_key_one_play_bit_for_bit_and_another_key_another():
 def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
     bits = jax.random.bits(jax.random.key(0), (9,), jnp.uint32)
     members, seen = jnp.arange(9) % 3, jnp.zeros((9, 8))
-    alone = solo(Uniform()).act(jnp.zeros(9, int), seen, bits)
-    np.testing.assert_array_equal(Pool(Uniform(), 3).act(members, seen, bits), alone)
+    alone = act_in_rows(solo(Uniform()), jnp.zeros(9, int), seen, bits)
+    np.testing.assert_array_equal(act_in_rows(Pool(Uniform(), 3), members, seen, bits), alone)
 
 
 def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
@@ -343,3 +345,38 @@ def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
     renewed = last.sides.pursuer.handicap.delay[over(transitions).any(axis=0)]
     assert len(renewed) > 20
     assert np.any(renewed != delays[over(transitions).any(axis=0)])
+
+
+class Counting(AbstractPolicy):
+    """Takes the action whose index is the number of steps that it has played, and the number of its robot's side."""
+
+    observation = PAPER
+
+    @property
+    def memory(self):
+        return {"steps": jnp.int32(0)}
+
+    def __call__(self, observation, memory, bits):
+        return memory["steps"] % 9, {"steps": memory["steps"] + 1}
+
+
+@pytest.mark.parametrize("teams", [(1, 1), (2, 1)], ids=["two robots", "a team"])
+def test_memory_begins_with_a_game_and_goes_on_with_it(teams):
+    """Each robot of a side has its own; games end after seven steps, and others begin in their places."""
+    game = in_teams(replace(make_game("one-large"), max_steps=jnp.int32(7)), *teams)
+    players = BySide(solo(Counting()), stack([Counting(), Counting()]))
+    starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(game, jax.random.key(0), 5))
+    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, jnp.zeros((2, 5), jnp.uint32))
+    _, moves = jax.jit(collect, static_argnums=5)(game, players, games, starts, jax.random.key(1), 20)
+    over, expected = np.asarray(moves.terminated | moves.truncated), np.zeros(5, int)
+    for step in range(20):
+        for side in moves.sides:
+            np.testing.assert_array_equal(
+                np.asarray(side.action)[step].reshape(5, -1).T, [expected] * (side.action[0].size // 5)
+            )
+        expected = np.where(over[step], 0, expected + 1)
+    assert over.sum() >= 10
+    results = play_out(
+        game, BySide(*(solo(Counting()) for _ in Role)), jax.tree.map(lambda leaf: leaf[0], starts), jax.random.key(2)
+    )
+    assert (np.asarray(results.steps) <= 7).all()

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, UInt32
 from apollonius.adapters.compiled import Compiled
 from apollonius.adapters.forked import require_unforked
 from apollonius.adapters.spaces import action_space, as_actions
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.arenas.charting import charted
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -69,6 +69,8 @@ class LiveGame:
         self._begin = Compiled(_begin, game, observation)
         self._step = Compiled(_step, game, observation, inside, self.idle.shape)
         self._told: Array | None = None
+        self._first = {role: [player.memory] * len(game.bodies[role]) for role, player in inside.items()}
+        self._memory = self._first
         self._read = np.zeros(0, np.float32)
         self._steps = 0
 
@@ -80,6 +82,7 @@ class LiveGame:
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
         require_unforked()
+        self._memory = self._first
         self._take(self._begin(bits), 0)
 
     def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:
@@ -95,7 +98,8 @@ class LiveGame:
         checked = [as_actions(action, self._space) for action in actions]
         given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
         given[0], given[1:] = self._steps, np.ravel(checked)
-        self._take(self._step(self._told, given, bits), self._steps + 1)
+        told, self._memory = self._step(self._told, given, bits, self._memory)
+        self._take(told, self._steps + 1)
 
     def _take(self, told: Array, steps: int) -> None:
         self._told, self._read, self._steps = told, np.asarray(told), steps
@@ -150,7 +154,8 @@ def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
     told: Float[Array, " told"], given: Int[Array, " numbers"] | Float[Array, " numbers"], bits: UInt32[Array, ""],
-) -> Float[Array, " told"]:  # fmt: skip
+    memory: dict[Role, list[Memory]],
+) -> tuple[Float[Array, " told"], dict[Role, list[Memory]]]:  # fmt: skip
     counts = game.bodies.map(len)
     state, robots = as_state(told[: 4 * sum(counts)], given[0].astype(jnp.int32), counts.pursuer), sum(counts)
     if state.status is not None:
@@ -160,10 +165,13 @@ def _step(
     actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
     for role, player in players.items():
         own_bits = bits_of_team(bits[None], counts[role])
-        views = [look(game, state, role, number) for number in range(counts[role])]
-        actions[role] = [player(player.observation(view), own) for view, own in zip(views, own_bits, strict=True)]
+        seen = [player.observation(look(game, state, role, number)) for number in range(counts[role])]
+        acted = [player(*own) for own in zip(seen, memory[role], own_bits, strict=True)]
+        actions[role] = [action for action, _ in acted]
+        memory = {**memory, role: [after for _, after in acted]}
     after: Timestep = game.step(state, actions[Role.PURSUER], actions[Role.EVADER])
-    return _tell(game, observation, after.state, after.rewards, [after.terminated, after.truncated, after.outcome])
+    ends = [after.terminated, after.truncated, after.outcome]
+    return _tell(game, observation, after.state, after.rewards, ends), memory
 
 
 def _tell(

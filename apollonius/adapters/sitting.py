@@ -11,13 +11,13 @@ import jax.numpy as jnp
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.pool import solo
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Actions, GameState, Role, Timestep
-from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.view import Views
-from apollonius.rollout import bits_of_team, of_robots
+from apollonius.observe.observation import AbstractObservation, perceive
+from apollonius.rollout import bits_of_team, from_rows, of_robots, to_rows
 
 Tree = TypeVar("Tree")
 SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
@@ -55,17 +55,23 @@ class Sitting:
 
     def see(self, state: GameState) -> Float[Array, "games *robots size"]:
         """What the side from outside sees."""
-        seen = self.observation.together(Views.of_all(self.game, state, self.role))
+        _, seen = perceive(self.observation, self.game, state, self.role)
         return of_robots(jnp.split(seen, self.robots[self.role]))
 
-    def answer(self, state: GameState, bits: UInt32[Array, ""]) -> list[Actions]:
-        """What each robot of the opponent does."""
-        robots = self.robots[self.role.other]
+    def answer(self, now: "Standing", bits: UInt32[Array, ""]) -> tuple[list[Actions], Memory]:
+        """Return what each robot of the opponent does, and its next memory."""
+        side = self.role.other
+        robots, opponent = self.robots[side], solo(self.opponent)
         bits = bits_of_team(jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32), robots)
-        views = Views.of_all(self.game, state, self.role.other)
-        return jnp.split(
-            views.each(lambda view, bits: self.opponent(self.opponent.observation(view), bits), bits), robots
-        )
+        read, rows = perceive(opponent.observation, self.game, now.state, side)
+        actions, memory = opponent.act(jnp.zeros(bits.shape, jnp.int32), read, rows, to_rows(now.memory), bits)
+        return jnp.split(actions, robots), from_rows(memory, robots)
+
+    def begin(self, state: GameState) -> "Standing":
+        """Return games as they stand at their starts."""
+        shape = (len(state.steps), self.robots[self.role.other])
+        memory = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *jnp.shape(leaf))), self.opponent.memory)
+        return Standing(state, self.see(state), memory)
 
     def each(self, actions: SideActions) -> list[Actions]:
         """What each robot from outside does, of actions that have an axis of robots where there are several."""
@@ -74,10 +80,11 @@ class Sitting:
 
 
 class Standing(eqx.Module):
-    """Games as they stand, and what the side from outside sees of them."""
+    """Games as they stand, what the side from outside sees of them, and the opponent's memory."""
 
     state: GameState
     seen: Float[Array, "games *robots size"]
+    memory: Memory
 
 
 class Told(eqx.Module):
@@ -99,7 +106,7 @@ def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
     """A pile of starts."""
     keys = jax.random.split(jax.random.key(bits), SPARE * sitting.num_envs)
     starts = jax.lax.map(sitting.game.reset, keys, batch_size=_TOGETHER)
-    return Standing(starts, sitting.see(starts))
+    return sitting.begin(starts)
 
 
 def step_games(
@@ -107,9 +114,10 @@ def step_games(
     action: SideActions, bits: UInt32[Array, ""],
 ) -> tuple[Standing, Told]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
-    actions = BySide.of(sitting.role, sitting.each(action), sitting.answer(now.state, bits))
+    answer, memory = sitting.answer(now, bits)
+    actions = BySide.of(sitting.role, sitting.each(action), answer)
     after = jax.vmap(sitting.game.step)(now.state, *actions.pair)
-    led_to = Standing(after.state, sitting.see(after.state))
+    led_to = Standing(after.state, sitting.see(after.state), memory)
     told = _told(sitting, led_to, after)
     match sitting.autoreset_mode:
         case AutoresetMode.SAME_STEP:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
@@ -27,8 +27,10 @@ class Still(AbstractPolicy):
         """It does not look; whoever collects its transitions has the paper's observation."""
         return PAPER
 
-    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.full((), BRAKE_STRAIGHT, jnp.int32)
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Int[Array, ""], Memory]:
+        return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
 
 class AbstractClassical(AbstractActionValuePolicy):

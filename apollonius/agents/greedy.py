@@ -1,11 +1,10 @@
 """Players that act by a network's action values: the best action, or now and then a random one."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.network import QNetwork
-from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
+from apollonius.agents.network import QNetwork, inferred
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, Memory
 from apollonius.agents.uniform import uniform_action
 from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
@@ -27,18 +26,8 @@ class Greedy(AbstractActionValuePolicy):
         return reads if self.chart is None else Charted(reads, self.chart)
 
     def values(self, seen: Float[Array, " size"]) -> Float[Array, "9"]:
-        """The network's action values."""
-        return self.network(seen)
-
-    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The best action for each observation."""
-        return jnp.argmax(self.weigh_together(seen, bits), axis=-1).astype(jnp.int32)
-
-    def weigh_together(
-        self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]
-    ) -> Float[Array, "games 9"]:
-        """The network's action values for each observation."""
-        return self.network.together(seen)
+        """Return the network's action values."""
+        return inferred(self.network, seen)
 
 
 class EpsilonGreedy(AbstractPolicy):
@@ -52,14 +41,9 @@ class EpsilonGreedy(AbstractPolicy):
         """What the network reads."""
         return self.network.observation
 
-    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
-        return self._explore(self.network(seen), bits)
-
-    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The action for each observation."""
-        return jax.vmap(self._explore)(self.network.together(seen), bits)
-
-    def _explore(self, values: Float[Array, "9"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
-        best = jnp.argmax(values).astype(jnp.int32)
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Int[Array, ""], Memory]:
+        best = jnp.argmax(inferred(self.network, seen)).astype(jnp.int32)
         explore = (bits & 0xFFFF).astype(jnp.float32) < self.epsilon * 65536
-        return jnp.where(explore, uniform_action(bits), best)
+        return jnp.where(explore, uniform_action(bits), best), memory

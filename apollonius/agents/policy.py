@@ -1,4 +1,4 @@
-"""What every player is: what it reads of its view and random bits in, an action out."""
+"""What every player is: an observation, a memory and random bits in, an action and the next memory out."""
 
 from abc import abstractmethod
 from typing import Any
@@ -6,13 +6,16 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import gears
-from apollonius.game.types import NUM_ACTIONS, Action, Actions, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Scalar
 from apollonius.observe.observation import WHOLE, Whole
-from apollonius.observe.view import View, each
+from apollonius.observe.view import View
+
+Memory = PyTree[Array]
+"""What a player carries from step to step of a game; `()` for one that carries nothing."""
 
 
 class AbstractPolicy(eqx.Module):
@@ -20,7 +23,7 @@ class AbstractPolicy(eqx.Module):
 
     @property
     def observation(self) -> Whole:
-        """What it reads of a view: the view itself, or the numbers that its network does (`apollonius.observe`)."""
+        """What it reads of a view: the view itself, or the numbers that its network reads (`apollonius.observe`)."""
         return WHOLE
 
     @property
@@ -33,35 +36,28 @@ class AbstractPolicy(eqx.Module):
         """Whether its actions are pairs of gears."""
         return False
 
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins."""
+        return ()
+
     @abstractmethod
-    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Action:
-        """The action for what is seen; always of the same kind.
+    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+        """Choose the action for what is seen; always of the same kind.
 
         Args:
             seen: what the policy's `observation` makes of the view of the robot that it plays.
+            memory: what it returned in the step before, or `self.memory` in a game's first step.
             bits: 32 random bits, fresh for every step; consumed. Bits instead of a key, since splitting keys for
                 thousands of games costs more than the games themselves.
         """
 
-    def together(self, seen: Any, bits: UInt32[Array, " games"]) -> Actions:
-        """The actions for what is seen in many games, each its own: a `vmap`, or what is quicker and the same.
-
-        Args:
-            seen: `observation.together` of the views.
-            bits: random bits for each game.
-        """
-        return each(self, seen, bits)
-
-    def weigh(self, seen: Any, bits: UInt32[Array, ""]) -> Any:
-        """All that `choose` has to know, before it is known which actions are allowed: here the player's own action."""
-        return self(seen, bits)
-
-    def weigh_together(self, seen: Any, bits: UInt32[Array, " games"]) -> Any:
-        """The same for many games, as in `together`."""
-        return self.together(seen, bits)
+    def weigh(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Any, Memory]:
+        """Return all that `choose` needs before it is known which actions are allowed: here the player's own action."""
+        return self(seen, memory, bits)
 
     def choose(self, weighed: Any, allowed: Bool[Array, "9"]) -> Int[Array, ""]:
-        """The discrete action where only some are allowed: the player's own, or else the one of lowest index."""
+        """Return the player's own discrete action if it is allowed, else the allowed one of lowest index."""
         return jnp.where(allowed[weighed], weighed, jnp.argmax(allowed)).astype(jnp.int32)
 
 
@@ -70,21 +66,18 @@ class AbstractActionValuePolicy(AbstractPolicy):
 
     @abstractmethod
     def values(self, seen: Any) -> Float[Array, "9"]:
-        """The values of the nine actions for what is seen: the higher the better."""
+        """Return the values of the nine actions for what is seen: the higher the better."""
 
-    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Int[Array, ""]:
-        return jnp.argmax(self.weigh(seen, bits)).astype(jnp.int32)
+    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Int[Array, ""], Memory]:
+        values, memory = self.weigh(seen, memory, bits)
+        return jnp.argmax(values).astype(jnp.int32), memory
 
-    def weigh(self, seen: Any, bits: UInt32[Array, ""]) -> Float[Array, "9"]:
-        """The values of the nine actions."""
-        return self.values(seen)
-
-    def weigh_together(self, seen: Any, bits: UInt32[Array, " games"]) -> Float[Array, "games 9"]:
-        """The same for many games."""
-        return each(self.weigh, seen, bits)
+    def weigh(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
+        """Return the values of the nine actions."""
+        return self.values(seen), memory
 
     def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
-        """The allowed action of highest value."""
+        """Return the allowed action of highest value."""
         return jnp.argmax(jnp.where(allowed, weighed, -jnp.inf)).astype(jnp.int32)
 
 
@@ -93,15 +86,15 @@ class AbstractContinuous(AbstractPolicy):
 
     @property
     def continuous(self) -> bool:
-        """They are."""
+        """Always True."""
         return True
 
     @abstractmethod
-    def __call__(self, seen: Any, bits: UInt32[Array, ""]) -> Float[Array, "2"]:
-        """The two gears for what is seen."""
+    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "2"], Memory]:
+        """Choose the two gears for what is seen."""
 
     def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
-        """The allowed discrete action whose gears are nearest to the player's own."""
+        """Return the allowed discrete action whose gears are nearest to the player's own."""
         own = gears(weighed)
 
         def away(action: Int[Array, ""]) -> Scalar:
@@ -118,12 +111,12 @@ def reads_chart(policy: AbstractPolicy) -> bool:
 
 
 def acts_by_chance(policy: AbstractPolicy, view: View) -> bool:
-    """Whether random bits can matter to a player; it is not asked for any action, its program is looked through.
+    """Return whether random bits can matter to a player, by looking through its program.
 
     Args:
         view: any in its game.
     """
-    program = jax.make_jaxpr(lambda bits: policy(policy.observation(view), bits))(
+    program = jax.make_jaxpr(lambda bits: policy(policy.observation(view), policy.memory, bits))(
         jax.ShapeDtypeStruct((), jnp.uint32)
     ).jaxpr
     (bits,) = program.invars

@@ -1,5 +1,6 @@
 """Who plays one side of a batch of games: one player, a pool of several, earlier versions in seats."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -7,11 +8,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import Actions
 from apollonius.observe.observation import Whole
+
+Read = Callable[[Any], Any]
+"""From a row of a batch to what players read."""
+
+
+def act_in_rows(
+    policy: AbstractPolicy, read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+) -> tuple[Actions, Memory]:
+    """Return one player's action and next memory in each row of a batch."""
+    return jax.vmap(lambda row, memory, bits: policy(read(row), memory, bits))(rows, memory, bits)
 
 
 class Pool(eqx.Module):
@@ -45,18 +56,30 @@ class Pool(eqx.Module):
             return jnp.zeros(bits.shape, jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins."""
+        return self._first.memory
+
     def act(
-        self,
-        member: Int[Array, " games"],
-        seen: Any,
-        bits: UInt32[Array, " games"],
-    ) -> Actions:
-        """Each game's action, by the member of this pool that it meets."""
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+    ) -> tuple[Actions, Memory]:
+        """Return each row's action and next memory, by the member of this pool that it meets.
+
+        Args:
+            read: turns a row into what the players read; with `rows` from `apollonius.observe.observation.perceive`.
+        """
         if self.size == 1:
-            return self._first.together(seen, bits)
-        everyone = jax.vmap(lambda policy: policy.together(seen, bits), axis_size=self.size)(self.members)
-        theirs = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
-        return jnp.take_along_axis(everyone, theirs, axis=0)[0]
+            return act_in_rows(self._first, read, rows, memory, bits)
+
+        def of_member(policy: AbstractPolicy) -> tuple[Actions, Memory]:
+            return act_in_rows(policy, read, rows, memory, bits)
+
+        def theirs(everyone: Array) -> Array:
+            index = member.reshape(1, -1, *[1] * (everyone.ndim - 2))
+            return jnp.take_along_axis(everyone, index, axis=0)[0]
+
+        return jax.tree.map(theirs, jax.vmap(of_member, axis_size=self.size)(self.members))
 
 
 class Seated(eqx.Module):
@@ -94,23 +117,27 @@ class Seated(eqx.Module):
         game = jnp.arange(bits.shape[0]) - self.first
         return jnp.where((game >= 0) & (game < self.seats * self.games), game // self.games + 1, 0).astype(jnp.int32)
 
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins."""
+        return self.at_large.memory
+
     def act(
-        self,
-        member: Int[Array, " games"],
-        seen: Float[Array, "games size"],
-        bits: UInt32[Array, " games"],
-    ) -> Actions:
-        """Each game's action, by the player whose it is."""
-        end = self.first + self.seats * self.games
-        seats = (self.seats, self.games)
-        others = jax.vmap(lambda policy, *given: jax.vmap(policy)(*given))(
-            self.seated,
-            seen[self.first : end].reshape(*seats, -1),
-            bits[self.first : end].reshape(seats),
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+    ) -> tuple[Actions, Memory]:
+        """Return each row's action and next memory, by the player whose it is; arguments as those of `Pool.act`."""
+        end, given = self.first + self.seats * self.games, (rows, memory, bits)
+        seated = jax.tree.map(
+            lambda leaf: leaf[self.first : end].reshape(self.seats, self.games, *leaf.shape[1:]), given
         )
-        beside = [jnp.concatenate([leaf[: self.first], leaf[end:]]) for leaf in (seen, bits)]
-        own = jax.vmap(self.at_large)(*beside)
-        return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
+        beside = jax.tree.map(lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), given)
+        others = jax.vmap(lambda policy, *given: act_in_rows(policy, read, *given))(self.seated, *seated)
+        own = act_in_rows(self.at_large, read, *beside)
+
+        def in_order(own: Array, others: Array) -> Array:
+            return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])
+
+        return jax.tree.map(in_order, own, others)
 
 
 class PersistentNoise(eqx.Module):
@@ -138,14 +165,16 @@ class PersistentNoise(eqx.Module):
         """The member that each game meets."""
         return self.players.sample(bits)
 
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins."""
+        return self.players.memory
+
     def act(
-        self,
-        member: Int[Array, " games"],
-        seen: Any,
-        bits: UInt32[Array, " games"],
-    ) -> Actions:
-        """Each game's action, by its own bits."""
-        return self.players.act(member, seen, self.bits)
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+    ) -> tuple[Actions, Memory]:
+        """Return each row's action and next memory, by its own bits; arguments as those of `Pool.act`."""
+        return self.players.act(member, read, rows, memory, self.bits)
 
 
 def solo(policy: AbstractPolicy) -> Pool:

@@ -1,6 +1,6 @@
 """A player that does not crash: another player's actions, unless they leave no way to stop in time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -9,22 +9,23 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
+from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game
 from apollonius.game.nearby import Edges, Surroundings, surroundings
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
-from apollonius.observe.view import View, Views
+from apollonius.observe.view import View
 
 MARGIN = 1e-3
 """Room [m] that must be left: many times what rounding can make of it."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
-_HELD_BACK = 8
+_TRIED = 8
 """Robots that may not do what they want for which all actions are tried at a time."""
 
 
@@ -144,53 +145,73 @@ class Shielded(AbstractPolicy):
         """Whether those of the player behind the shield are."""
         return self.policy.continuous
 
-    def __call__(self, seen: View, bits: UInt32[Array, ""]) -> Action:
-        own, weighed = seen.own.state, self.policy.weigh(self.policy.observation(seen), bits)
-        wanted = self._wanted(weighed)
-        backup = self.backup.of(seen)
-        keeps = backup.room_after(own, wanted) > MARGIN
-        room = jax.vmap(backup.room_after, in_axes=(None, 0))(own, jnp.arange(NUM_ACTIONS))
-        return jnp.where(keeps, wanted, self._instead(weighed, room))
+    @property
+    def memory(self) -> Memory:
+        """That of the player behind the shield."""
+        return self.policy.memory
 
-    def together(self, seen: Views, bits: UInt32[Array, " games"]) -> Actions:
-        """The actions for the views in many games.
+    def __call__(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+        weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
+        return _held_back(self, seen, weighed), memory
 
-        Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
-        a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
-        is then read from memory in a row.
-        """
-        weighed = self.policy.weigh_together(self.policy.observation.together(seen), bits)
-        wanted = jax.vmap(self._wanted)(weighed)
-        held_back = ~(seen.each(self._room_after, wanted) > MARGIN)
-        games = held_back.shape[0]
-        (which,) = jnp.nonzero(held_back, size=games + -games % _HELD_BACK, fill_value=games)
-
-        def some(carry: tuple[Int[Array, ""], Actions]) -> tuple[Int[Array, ""], Actions]:
-            done, actions = carry
-            rows = jax.lax.dynamic_slice(which, (done,), (_HELD_BACK,))
-            there = jnp.minimum(rows, games - 1)
-            theirs = seen.part(there)
-            room_after = jax.vmap(lambda action: theirs.each(lambda view: self._room_after(view, action)))
-            behind = jax.tree.map(lambda leaf: leaf[there], weighed)
-            instead = jax.vmap(self._instead, in_axes=(0, 1))(behind, room_after(jnp.arange(NUM_ACTIONS)))
-            return done + _HELD_BACK, actions.at[rows].set(instead, mode="drop")
-
-        count = jnp.sum(held_back, dtype=jnp.int32)
-        return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1]
-
-    def _room_after(self, view: View, action: Action) -> Scalar:
+    def room_after(self, view: View, action: Action) -> Scalar:
+        """Return the room [m] on the way to rest that begins with one step of an action."""
         return self.backup.of(view).room_after(view.own.state, action)
 
-    def _wanted(self, weighed: Any) -> Action:
-        """What the player behind the shield would do."""
+    def wanted(self, weighed: Any) -> Action:
+        """Return what the player behind the shield would do."""
         return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
-    def _instead(self, weighed: Any, room: Float[Array, "9"]) -> Action:
-        """What it does where that is not allowed, by the room that each of the nine actions leaves."""
+    def instead(self, weighed: Any, room: Float[Array, "9"]) -> Action:
+        """Return what it does where that is not allowed, by the room that each of the nine actions leaves."""
         allowed = room > MARGIN
         among = self.policy.choose(weighed, allowed)
         safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
         return jnp.stack(gears(safest)) if self.policy.continuous else safest
+
+
+@custom_vmap
+def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
+    """Return the action that a player behind a shield takes, from what it thinks of the nine."""
+    wanted = player.wanted(weighed)
+    keeps = player.room_after(seen, wanted) > MARGIN
+    room = jax.vmap(player.room_after, in_axes=(None, 0))(seen, jnp.arange(NUM_ACTIONS))
+    return jnp.where(keeps, wanted, player.instead(weighed, room))
+
+
+@_held_back.def_vmap
+def _held_back_together(
+    size: int, batched: Sequence[Any], player: Shielded, seen: View, weighed: Any
+) -> tuple[Actions, bool]:
+    """Return the actions in many games; `batched` says what differs from game to game.
+
+    Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
+    a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
+    is then read from memory in a row.
+    """
+    axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
+    if any(jax.tree.leaves(batched[0])):
+        return jax.vmap(_held_back.fun, in_axes=axes, axis_size=size)(player, seen, weighed), True
+    weighed = jax.tree.map(
+        lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), weighed, batched[2]
+    )
+    room_after = jax.vmap(player.room_after, in_axes=(axes[1], 0), axis_size=size)
+    wanted = jax.vmap(player.wanted)(weighed)
+    (which,) = jnp.nonzero(~(room_after(seen, wanted) > MARGIN), size=size + -size % _TRIED, fill_value=size)
+
+    def some(carry: tuple[Int[Array, ""], Actions]) -> tuple[Int[Array, ""], Actions]:
+        done, actions = carry
+        rows = jax.lax.dynamic_slice(which, (done,), (_TRIED,))
+        there = jnp.minimum(rows, size - 1)
+        theirs = jax.tree.map(lambda leaf, has: leaf[there] if has else leaf, seen, batched[1])
+        behind = jax.tree.map(lambda leaf: leaf[there], weighed)
+        of_all = jax.vmap(player.room_after, in_axes=(axes[1], None), axis_size=_TRIED)
+        rooms = jax.vmap(of_all, in_axes=(None, 0))(theirs, jnp.arange(NUM_ACTIONS))
+        instead = jax.vmap(player.instead, in_axes=(0, 1))(behind, rooms)
+        return done + _TRIED, actions.at[rows].set(instead, mode="drop")
+
+    count = jnp.sum(which < size, dtype=jnp.int32)
+    return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1], True
 
 
 def brakes(game: Game, role: Role) -> Backup:

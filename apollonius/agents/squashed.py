@@ -1,11 +1,10 @@
 """Players that act by a distribution over pairs of gears: its middle, or drawn from it."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.network import GaussianActor
-from apollonius.agents.policy import AbstractContinuous
+from apollonius.agents.network import GaussianActor, inferred
+from apollonius.agents.policy import AbstractContinuous, Memory
 from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
 from apollonius.observe.charted import Charted
@@ -25,8 +24,10 @@ class SquashedMean(AbstractContinuous):
         reads = self.network.observation
         return reads if self.chart is None else Charted(reads, self.chart)
 
-    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Float[Array, "2"]:
-        return jnp.tanh(self.network(seen)[0])
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Float[Array, "2"], Memory]:
+        return jnp.tanh(self.network(seen)[0]), memory
 
 
 class SquashedGaussian(AbstractContinuous):
@@ -40,17 +41,11 @@ class SquashedGaussian(AbstractContinuous):
         """What the network reads."""
         return self.network.observation
 
-    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Float[Array, "2"]:
-        return self._sample(*self.network(seen), bits)
-
-    def together(self, seen: Float[Array, "games size"], bits: UInt32[Array, " games"]) -> Float[Array, "games 2"]:
-        """The two gears for each observation."""
-        return jax.vmap(self._sample)(*self.network.together(seen), bits)
-
-    def _sample(
-        self, mean: Float[Array, "2"], deviation: Float[Array, "2"], bits: UInt32[Array, ""]
-    ) -> Float[Array, "2"]:
-        return jnp.tanh(mean + self.spread * deviation * normal_pair(bits))
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Float[Array, "2"], Memory]:
+        mean, deviation = inferred(self.network, seen)
+        return jnp.tanh(mean + self.spread * deviation * normal_pair(bits)), memory
 
 
 def normal_pair(bits: UInt32[Array, ""]) -> Float[Array, "2"]:

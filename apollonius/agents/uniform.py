@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
@@ -22,5 +22,7 @@ class Uniform(AbstractPolicy):
         """It does not look; whoever collects its transitions has the paper's observation."""
         return PAPER
 
-    def __call__(self, seen: Float[Array, " size"], bits: UInt32[Array, ""]) -> Int[Array, ""]:
-        return uniform_action(bits)
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Int[Array, ""], Memory]:
+        return uniform_action(bits), memory

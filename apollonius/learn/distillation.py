@@ -9,7 +9,6 @@ no-regret online learning", 2011; Rusu et al., "Policy distillation", 2016).
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.disturbance import NONE
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import act_in_rows
 from apollonius.agents.trained import greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -32,7 +32,7 @@ from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.train_state import LearnerState, Plan, TrainState, first_learner
 from apollonius.learn.train_step import Metrics
-from apollonius.observe.view import Views
+from apollonius.observe.observation import perceive
 from apollonius.rollout import Games, Player, fresh_player
 from apollonius.solve.foresight import ResponsePolicy
 
@@ -125,8 +125,9 @@ def _round(plan: Plan, state: TrainState, school: School) -> tuple[TrainState, M
     assert isinstance(learner, dqn.DQNLearner)
     assert isinstance(lessons, Lessons)
     network = learner.network
-    seen = Views(game, situations(game, state.games.state, ask_key), role)
-    lessons = lessons.add(network.observation.together(seen), school.teacher.worths(seen))
+    asked = situations(game, state.games.state, ask_key)
+    _, seen = perceive(network.observation, game, asked, role)
+    lessons = lessons.add(seen, school.teacher.worths(game, asked, role))
 
     after, outcome = _play(plan, network, state.games.state, school, play_key)
     ended = outcome != Outcome.ONGOING
@@ -164,8 +165,11 @@ def _play(
     at_random = jax.random.randint(action_key, (games,), 0, NUM_ACTIONS)
     shares = _shares(config, games, len(school.opponents))
 
-    def seen(states: GameState, policy: AbstractPolicy, side: Role) -> Any:
-        return policy.observation.together(Views(game, states, side))
+    def acts(policy: AbstractPolicy, states: GameState, side: Role, bits: UInt32[Array, " games"]) -> Array:
+        """Return a player's actions; those with a memory are asked as at the start of a game."""
+        read, rows = perceive(policy.observation, game, states, side)
+        memory = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*bits.shape, *jnp.shape(leaf))), policy.memory)
+        return act_in_rows(policy, read, rows, memory, bits)[0]
 
     def part(states: GameState, number: int) -> GameState:
         first = sum(shares[:number])
@@ -177,19 +181,19 @@ def _play(
         attacker = ResponsePolicy(school.table.zero_sum_game, school.table.table, student, *foresight)
         mine = part(states, number)
         bits = jax.random.bits(jax.random.fold_in(plan_key, number), mine.steps.shape, jnp.uint32)
-        held.append(attacker.together(seen(mine, attacker, role.other), bits))
+        held.append(acts(attacker, mine, role.other, bits))
 
     def one_step(
         carry: tuple[GameState, Int[Array, " games"]], bits: UInt32[Array, "2 games"]
     ) -> tuple[tuple[GameState, Int[Array, " games"]], None]:
         before, outcome = carry
-        best = student.together(seen(before, student, role), bits[0])
+        best = acts(student, before, role, bits[0])
         own = jnp.where(explores, at_random, best)
         theirs = []
         for number, opponent in enumerate(school.opponents):
             rows = part(before, number)
             first = sum(shares[:number])
-            theirs.append(opponent.together(seen(rows, opponent, role.other), bits[1, first : first + shares[number]]))
+            theirs.append(acts(opponent, rows, role.other, bits[1, first : first + shares[number]]))
         other = jnp.concatenate([*theirs, *held])
 
         def stepped(state: GameState, own: Action, other: Action) -> tuple[GameState, Int[Array, ""]]:

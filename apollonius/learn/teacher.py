@@ -6,8 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Scalar
-from apollonius.observe.view import Views
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
+from apollonius.observe.observation import perceive
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion, last
 
@@ -68,15 +69,20 @@ class Teacher(eqx.Module):
     scale: Real
     room: Room | None
 
-    def worths(self, seen: Views) -> Float[Array, "games 9"]:
-        """What the nine actions are worth in each of many games, in the player's own units; the best is worth what the
+    def worths(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
+        """Return what the nine actions are worth in many games, in the player's own units; the best is worth what the
         player says it is.
+
+        Args:
+            states: of the games, leaves `[games]`.
+            role: the student's side.
         """
-        bits = jnp.zeros(seen.states.steps.shape, jnp.uint32)
-        values = self.policy.weigh_together(self.policy.observation.together(seen), bits)
+        read, rows = perceive(self.policy.observation, game, states, role)
+        bits = jnp.zeros((), jnp.uint32)
+        values = jax.vmap(lambda row: self.policy.weigh(read(row), self.policy.memory, bits)[0])(rows)
         best = jnp.max(values, axis=1, keepdims=True)
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
         if self.room is not None:
-            own = seen.states.robots[seen.role][0]
+            own = states.robots[role][0]
             behind = jax.vmap(self.room.weighed)(behind, own)
         return best + self.scale * (behind - jnp.max(behind, axis=1, keepdims=True))

@@ -1,13 +1,12 @@
 """An observation by a chart of the player's own, for games whose arena has none."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from jaxtyping import Array, Float
 
 from apollonius.game.chart import Chart
 from apollonius.observe.observation import AbstractObservation, Whole
-from apollonius.observe.view import View, Views
+from apollonius.observe.view import View
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,3 @@ class Charted(Whole):
     def __call__(self, view: View) -> Float[Array, " size"]:
         """The numbers for a view."""
         return self.observation(replace(view, arena=replace(view.arena, chart=self.chart)))
-
-    def together(self, views: Views) -> Any:
-        """Those for the views in many games."""
-        return views.each(self)

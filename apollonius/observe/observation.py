@@ -1,15 +1,19 @@
 """What a player reads of a view: the view itself, or a row of numbers that an observation makes of it."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
-from apollonius.game.types import Real, Scalar
-from apollonius.observe.view import Robot, View, Views
+from apollonius.game.game import Game
+from apollonius.game.types import GameState, Real, Role, Scalar
+from apollonius.observe.view import Robot, View, look_from, rows_of
 
 
 @dataclass(frozen=True)
@@ -22,10 +26,6 @@ class Whole:
     def __call__(self, view: View) -> Any:
         """What is read of a view."""
         return view
-
-    def together(self, views: Views) -> Any:
-        """The same of the views in many games."""
-        return views
 
 
 WHOLE = Whole()
@@ -50,9 +50,20 @@ class AbstractObservation(Whole):
     def __call__(self, view: View) -> Float[Array, " size"]:
         """The numbers for a view."""
 
-    def together(self, views: Views) -> Float[Array, "games size"]:
-        """Those for the views in many games."""
-        return views.each(self)
+
+def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> tuple[Callable[[Any], Any], Any]:
+    """Return the function from a row to what a player reads, and a row for each robot of a side in each game.
+
+    Numbers are made here, for all rows at once. A whole view is made where a player reads it: outside, all that games
+    have in common would be stored once for each of them.
+
+    Args:
+        states: of the games, leaves `[games]`.
+    """
+    rows, view = rows_of(states, role), partial(look_from, game, role)
+    if observation == WHOLE:
+        return view, rows
+    return lambda numbers: numbers, jax.vmap(lambda row: observation(view(row)))(rows)
 
 
 def scaled(value: Scalar, low: Real, high: Real) -> Scalar:

@@ -1,8 +1,7 @@
 """What one robot sees, as it is: bodies, states and the arena, in metres, m/s and radians."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -74,66 +73,43 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     return View(here.arena, ours[number], mates, robots(role.other), here.capture_distance)
 
 
-class Views(eqx.Module):
-    """What one side sees in many games at once. What the games have in common is there once.
+Row = tuple[GameState, Int[Array, ""] | None]
+"""One robot's place in one game: the state with the side's robots in an order that begins with it, and its number,
+which is None where its side has only one robot."""
 
-    Of a team it is what every one of its robots sees, a row for each in each game: those of the first robot in all
-    games come first, then those of the second.
 
-    Attributes:
-        game: the rules.
-        states: of the games, leaves `[rows]`.
-        role: the side.
-        numbers: which of the side's robots looks, which is the first one in `states`; None where it has only one.
+def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
+    """Return a row for each robot of a side in each game: those of the first robots come first, then the second's.
+
+    Args:
+        states: of the games, leaves `[games]`.
     """
+    count, games = len(states.robots[role]), states.steps.shape[0]
+    if count == 1:
+        return states, None
 
-    game: Game
-    states: GameState
-    role: Role = eqx.field(static=True)
-    numbers: Int[Array, " rows"] | None = None
+    def first(number: int) -> GameState:
+        def turned(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
+            ours = values[role]
+            return BySide.of(role, ours[number:] + ours[:number], values[role.other])
 
-    @classmethod
-    def of_all(cls, game: Game, states: GameState, role: Role) -> "Views":
-        """What all robots of one side see in many games.
+        def of_one(state: GameState) -> GameState:
+            return replace(state, robots=turned(state.robots), status=state.status and turned(state.status))
 
-        Args:
-            states: of the games, leaves `[games]`.
-        """
-        count, games = len(states.robots[role]), states.steps.shape[0]
-        if count == 1:
-            return cls(game, states, role)
+        return jax.vmap(of_one)(states)
 
-        def first(number: int) -> GameState:
-            def turned(values: BySide[tuple[T, ...]]) -> BySide[tuple[T, ...]]:
-                ours = values[role]
-                return BySide.of(role, ours[number:] + ours[:number], values[role.other])
+    return _in_rows(*map(first, range(count))), jnp.repeat(jnp.arange(count), games)
 
-            def of_one(state: GameState) -> GameState:
-                return replace(state, robots=turned(state.robots), status=state.status and turned(state.status))
 
-            return jax.vmap(of_one)(states)
-
-        rows = _in_rows(*map(first, range(count)))
-        return cls(game, rows, role, numbers=jnp.repeat(jnp.arange(count), games))
-
-    def each(self, function: Callable[..., Any], *rest: Any) -> Any:
-        """What a function makes of the view in each of the rows, and of the rest, leaves `[rows]`: its `vmap`."""
-
-        def one(state: GameState, number: Int[Array, ""] | None, *rest: Any) -> Any:
-            here = self.game if number is None else _turned(self.game.at(state), self.role, number)
-            return function(look(here, state, self.role), *rest)
-
-        return jax.vmap(one)(self.states, self.numbers, *rest)
-
-    def part(self, rows: Int[Array, " some"]) -> "Views":
-        """The views in some of the rows."""
-        states, numbers = jax.tree.map(lambda leaf: leaf[rows], (self.states, self.numbers))
-        return Views(self.game, states, self.role, numbers)
+def look_from(game: Game, role: Role, row: Row) -> View:
+    """Return what the robot of one row of `rows_of` sees."""
+    state, number = row
+    return look(game if number is None else _turned(game.at(state), role, number), state, role)
 
 
 @fusion_barrier
 def _in_rows(*states: GameState) -> GameState:
-    """The states of one batch after those of another; what is made of a row is then made of many at a time."""
+    """Concatenate batches of states, so that whatever follows is computed once for all rows."""
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *states)
 
 
@@ -152,8 +128,3 @@ def _turned(game: Game, role: Role, number: Int[Array, ""]) -> Game:
     name = role.name.lower()
     teams = replace(game.teams or Teams(), **{f"{name}s": tuple(others)})
     return replace(game, **{name: first}, teams=teams)
-
-
-def each(function: Callable[..., Any], seen: Any, *rest: Any) -> Any:
-    """The same of what is seen in each of many games, be it views or arrays."""
-    return seen.each(function, *rest) if isinstance(seen, Views) else jax.vmap(function)(seen, *rest)

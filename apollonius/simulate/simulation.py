@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
+from apollonius.agents.policy import Memory
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, begin
 from apollonius.game.dynamics import together
@@ -15,7 +16,7 @@ from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
-from apollonius.observe.view import Views
+from apollonius.observe.observation import perceive
 from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state
 from apollonius.rollout import random_bits_of
@@ -89,11 +90,15 @@ def simulate(
     bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
     count = len(rows)
     members = _members(pursuer, evader, key, count)
+    memories = tuple(
+        jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), pool.memory)
+        for pool in (pursuer, evader)
+    )
     outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
     log: list[tuple[np.ndarray, ...]] = []
     alive = np.arange(count)
     while alive.size:
-        choice = _choose(game, pursuer, evader, members, rows, length, key)
+        choice, memories = _choose(game, pursuer, evader, members, rows, length, key, memories)
         controls = np.asarray(choice.controls, float)
         asked = references.follow(drive, controls, limits, physics.steps, physics.step)
         bodies[alive] = physics.advance(bodies[alive], asked[alive])
@@ -146,20 +151,23 @@ def _choose(
     rows: Float32[Array, "games 8"],
     length: Int[Array, " games"],
     key: PRNGKeyArray,
-) -> Choice:
+    memories: tuple[Memory, Memory],
+) -> tuple[Choice, tuple[Memory, Memory]]:
     state = jax.vmap(as_state)(rows, length)
     bits = random_bits_of(key, jnp.arange(rows.shape[0]), length)
-    actions = [
-        pool.act(members[role], pool.observation.together(Views(game, state, role)), bits[role])
+    acted = [
+        pool.act(members[role], *perceive(pool.observation, game, state, role), memories[role], bits[role])
         for role, pool in ((Role.PURSUER, pursuer), (Role.EVADER, evader))
     ]
+    actions, memories = zip(*acted, strict=True)
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
     ideal = jax.vmap(game.step)(state, *actions).state
-    return Choice(
+    choice = Choice(
         actions=jax.vmap(together)(*actions),
         controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
         ideal=jnp.stack(jax.tree.leaves((ideal.pursuer, ideal.evader)), axis=-1),
     )
+    return choice, memories
 
 
 @jax.jit

@@ -8,9 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Shaped, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, acts_by_chance
+from apollonius.agents.pool import act_in_rows
 from apollonius.game.by_side import BySide
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotState
-from apollonius.observe.view import View, Views, look
+from apollonius.observe.observation import perceive
+from apollonius.observe.view import View, look
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import discount_after
 from apollonius.solve.players import AbstractLookahead
@@ -79,9 +81,9 @@ class ResponsePolicy(AbstractLookahead):
 
         def go_on(plans: "_Plans", bits: UInt32[Array, "games courses"]) -> tuple["_Plans", None]:
             states = jax.tree.map(flat, plans.states)
-            seen = self.opponent.observation.together(Views(game, states, role.other))
             # All plans in a game meet the same courses of an opponent that acts by chance.
-            answers = self.opponent.together(seen, flat(bits[:, None]))
+            read, rows = perceive(self.opponent.observation, game, states, role.other)
+            answers, _ = act_in_rows(self.opponent, read, rows, (), flat(bits[:, None]))
             after, outcome = jax.vmap(stepped)(states, flat(plans.held[..., None]), answers)
             there = jax.tree.map(lambda leaf: leaf.reshape(shape), after)
             return plans.then(there, outcome.reshape(shape)), None
@@ -169,7 +171,7 @@ def answer_of(
     zero_sum_game: ZeroSumGame, opponent: AbstractPolicy, own: RobotState, other: RobotState, bits: UInt32[Array, ""]
 ) -> Action:
     """The action that the opponent takes, from the states of this side's robot and of its own."""
-    return opponent(opponent.observation(_view_of_other(zero_sum_game, own, other)), bits)
+    return opponent(opponent.observation(_view_of_other(zero_sum_game, own, other)), (), bits)[0]
 
 
 def answers_by_chance(zero_sum_game: ZeroSumGame, opponent: AbstractPolicy) -> bool:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Bool, Float, Shaped, UInt32
 
-from apollonius.agents.policy import AbstractActionValuePolicy
+from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.observe.view import View
 from apollonius.solve.event import first_events
@@ -30,11 +30,11 @@ class AbstractLookahead(AbstractActionValuePolicy):
 
     def values(self, seen: View) -> Float[Array, "9"]:
         """What the nine actions are worth."""
-        return self.weigh(seen, jnp.zeros((), jnp.uint32))
+        return self.weigh(seen, (), jnp.zeros((), jnp.uint32))[0]
 
-    def weigh(self, seen: View, bits: UInt32[Array, ""]) -> Float[Array, "9"]:
-        """What they are worth against one who acts by chance, as by these bits."""
-        return _values_in_one(self, seen.own.state, seen.opponent.state, bits)
+    def weigh(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
+        """Return what they are worth against one who acts by chance, as by these bits."""
+        return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
 
     def best_value(self, states: GameState) -> Float[Array, " games"]:
         """Estimate what its side is sure of in several states of the game, leaves `[games]`."""

@@ -19,6 +19,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.registry import observe
 from apollonius.observe.view import look
+from tests.acting import act
 
 PAPER = make_game("paper")
 GAMES = 64
@@ -168,7 +169,7 @@ def test_an_opponent_that_reads_a_chart_plays_as_it_would_in_the_charted_game():
             for x, y, v, cos, sin in (seen[:5], seen[5:10])
         )
         state = GameState.of_two(pursuer, evader, jnp.int32(0))
-        action = player(player.observation(look(game, state, Role.EVADER)), jnp.uint32(0))
+        action = act(player, player.observation(look(game, state, Role.EVADER)), jnp.uint32(0))
         return observe(game, game.step(state, jnp.int32(4), action).state, Role.PURSUER, "encoded")
 
     for _ in range(20):

@@ -15,6 +15,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, RobotStatus, Role
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
+from tests.acting import act
 
 GAME = make_game("team-3v2")
 GAMES = 32
@@ -44,7 +45,7 @@ def test_every_game_goes_as_the_rules_say(course):
 
     @jax.jit
     def follow(state, actions):
-        evaders = [FLEE(look(GAME, state, Role.EVADER, number), jnp.uint32(0)) for number in range(2)]
+        evaders = [act(FLEE, look(GAME, state, Role.EVADER, number), jnp.uint32(0)) for number in range(2)]
         after = GAME.step(state, list(actions), evaders)
         seen = [READS(look(GAME, after.state, Role.PURSUER, number)) for number in range(3)]
         return after, seen

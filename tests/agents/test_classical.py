@@ -21,7 +21,8 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look
+from tests.acting import act, of_views
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -151,7 +152,9 @@ def test_chasers_catch_whoever_stands_still():
         def one_step(states, _):
             moved, caught = [], []
             for player, state in zip(players, states, strict=True):
-                actions = player.together(Views(game, state, Role.PURSUER), jnp.zeros(200, jnp.uint32))
+                actions = of_views(
+                    lambda seen, player=player: act(player, seen, jnp.uint32(0)), game, state, Role.PURSUER
+                )
                 after = jax.vmap(game.step, in_axes=(0, 0, None))(state, actions, jnp.int32(1))
                 moved.append(after.state)
                 caught.append(after.outcome == 1)
@@ -169,9 +172,9 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(name, PAPER)
     player = find_player(name, role, game).policy
     seen = look(game, game.reset(jax.random.key(1)), role)
-    own = int(player(seen, jnp.uint32(0)))
+    own = int(act(player, seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
-    other = int(player.choose(player.weigh(seen, jnp.uint32(0)), allowed))
+    other = int(player.choose(player.weigh(seen, (), jnp.uint32(0))[0], allowed))
     values = np.array(player.values(seen))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))

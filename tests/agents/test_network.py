@@ -10,6 +10,7 @@ from apollonius.agents.greedy import EpsilonGreedy
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
+from tests.acting import act, act_in_rows
 
 NETWORK = make_network("encoded", 16, 3, jax.random.key(0))
 SEEN = jax.random.normal(jax.random.key(1), (40, 17))
@@ -57,7 +58,7 @@ def test_players_of_many_games_act_as_each_of_them_would(kind, games):
         player = SquashedGaussian(make_actor("encoded", 64, 2, jax.random.key(0)), jnp.float32(1.0))
     seen = jax.random.normal(jax.random.key(1), (games, 17))
     bits = jax.random.bits(jax.random.key(2), (games,), jnp.uint32)
-    together = solo(player).act(jnp.zeros(games, jnp.int32), seen, bits)
-    each = jax.vmap(player)(seen, bits)
+    together = act_in_rows(solo(player), jnp.zeros(games, jnp.int32), seen, bits)
+    each = jnp.stack([act(player, *one) for one in zip(seen, bits, strict=True)])
     assert len(np.unique(each, axis=0)) > 5
     np.testing.assert_allclose(together, each, atol=1e-6)

@@ -1,5 +1,7 @@
 """Who acts: each player keeps the rule it is named for."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,6 +17,7 @@ from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
 from apollonius.observe.paper import PAPER
+from tests.acting import act, act_in_rows
 
 WORDS = jax.random.bits(jax.random.key(7), (200_000,), jnp.uint32)
 NOTHING = jnp.zeros(8)
@@ -35,7 +38,7 @@ def best_is(action):
 
 
 def action_counts(policy):
-    actions = jax.vmap(policy, in_axes=(None, 0))(NOTHING, WORDS)
+    actions = jax.vmap(partial(act, policy, NOTHING))(WORDS)
     return np.bincount(actions, minlength=NUM_ACTIONS)
 
 
@@ -69,7 +72,7 @@ def test_without_exploration_every_action_is_greedy():
     [([0] * 9, 0), ([0, 1, 1, 0, 0, 0, 0, 0, 1], 1), ([-3, -2, -3, -3, -3, -3, -1, -1, -9], 6)],
 )
 def test_greedy_takes_the_first_of_the_best_actions(values, chosen):
-    assert Greedy(network_with(values))(NOTHING, WORDS[0]) == chosen
+    assert act(Greedy(network_with(values)), NOTHING, WORDS[0]) == chosen
 
 
 def test_a_network_is_layers_of_weights_and_relu():
@@ -85,7 +88,7 @@ def play_still(v, steps):
     """Where a robot that plays `Still` is after a number of steps, from (1, 5) heading 0.5 rad."""
     game = make_game("paper")
     start = RobotState(*jnp.array([1.0, 5.0, v, 0.5]))
-    action = Still()(NOTHING, WORDS[0])
+    action = act(Still(), NOTHING, WORDS[0])
     move = jax.jit(lambda state: game.step(state, action, action).state)
     state = GameState.of_two(start, start, jnp.asarray(0))
     for _ in range(steps):
@@ -110,8 +113,8 @@ def test_still_brakes_straight_ahead_when_it_moves():
 def test_a_pool_of_one_plays_as_that_player():
     player = make_network("paper", width=4, depth=1, key=jax.random.key(1))
     seen = jax.random.normal(jax.random.key(2), (50, 8))
-    pooled = solo(Greedy(player)).act(jnp.zeros(50, jnp.int32), seen, WORDS[:50])
-    alone = jax.vmap(Greedy(player))(seen, WORDS[:50])
+    pooled = act_in_rows(solo(Greedy(player)), jnp.zeros(50, jnp.int32), seen, WORDS[:50])
+    alone = jax.vmap(partial(act, Greedy(player)))(seen, WORDS[:50])
     assert len(np.unique(alone)) > 1
     np.testing.assert_array_equal(pooled, alone)
 
@@ -121,7 +124,7 @@ def test_each_game_meets_its_own_member_of_a_pool():
     member = jnp.array([2, 0, 1, 1, 2])
     assert pool.size == 3
     assert pool.observation == PAPER
-    assert pool.act(member, jnp.zeros((5, 8)), WORDS[:5]).tolist() == [8, 3, 5, 5, 8]
+    assert act_in_rows(pool, member, jnp.zeros((5, 8)), WORDS[:5]).tolist() == [8, 3, 5, 5, 8]
 
 
 def allowing(*actions):
@@ -131,10 +134,10 @@ def allowing(*actions):
 def test_where_only_some_actions_are_allowed_greedy_takes_the_best_of_them():
     player = Greedy(network_with([0, 5, 1, 9, 3, 4, 2, 8, 7]))
     for allowed, action in (((3, 7), 3), ((7, 8), 7), ((0, 2, 4), 4), ((6,), 6)):
-        assert int(player.choose(player.weigh(NOTHING, WORDS[0]), allowing(*allowed))) == action
+        assert int(player.choose(player.weigh(NOTHING, (), WORDS[0])[0], allowing(*allowed))) == action
 
 
 def test_where_only_some_actions_are_allowed_random_keeps_its_own_or_takes_the_first():
-    actions = np.asarray(jax.vmap(Uniform())(jnp.zeros((50, 8)), WORDS[:50]))
-    held = jax.vmap(lambda bits: Uniform().choose(Uniform().weigh(NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
+    actions = np.asarray(jax.vmap(partial(act, Uniform()))(jnp.zeros((50, 8)), WORDS[:50]))
+    held = jax.vmap(lambda bits: Uniform().choose(act(Uniform(), NOTHING, bits), allowing(2, 5, 6)))(WORDS[:50])
     assert held.tolist() == [action if action in (2, 5, 6) else 2 for action in actions]

@@ -26,7 +26,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe import paper
 from apollonius.observe.encoded import ENCODED
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look
+from tests.acting import act, of_views
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -52,8 +53,8 @@ class Reckless(AbstractPolicy):
 
     observation = paper.PAPER
 
-    def __call__(self, observation, bits):
-        return jnp.int32(6) + (bits >> 16).astype(jnp.int32) % 3
+    def __call__(self, observation, memory, bits):
+        return jnp.int32(6) + (bits >> 16).astype(jnp.int32) % 3, memory
 
 
 @pytest.mark.parametrize(
@@ -78,13 +79,13 @@ def test_behind_a_shield_neither_robot_ever_fails(name, policy):
 def test_far_from_everything_the_player_acts_for_itself(role):
     game = Game()
     player = Greedy(NETWORK)
-    guarded = eqx.filter_jit(shielded(player, game, role))
+    guarded = shielded(player, game, role)
     for turn, seed in enumerate(range(20)):
         state = game.reset(jax.random.key(seed))
         centre = RobotState(jnp.float32(5.0), jnp.float32(5.0), jnp.float32(0.6), state.pursuer.heading)
         state = type(state).of_two(centre, centre, state.steps)
         seen, bits = look(game, state, role), jnp.uint32(turn)
-        assert int(guarded(seen, bits)) == int(player(ENCODED(seen), bits))
+        assert int(eqx.filter_jit(act)(guarded, seen, bits)) == int(act(player, ENCODED(seen), bits))
 
 
 def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
@@ -94,11 +95,11 @@ def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
     seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
     allowed = rooms_after(own) > MARGIN
     assert list(np.flatnonzero(allowed)) == [0, 2]
-    chosen, act = set(), eqx.filter_jit(lambda player, seen: player(seen, jnp.uint32(0)))
+    chosen, acts = set(), eqx.filter_jit(lambda player, seen: act(player, seen, jnp.uint32(0)))
     for seed in range(12):
         network = make_network("encoded", 8, 2, jax.random.key(seed))
         values = np.where(allowed, np.asarray(network(ENCODED(seen))), -np.inf)
-        assert int(act(shielded(Greedy(network), Game(), Role.PURSUER), seen)) == int(np.argmax(values))
+        assert int(acts(shielded(Greedy(network), Game(), Role.PURSUER), seen)) == int(np.argmax(values))
         chosen.add(int(np.argmax(values)))
     assert chosen == {0, 2}
 
@@ -119,7 +120,7 @@ def test_a_robot_that_is_lost_does_what_leaves_most_room():
     assert max(room) < 0
     state = Game().reset(jax.random.key(0))
     seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
-    assert room[int(guarded(seen, jnp.uint32(0)))] == max(room)
+    assert room[int(act(guarded, seen, jnp.uint32(0)))] == max(room)
 
 
 LEFT, LOWER = -20.0, -4.0
@@ -173,8 +174,8 @@ class Swerves(AbstractContinuous):
 
     observation = paper.PAPER
 
-    def __call__(self, observation, bits):
-        return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1])
+    def __call__(self, observation, memory, bits):
+        return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1]), memory
 
 
 @pytest.mark.parametrize(
@@ -184,16 +185,27 @@ class Swerves(AbstractContinuous):
 )
 def test_games_are_guarded_together_as_each_alone(game, policy):
     """Only those that are held back, of which there are several blocks and a part of one, have all actions tried."""
-    player = shielded(policy, game, Role.PURSUER)
+    role, player = Role.PURSUER, shielded(policy, game, Role.PURSUER)
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
     speeds = jnp.linspace(0.6, 1.2, 500)
     states = eqx.tree_at(lambda states: states.pursuer.v, states, speeds)
-    views = Views(game, states, Role.PURSUER)
     bits = jax.random.bits(jax.random.key(1), 500)
-    alone = eqx.filter_jit(lambda player: views.each(lambda view, bits: player(player.observation(view), bits), bits))
-    together = np.asarray(eqx.filter_jit(player.together)(views, bits))
-    np.testing.assert_array_equal(together, alone(player))
-    differs = together != np.asarray(alone(policy))
+
+    @eqx.filter_jit
+    def together(player):
+        return of_views(lambda view, bits: act(player, player.observation(view), bits), game, states, role, bits)
+
+    @eqx.filter_jit
+    def one_by_one(player):
+        def alone(given):
+            state, bits = given
+            return act(player, player.observation(look(game, state, role)), bits)
+
+        return jax.lax.map(alone, (states, bits))
+
+    guarded = np.asarray(together(player))
+    np.testing.assert_array_equal(guarded, one_by_one(player))
+    differs = guarded != np.asarray(together(policy))
     held_back = differs.reshape(500, -1).any(axis=1).sum()
     assert 8 < held_back < 492
     assert held_back % 8
@@ -209,7 +221,7 @@ def test_where_all_are_held_back_none_is_forgotten():
         for at, v in ((8.75, 1.2), (1.0, 0.0))
     ]
     states = jax.vmap(GameState.of_two)(*robots, jnp.zeros(count, jnp.int32))
-    together = eqx.filter_jit(player.together)(Views(game, states, Role.PURSUER), jnp.zeros(count, jnp.uint32))
+    together = jax.jit(lambda: of_views(lambda view: act(player, view, jnp.uint32(0)), game, states, Role.PURSUER))()
     assert set(np.asarray(together).tolist()) <= {0, 2}
 
 

@@ -1,5 +1,7 @@
 """Players with continuous actions: how they draw, what they do when it counts, and behind a shield."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,6 +25,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.paper import PAPER
 from apollonius.observe.view import look
+from tests.acting import act, act_in_rows
 from tests.matches import a_match
 
 WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
@@ -37,8 +40,8 @@ class Wants(AbstractContinuous):
 
     observation = PAPER
 
-    def __call__(self, observation, bits):
-        return jnp.array(self.gears)
+    def __call__(self, observation, memory, bits):
+        return jnp.array(self.gears), memory
 
 
 def test_the_numbers_of_a_word_are_two_independent_standard_normal_ones():
@@ -60,10 +63,10 @@ def layers_in_numpy(actor, seen):
 
 def test_at_its_best_it_plays_the_hyperbolic_tangent_of_its_means():
     mean = layers_in_numpy(ACTOR, SEEN)[:2]
-    action = greedy(ACTOR)(SEEN, WORDS[0])
+    action = act(greedy(ACTOR), SEEN, WORDS[0])
     np.testing.assert_allclose(action, np.tanh(mean), atol=1e-6)
     np.testing.assert_allclose(ACTOR.batch(SEEN[None])[0][0], mean, atol=1e-6)
-    np.testing.assert_array_equal(exploring(ACTOR, jnp.asarray(0.0))(SEEN, WORDS[0]), action)
+    np.testing.assert_array_equal(act(exploring(ACTOR, jnp.asarray(0.0)), SEEN, WORDS[0]), action)
 
 
 def test_exploring_it_draws_from_its_distributions():
@@ -71,7 +74,7 @@ def test_exploring_it_draws_from_its_distributions():
     mean, deviation = ACTOR(SEEN)
     for spread in (1.0, 0.5):
         player = SquashedGaussian(ACTOR, jnp.asarray(spread))
-        drawn = np.arctanh(np.asarray(jax.vmap(player, in_axes=(None, 0))(SEEN, WORDS), np.float64))
+        drawn = np.arctanh(np.asarray(jax.vmap(partial(act, player, SEEN))(WORDS), np.float64))
         for numbers, middle, width in zip(drawn.T, mean, deviation, strict=True):
             assert kstest((numbers - float(middle)) / (spread * float(width)), norm.cdf).pvalue > 0.01
 
@@ -87,7 +90,7 @@ def test_deviations_stay_within_their_bounds():
 )
 def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gears(gears, allowed, action):
     mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
-    assert Wants(gears).choose(Wants(gears).weigh(SEEN, WORDS[0]), mask) == action
+    assert Wants(gears).choose(act(Wants(gears), SEEN, WORDS[0]), mask) == action
 
 
 @pytest.mark.parametrize(
@@ -106,7 +109,7 @@ def robot(x, y, v=0.0, heading=0.0):
 def guarded_action(own, gears):
     state = GameState.of_two(own, robot(1.0, 1.0), jnp.asarray(0))
     player = shielded(Wants(gears), Game(), Role.PURSUER)
-    return eqx.filter_jit(player)(player.observation(look(Game(), state, Role.PURSUER)), WORDS[0])
+    return eqx.filter_jit(act)(player, player.observation(look(Game(), state, Role.PURSUER)), WORDS[0])
 
 
 def test_behind_a_shield_it_keeps_its_gears_where_they_are_safe():
@@ -135,21 +138,23 @@ def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     pool = stack([exploring(actor, jnp.asarray(0.0)) for actor in actors])
     member = jnp.array([2, 0, 1, 1])
     seen, bits = jnp.tile(SEEN, (4, 1)), WORDS[:4]
-    expected = [greedy(actors[number])(SEEN, WORDS[0]) for number in member.tolist()]
-    np.testing.assert_allclose(pool.act(member, seen, bits), jnp.stack(expected), atol=1e-6)
-    assert solo(members[1]).act(jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
+    expected = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in member.tolist()]
+    np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(expected), atol=1e-6)
+    assert act_in_rows(solo(members[1]), jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
     seated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
     seats = Seated(SquashedMean(actors[2]), seated, seats=2, first=1, games=1)
-    by_seat = [greedy(actors[number])(SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
-    np.testing.assert_allclose(seats.act(member, seen, bits), jnp.stack(by_seat), atol=1e-6)
+    by_seat = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
+    np.testing.assert_allclose(act_in_rows(seats, member, seen, bits), jnp.stack(by_seat), atol=1e-6)
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(SEEN, (4, 1))
     held = PersistentNoise(pool, WORDS[4:8])
-    np.testing.assert_array_equal(held.act(member, seen, WORDS[:4]), pool.act(member, seen, WORDS[4:8]))
-    assert (held.act(member, seen, WORDS[:4]) != pool.act(member, seen, WORDS[:4])).all()
+    np.testing.assert_array_equal(
+        act_in_rows(held, member, seen, WORDS[:4]), act_in_rows(pool, member, seen, WORDS[4:8])
+    )
+    assert (act_in_rows(held, member, seen, WORDS[:4]) != act_in_rows(pool, member, seen, WORDS[:4])).all()
     np.testing.assert_array_equal(held.sample(WORDS), pool.sample(WORDS))
     assert (held.samples, held.observation) == (True, PAPER)
 

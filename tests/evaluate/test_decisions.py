@@ -23,7 +23,7 @@ def test_actions_are_those_of_the_player_in_the_states(role):
 
     def act(row):
         seen = observe(game, as_state(row, jnp.asarray(0)), role, "encoded")
-        return seen, player(seen, jnp.uint32(0))
+        return seen, player(seen, player.memory, jnp.uint32(0))[0]
 
     seen, actions = jax.jit(jax.vmap(act))(jnp.asarray(rows))
     assert played.states.shape == (950, 8)

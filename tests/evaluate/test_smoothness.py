@@ -30,8 +30,8 @@ class Always(AbstractPolicy):
 
     observation = PAPER
 
-    def __call__(self, observation, bits):
-        return jnp.asarray(self.action, jnp.int32)
+    def __call__(self, observation, memory, bits):
+        return jnp.asarray(self.action, jnp.int32), memory
 
 
 def as_gears(actions):

@@ -25,10 +25,10 @@ from apollonius.learn.school import open_schools
 from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher
-from apollonius.observe.view import Views
 from apollonius.solve.motion import motion_of
 from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety
+from tests.acting import of_views
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
 from tests.solve.small import FEW, SMALL
 
@@ -81,7 +81,7 @@ def teacher_of(values, room=None):
 
 
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(visited):
-    worths = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).worths(Views(GAME, visited, Role.EVADER))
+    worths = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).worths(GAME, visited, Role.EVADER)
     expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
     np.testing.assert_allclose(worths, np.tile(expected, (400, 1)), atol=1e-6)
 
@@ -107,15 +107,14 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     table = solve_safety(GAME, Role.EVADER, grid, hold).table
     room = Room(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
     moving = jax.jit(situations)(GAME, visited, jax.random.key(1))
-    seen = Views(GAME, moving, Role.EVADER)
-    left = np.asarray(seen.each(lambda view: room.after(view.own.state)))
+    left = np.asarray(of_views(lambda view: room.after(view.own.state), GAME, moving, Role.EVADER))
     most = left.max(axis=1, keepdims=True)
     wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
-    worths = np.asarray(teacher_of(wanted, room).worths(seen))
+    worths = np.asarray(teacher_of(wanted, room).worths(GAME, moving, Role.EVADER))
     clear, doomed = left.min(axis=1) > 0.1, most[:, 0] < 0
     assert 0.2 < clear.mean() < 0.9
     assert 0 < doomed.mean() < 0.5
-    unheeding = np.asarray(teacher_of(wanted).worths(seen))
+    unheeding = np.asarray(teacher_of(wanted).worths(GAME, moving, Role.EVADER))
     np.testing.assert_allclose(worths[clear], unheeding[clear], atol=1e-6)
     price = 10 * np.minimum(STEEPNESS * (np.minimum(most, 0.1) - np.minimum(left, 0.1)), COSTLIEST)
     np.testing.assert_allclose(worths[doomed], 4 - price[doomed], atol=1e-4)
@@ -149,8 +148,8 @@ def test_each_of_several_arenas_has_a_school_that_teaches_what_it_would_alone(sc
     assert len(schools) == 2
     assert len({jax.tree.structure(one) for one in schools}) == 1
     assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in schools}) == 1
-    here, there = (one.teacher.worths(Views(one.game, visited, Role.EVADER)) for one in schools)
-    alone = school.teacher.worths(Views(GAME, visited, Role.EVADER))
+    here, there = (one.teacher.worths(one.game, visited, Role.EVADER) for one in schools)
+    alone = school.teacher.worths(GAME, visited, Role.EVADER)
     np.testing.assert_allclose(here, alone, atol=1e-4)
     assert np.abs(there - here).max() > 0.01
 
@@ -164,12 +163,12 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     assert agent.header.training["config"]["distillation"]["teacher"] == "table"
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
-    seen = Views(GAME, jax.jit(situations)(GAME, visited, jax.random.key(5)), Role.EVADER)
-    worths = np.asarray(school.teacher.worths(seen))
+    asked = jax.jit(situations)(GAME, visited, jax.random.key(5))
+    worths = np.asarray(school.teacher.worths(GAME, asked, Role.EVADER))
 
     def lost(network):
         """What the best action by a network costs by what the teacher says."""
-        chosen = np.argmax(network.together(network.observation.together(seen)), axis=1)
+        chosen = np.argmax(network.batch(of_views(network.observation, GAME, asked, Role.EVADER)), axis=1)
         return np.mean(worths.max(axis=1) - worths[np.arange(len(worths)), chosen])
 
     assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))

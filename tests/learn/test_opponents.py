@@ -25,6 +25,7 @@ from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan, players
 from apollonius.learn.train_step import play_and_learn
 from apollonius.rollout import collect
+from tests.acting import act_in_rows
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 
 SCHEMES = ("uniform", "prioritised-hard")
@@ -64,9 +65,9 @@ def test_everyone_plays_their_own_games():
     member = players.sample(bits)
     assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11
     observation = jax.random.normal(jax.random.key(9), (30, 8))
-    expected = stack([Greedy(network) for network in (at_large, *others)]).act(member, observation, bits)
-    assert players.act(member, observation, bits).tolist() == expected.tolist()
-    alone = solo(Greedy(at_large)).act(member, observation, bits)
+    expected = act_in_rows(stack([Greedy(one) for one in (at_large, *others)]), member, observation, bits)
+    assert act_in_rows(players, member, observation, bits).tolist() == expected.tolist()
+    alone = act_in_rows(solo(Greedy(at_large)), member, observation, bits)
     assert (expected != alone).any()
 
 

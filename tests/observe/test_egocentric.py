@@ -17,7 +17,8 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.charted import Charted
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look
+from tests.acting import of_views
 
 SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
@@ -40,7 +41,7 @@ def states(pursuers, evaders):
 
 def looked(states, role, game=GAME):
     """What is seen in several games."""
-    return np.asarray(jax.jit(lambda game, states: EGOCENTRIC.together(Views(game, states, role)))(game, states))
+    return np.asarray(jax.jit(lambda game, states: of_views(EGOCENTRIC, game, states, role))(game, states))
 
 
 def seen(now, role=Role.PURSUER, game=GAME):

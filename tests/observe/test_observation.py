@@ -13,9 +13,11 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.encoded import ENCODED
+from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.registry import OBSERVATIONS, find_observation
 from apollonius.observe.registry import observe as observe_one
-from apollonius.observe.view import Views, each, look
+from apollonius.observe.view import look
+from tests.acting import of_views
 
 GAME = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
@@ -119,11 +121,12 @@ def test_a_view_has_both_robots_the_one_that_looks_first(role):
 
 def test_views_of_many_games_are_what_each_shows():
     states = random_states(5)
-    views = Views(GAME, states, Role.EVADER)
-    distances = each(lambda view, scale: scale * (view.own.state.x - view.opponent.state.x), views, jnp.arange(5.0))
-    apart = np.asarray(states.evader.x - states.pursuer.x)
-    np.testing.assert_allclose(distances, np.arange(5) * apart, atol=1e-6)
-    np.testing.assert_array_equal(ENCODED.together(views), views.each(ENCODED))
+    read, rows = perceive(WHOLE, GAME, states, Role.EVADER)
+    distances = jax.vmap(lambda row: read(row).own.state.x - read(row).opponent.state.x)(rows)
+    np.testing.assert_allclose(distances, np.asarray(states.evader.x - states.pursuer.x), atol=1e-6)
+    read, numbers = perceive(ENCODED, GAME, states, Role.EVADER)
+    assert read(numbers) is numbers
+    np.testing.assert_array_equal(numbers, of_views(ENCODED, GAME, states, Role.EVADER))
 
 
 def test_an_unknown_observation_is_refused():

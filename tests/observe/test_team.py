@@ -18,8 +18,9 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
 from apollonius.observe.egocentric import EGOCENTRIC
+from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
@@ -39,7 +40,7 @@ def state(pursuers, evaders, out=()):
 
 @functools.partial(jax.jit, static_argnames=("role", "observation"))
 def look_together(game, states, role, observation):
-    return observation.together(Views.of_all(game, states, role))
+    return perceive(observation, game, states, role)[1]
 
 
 def seen(pursuers, evaders, out=(), role=Role.PURSUER, observation=TEAM):

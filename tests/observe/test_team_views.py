@@ -14,7 +14,7 @@ from apollonius.game.game import Game, sample_starts
 from apollonius.game.presets import in_teams
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look, look_from, rows_of
 
 UNLIKE = Game(
     pursuer=Unicycle(v_max=1.0),
@@ -66,7 +66,7 @@ def test_views_of_many_games_have_a_row_for_what_each_robot_sees(role):
         one = [own.body.v_max * own.state.x, own.active, opponent.body.v_max * opponent.state.y, jnp.sum(mates)]
         return jnp.stack([jnp.asarray(number, jnp.float32) for number in one])
 
-    rows = Views.of_all(UNLIKE, states, role).each(told)
+    rows = jax.vmap(lambda row: told(look_from(UNLIKE, role, row)))(rows_of(states, role))
     one_by_one = [jax.vmap(lambda state, n=n: told(look(UNLIKE, state, role, n)))(states) for n in range(count)]
     np.testing.assert_allclose(rows, jnp.concatenate(one_by_one), rtol=1e-6)
 

@@ -88,8 +88,8 @@ class FullSpeedInACurve(AbstractContinuous):
 
     observation = PAPER
 
-    def __call__(self, observation, bits):
-        return jnp.asarray([1.0, 0.5])
+    def __call__(self, observation, memory, bits):
+        return jnp.asarray([1.0, 0.5]), memory
 
 
 def test_players_with_continuous_actions_drive_too(tmp_path):

@@ -13,13 +13,14 @@ from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
-from apollonius.observe.view import Views, look
+from apollonius.observe.view import look
 from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import lanes_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game
+from tests.acting import of_views
 from tests.solve.small import BODY, MOVING, SMALL
 
 GRID = make_grid(SMALL.arena, BODY, (3, 4, 2, 5))
@@ -100,13 +101,13 @@ def test_a_batch_of_games_is_decided_as_one_game_after_the_other(starts):
     """Also where every game has a player of its own."""
     players = [SaddlePolicy(CONTEST, NOTHING + level) for level in (0.0, 0.5)]
     few = jax.tree.map(lambda leaf: leaf[:4], starts)
-    views, states = Views(SMALL, few, Role.PURSUER), [jax.tree.map(lambda leaf, i=i: leaf[i], few) for i in range(4)]
-    together = np.asarray(views.each(players[1].values))
+    states = [jax.tree.map(lambda leaf, i=i: leaf[i], few) for i in range(4)]
+    together = np.asarray(of_views(players[1].values, SMALL, few, Role.PURSUER))
     alone = jax.jit(lambda player, state: player.values(look(SMALL, state, Role.PURSUER)))
     np.testing.assert_allclose(together, [alone(players[1], state) for state in states], atol=1e-5)
     both = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *players)
-    first = Views(SMALL, jax.tree.map(lambda leaf: leaf[:2], few), Role.PURSUER)
-    own = np.asarray(first.each(lambda view, player: player.values(view), both))
+    first = jax.tree.map(lambda leaf: leaf[:2], few)
+    own = np.asarray(of_views(lambda view, player: player.values(view), SMALL, first, Role.PURSUER, both))
     np.testing.assert_allclose(
         own, [alone(player, state) for player, state in zip(players, states[:2], strict=True)], atol=1e-5
     )

@@ -22,6 +22,7 @@ from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import interpolate, lanes_of
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.zero_sum_game import make_zero_sum_game
+from tests.acting import act
 from tests.solve.small import BODY, MOVING, SMALL
 
 GRID = make_grid(SMALL.arena, BODY, (3, 4, 2, 5))
@@ -50,7 +51,7 @@ def starts():
 
 
 STEP = jax.jit(SMALL.step)
-ANSWER = eqx.filter_jit(lambda player, state, role: player(look(SMALL, state, role), jnp.zeros((), jnp.uint32)))
+ANSWER = eqx.filter_jit(lambda player, state, role: act(player, look(SMALL, state, role), jnp.zeros((), jnp.uint32)))
 BETWEEN = eqx.filter_jit(lambda own, other: interpolate(TABLE, (GRID, other), (GRID, own)))
 
 

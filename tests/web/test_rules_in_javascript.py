@@ -31,6 +31,7 @@ from apollonius.observe.view import look
 from apollonius.replay import as_rows, as_state, load_replay, play_actions
 from apollonius.rollout import begin, step_games
 from apollonius.web.site import PAGE
+from tests.acting import act
 
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))
 TOLERANCE = 1e-5
@@ -120,7 +121,7 @@ def test_networks_and_shields_choose_the_same_actions(agent_file):
         view = look(game, as_state(row, jnp.asarray(0)), role)
         seen = agent.policy.observation(view)
         own, behind_shield = (
-            jnp.stack(gears(player.policy(player.policy.observation(view), word))) for player in (agent, guarded)
+            jnp.stack(gears(act(player.policy, player.policy.observation(view), word))) for player in (agent, guarded)
         )
         return seen, apply(agent.policy.network.layers, seen), own, behind_shield
 
