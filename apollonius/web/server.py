@@ -2,6 +2,7 @@
 
 import os
 import socket
+import sys
 import time
 from contextlib import suppress
 from functools import partial
@@ -107,6 +108,11 @@ class _Server(ThreadingHTTPServer):
         """End a connection."""
         self._since.pop(request, None)
         super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing where the other end has left, or was left: the terminal belongs to the person."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
 
     def service_actions(self) -> None:
         """End what takes too long; called twice a second."""

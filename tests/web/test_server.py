@@ -74,7 +74,7 @@ def test_a_path_that_cannot_be_is_not_found(server, path, capsys):
     assert not capsys.readouterr().err
 
 
-def test_half_requests_end_and_their_threads_are_few(server, monkeypatch):
+def test_half_requests_end_in_silence_and_their_threads_are_few(server, monkeypatch, capsys):
     monkeypatch.setattr(module, "LONGEST", 3.0)
     threads = threading.active_count()
     half = [socket.create_connection((LOOPBACK, server.server_port)) for _ in range(2 * module.MOST)]
@@ -88,6 +88,7 @@ def test_half_requests_end_and_their_threads_are_few(server, monkeypatch):
             assert connection.recv(1) == b""
         connection.close()
     assert get(server, "/")[0].status == 200
+    assert not capsys.readouterr().err
 
 
 def test_lists_no_folder(server):
