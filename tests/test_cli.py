@@ -23,7 +23,9 @@ from apollonius.arenas.file import load_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
 from apollonius.cli import COMMANDS, main
+from apollonius.display import Display
 from apollonius.errors import InvalidInput
+from apollonius.evaluate.start_filter import StartFilter
 from apollonius.extras import EXTRAS
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
@@ -167,6 +169,14 @@ def test_evaluate_prints_a_table(capsys):
     assert [line.split("  ")[1] for line in lines[1:8]] == [name.replace("_", " ") for name in OUTCOMES]
     assert sum(int(line.split()[-2]) for line in lines[1:8]) == 200
     assert any("95 % interval" in line for line in lines)
+
+
+def test_evaluate_names_what_it_does_once_the_games_are_over(monkeypatch):
+    seen, begin = [], Display.begin
+    monkeypatch.setattr(Display, "begin", lambda self, what, **given: (seen.append(what), begin(self, what, **given)))
+    monkeypatch.setattr(StartFilter, "doomed_rate", lambda *given: seen.append("doomed"))
+    assert main(["evaluate", "random", "still", "--games", "2"]) == 0
+    assert seen[-3:] == ["playing 2 games", "judging the starts", "doomed"]
 
 
 def test_evaluate_records_the_games_that_the_pursuer_lost_first(capsys):

@@ -36,6 +36,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
     options.display.begin(f"playing {match.games:,} games", compiles=True)
     results = play_games(match, report=options.display.report)
+    options.display.begin("judging the starts", compiles=True)
     result = count(match, results)
     written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
     options.display.end()
