@@ -57,7 +57,6 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/speed.py env
 	$(BIN)/python benchmarks/speed.py train
 	$(BIN)/python benchmarks/speed.py train --profile fast
-	$(BIN)/python benchmarks/latency.py
 	$(BIN)/python benchmarks/page.py
 	taskset -c 0 $(BIN)/python benchmarks/solver.py
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from apollonius.display import Display
-from apollonius.evaluate.cycles import cycles
 
 if TYPE_CHECKING:
     from apollonius.evaluate.card import Card
@@ -140,11 +139,6 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
     ):
         ranked = sorted(zip(points, reach, names, strict=True), reverse=True)
         lines.append(f"  {side} " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
-    found = cycles(tournament)
-    lines.append(f"Circles of two pursuers and two evaders, each the better answer to the one before: {len(found)}")
-    for cycle in found[:3]:
-        (first, second), (one, other) = cycle.pursuers, cycle.evaders
-        lines.append(f"  {one}, {first}, {other}, {second}, {one} again: by {cycle.gap:.1%} at least")
     return "\n".join(lines)
 
 

@@ -69,7 +69,7 @@ def optimised_where_that_pays(request):
         jax.config.update("jax_disable_most_optimizations", True)
 
 
-TRAINING = ("exploit", "learn", "reproduce", "studies")
+TRAINING = ("exploit", "learn", "reproduce")
 """Folders whose tests train."""
 
 

@@ -10,7 +10,7 @@ import pytest
 REPOSITORY = Path(__file__).parents[1]
 LONGEST_FILE = 250
 FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
-MAY_NAME_FLAGS = {"commands", "cli", "studies"}
+MAY_NAME_FLAGS = {"commands", "cli"}
 NAMELESS = {"utils", "common", "helpers"}
 
 ARROWS = {
@@ -18,7 +18,6 @@ ARROWS = {
     "errors": "",
     "export": "errors",
     "interrupts": "",
-    "matrix_game": "",
     "zoo": "",
     "extras": "errors",
     "limits": "errors",
@@ -37,8 +36,8 @@ ARROWS = {
     "replay": "rollout",
     "solve": "agents",
     "catalogue": "solve",
-    "learn": "catalogue matrix_game playout jobs",
-    "evaluate": "catalogue matrix_game playout jobs replay",
+    "learn": "catalogue playout jobs",
+    "evaluate": "catalogue playout jobs replay",
     "exploit": "learn evaluate",
     "simulate": "evaluate extras",
     "show": "learn evaluate extras",
@@ -46,14 +45,12 @@ ARROWS = {
     "web": "catalogue",
     "apollonius": "learn adapters",
     "reproduce": "apollonius",
-    "studies": "simulate exploit reproduce",
     "display": "errors interrupts",
     "terminal": "display learn evaluate",
     "commands": "simulate exploit reproduce web terminal",
     "cli": "commands",
 }
-"""What each part may know besides itself, with all that stands behind it. `apollonius` is the list of public names,
-`studies` a package of its own beside it."""
+"""What each part may know besides itself, with all that stands behind it. `apollonius` is the list of public names."""
 
 
 def all_behind(arrows):
@@ -77,7 +74,7 @@ def read(package):
 
 
 def part(module):
-    """The part of the house that a module belongs to: `apollonius.game.arena` is in `game`, a study in `studies`."""
+    """The part of the house that a module belongs to: `apollonius.game.arena` is in `game`."""
     package, *inside = module.split(".")
     return inside[0] if package == "apollonius" and inside else package
 
@@ -123,7 +120,7 @@ def violations(sources):
         needs[module] = at_once & modules - {module}
         found += [f"{module}: no arrow says what '{here}' may import"] if here not in MAY_IMPORT else []
         for name in sorted(everywhere):
-            ours = name.split(".")[0] in ("apollonius", "studies")
+            ours = name.split(".")[0] == "apollonius"
             if ours and part(name) not in {here, *MAY_IMPORT.get(here, set())}:
                 found.append(f"{module}: imports {name}, against the arrow")
             if name.split(".")[0] == "matplotlib" and here != "show":
@@ -150,8 +147,8 @@ def is_docstring(node):
 
 
 def test_the_house_is_in_order():
-    sources = read(REPOSITORY / "apollonius") | read(REPOSITORY / "studies")
-    assert {"apollonius", "apollonius.rollout", "apollonius.game.arena", "studies", "studies.held_out"} <= set(sources)
+    sources = read(REPOSITORY / "apollonius")
+    assert {"apollonius", "apollonius.rollout", "apollonius.game.arena"} <= set(sources)
     assert violations(sources) == []
 
 
@@ -186,7 +183,6 @@ def test_training_and_judging_do_not_know_each_other():
         ("apollonius.commands", "def train():\n    from apollonius.learn.run import Run"),
         ("apollonius.zoo", '"""Nothing but agents."""'),
         ("apollonius.reproduce.study", "from apollonius import Game"),
-        ("studies.held_out", "import studies.driver\nfrom apollonius.exploit.attack import Attack"),
     ],
 )
 def test_good_imports_pass(module, source):
@@ -212,10 +208,6 @@ def test_good_imports_pass(module, source):
         ("apollonius.learn.stage", "from apollonius.exploit.attack import Attack", "against the arrow"),
         ("apollonius.exploit.attack", "from apollonius.reproduce.finding import Finding", "against the arrow"),
         ("apollonius.show.curves", "from apollonius import Game", "against the arrow"),
-        ("apollonius.reproduce.study", "from studies.driver import run", "against the arrow"),
-        ("apollonius.commands.train", "def late():\n    import studies.held_out", "against the arrow"),
-        ("studies.held_out", "from apollonius.commands.train import run_train", "against the arrow"),
-        ("studies.held_out", "import matplotlib.pyplot as plt", "for show only"),
         ("apollonius.game.arena", "x = 1\n" * 251, "more than 250 lines"),
         ("apollonius.game.utils", "", "after nothing in particular"),
         ("apollonius.helpers.arena", "", "after nothing in particular"),

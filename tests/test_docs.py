@@ -222,7 +222,7 @@ ELSEWHERE = {
     "source": "a test is in its environment",
     "gcc": "tests/adapters/export compiles what is exported",
     "python3": "tests/examples runs the node with stand-ins for ROS",
-    "python": "tests/examples and tests/studies",
+    "python": "tests/examples",
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_exploit.py",
     "simulate": "tests/bodies and tests/test_simulate_command.py",

@@ -21,7 +21,6 @@ def add_simulate(subparsers: Any) -> None:
     parser.add_argument(
         "--drive", type=existing_file, metavar="FILE", help="a .toml file with what is other about your robots"
     )
-    parser.add_argument("--ablate", action="store_true", help="say what the gap is due to: leave out part after part")
     parser.set_defaults(run=run_simulate)
 
 
@@ -30,35 +29,26 @@ def run_simulate(options: argparse.Namespace) -> int:
     require_extra("sim", "simulate")
     from apollonius.evaluate.match import play_games, worst_first
     from apollonius.simulate.comparison import compare
-    from apollonius.simulate.drive import PARTS, load_drive, without
+    from apollonius.simulate.drive import load_drive
     from apollonius.simulate.simulation import record_course, simulate_match
     from apollonius.terminal import match_heading
 
     check_records(options, options.games, f"--games = {options.games}")
     match, drive, display = requested_match(options, in_one_arena=True), load_drive(options.drive), options.display
-    kinds = {f"without {part}": (part,) for part in PARTS} | {"without all of these": tuple(PARTS)}
-    ablated = kinds if options.ablate else {}
-    display.plan({"playing with bodies": 1.0, "playing by the rules": 0.1} | dict.fromkeys(ablated, 1.0))
+    display.plan({"playing with bodies": 1.0, "playing by the rules": 0.1})
     display.begin("playing with bodies", compiles=True)
     simulated = simulate_match(match, drive, display.report)
     display.begin("playing by the rules", compiles=True)
     rules = play_games(match, report=display.report)
-    comparisons = {"as it is": compare(match, rules, simulated)}
-    for kind, parts in ablated.items():
-        display.begin(kind, compiles=True)
-        other = simulate_match(match, without(drive, *parts), display.report)
-        comparisons[kind] = compare(match, rules, other)
+    comparison = compare(match, rules, simulated)
     worst = worst_first(simulated.results)
     written = write_replays(options, "bodies", (record_course(simulated, match, index) for index in worst))
     display.end()
     if options.json:
-        found = {kind: comparison.to_dict() for kind, comparison in comparisons.items()}
-        print(to_json(match_facts(options, match) | {"drives": found}))
+        print(to_json(match_facts(options, match) | comparison.to_dict()))
     else:
         print(match_heading(match))
-        print(_table(comparisons["as it is"]))
-        for kind, comparison in list(comparisons.items())[1:]:
-            print(f"{kind}:", *_differences(comparison), sep="\n")
+        print(_table(comparison))
     finish_with_replays(written, options)
     return 0
 
@@ -67,18 +57,14 @@ def _table(comparison: "Comparison") -> str:
     lines = [f"  {'':<22}{'by the rules':>14}{'with bodies':>14}"]
     for name, by_rules in comparison.rules.outcomes.items():
         lines.append(f"  {name.replace('_', ' '):<22}{by_rules:>14,}{comparison.bodies.outcomes[name]:>14,}")
-    lines += _differences(comparison)
+    lines += [
+        f"  {event:<22}{rate.rules:>14.1%}{rate.bodies:>14.1%}   {100 * rate.difference:+.1f} points, "
+        f"95 % interval {100 * rate.interval[0]:+.1f} to {100 * rate.interval[1]:+.1f}"
+        for event, rate in comparison.differences.items()
+    ]
     lines.append("  one step of a body from one by the rules, root mean square and 95th percentile:")
     units = {"speed": "m/s", "heading": "rad", "position": "m"}
     for side, errors in comparison.tracking.items():
         said = [f"{what} {error.rms:.4f}, {error.p95:.4f} {units[what]}" for what, error in errors.items()]
         lines.append(f"  {side:<10}{'; '.join(said)}")
     return "\n".join(lines)
-
-
-def _differences(comparison: "Comparison") -> list[str]:
-    return [
-        f"  {event:<22}{rate.rules:>14.1%}{rate.bodies:>14.1%}   {100 * rate.difference:+.1f} points, "
-        f"95 % interval {100 * rate.interval[0]:+.1f} to {100 * rate.interval[1]:+.1f}"
-        for event, rate in comparison.differences.items()
-    ]

@@ -1,8 +1,7 @@
 """`apollonius tournament`: every pursuer against every evader."""
 
 import argparse
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from apollonius.commands.ending import command, finish
 from apollonius.commands.options import AGENT, add_game_options, chosen_rules, warn
@@ -10,9 +9,6 @@ from apollonius.commands.values import count, known_agent, new_file, new_folder
 from apollonius.document import to_json
 from apollonius.interrupts import go_on
 from apollonius.limits import GAMES
-
-if TYPE_CHECKING:
-    pass
 
 
 def add_tournament(subparsers: Any) -> None:
@@ -42,7 +38,6 @@ def run_tournament(options: argparse.Namespace) -> int:
     """Play all matches and print the table."""
     from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
-    from apollonius.evaluate.cycles import cycles
     from apollonius.evaluate.match import MatchResult
     from apollonius.evaluate.start_filter import starting
     from apollonius.evaluate.tournament import play_tournament
@@ -82,7 +77,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     options.display.end()
     if options.json:
         settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
-        print(to_json(settings | tournament.to_dict() | {"cycles": [asdict(cycle) for cycle in cycles(tournament)]}))
+        print(to_json(settings | tournament.to_dict()))
     else:
         print(tournament_table(tournament, starts.word(game)))
     written = [path for path in (options.plot, options.keep) if path]

@@ -184,8 +184,7 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     """Play the agents of a finished run, and print how good they are."""
-    from apollonius.evaluate.pairings import evaluate_run
-    from apollonius.evaluate.trend import self_play_trend
+    from apollonius.evaluate.pairings import evaluate_run, self_play_trend
     from apollonius.learn.plans import SELF_PLAY
     from apollonius.learn.progress import evaluations_of, load_metrics
     from apollonius.terminal import match_table
@@ -195,6 +194,7 @@ def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
 
     evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()
-    if trend := self_play_trend(evaluations_of(load_metrics(folder / "metrics.jsonl"), SELF_PLAY)):
+    looks = evaluations_of(load_metrics(folder / "metrics.jsonl"), SELF_PLAY)
+    if trend := self_play_trend([(look.env_steps, look.outcomes) for look in looks]):
         print(trend, end="\n\n")
     finish(folder, then=command("report", folder))

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PRNGKeyArray, UInt32
+from jaxtyping import Array, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
@@ -12,19 +14,53 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require
-from apollonius.evaluate.by_arena import count_by_arena
-from apollonius.evaluate.result import MatchResult
-from apollonius.evaluate.robots import count_robots
-from apollonius.evaluate.smoothness import Changes, mean_change
+from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
 from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import gears
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.limits import GAMES, SEED
-from apollonius.playout import Report, Results, play_out
+from apollonius.playout import AbstractWatcher, Report, Results, play_out
 from apollonius.replay import Replay, Trajectory, as_rows, trace
+from apollonius.rollout import Transition
+
+
+class Course(eqx.Module):
+    """A game so far: both sides' latest gears, the sums of their changes, and the number of steps.
+
+    Rows are the pursuer and the evader, columns u1 and u2, as shares of their largest values.
+    """
+
+    gears: Float[Array, "2 2"]
+    changes: Float[Array, "2 2"]
+    steps: Int[Array, ""]
+
+
+class Changes(AbstractWatcher):
+    """Adds up |change of u|."""
+
+    def begin(self) -> Course:
+        """Nothing yet; how a game's first controls come about is no change."""
+        return Course(jnp.zeros((2, 2)), jnp.zeros((2, 2)), jnp.zeros((), jnp.int32))
+
+    def follow(self, known: Course, transition: Transition) -> Course:
+        """One step more."""
+        now = jnp.stack([jnp.stack(gears(side.action)) for side in transition.sides])
+        change = jnp.where(known.steps > 0, jnp.abs(now - known.gears), 0.0)
+        return Course(now, known.changes + change, known.steps + 1)
+
+
+def mean_change(results: Results) -> Float[np.ndarray, "2 2"]:
+    """Mean |change of u| per step over all steps of games that `Changes` watched; rows and columns as in `Course`.
+
+    A control that goes from one end to the other changes by 2. Games of a single step have none to change.
+    """
+    course: Course = results.watched
+    changed = np.maximum(np.asarray(course.steps) - 1, 0).sum()
+    return np.asarray(course.changes, np.float64).sum(axis=0) / max(1, changed)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The matches by which the agents at the end of a training run are judged."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from apollonius.errors import require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.game.types import ROLES
 from apollonius.playout import Report
 
@@ -80,3 +81,45 @@ def evaluate_run(
         record[f"{pursuer} against {evader}"] = result.to_dict()
         on_match(match, result)
     write_atomically(run / "evaluation.json", to_json(record, indent=2).encode())
+
+
+_MUCH = 0.1
+"""A fall of the pursuer's wins that wants a word."""
+
+
+def self_play_trend(looks: Sequence[tuple[int, Mapping[str, int]]]) -> str:
+    """How greedy games ended at the first look at self-play and at the last, and where wins went that were lost.
+
+    Args:
+        looks: env steps before each greedy evaluation, and its games by outcome.
+
+    Returns:
+        Some sentences; empty where there are fewer than two looks.
+    """
+    if len(looks) < 2:
+        return ""
+    first, last = (_shares(outcomes) for _, outcomes in (looks[0], looks[-1]))
+    parts = [f"{what} from {first[what]:.0%} to {last[what]:.0%}" for what in list(first)[1:]]
+    said = (
+        f"Self-play, greedy games, from {looks[0][0]:,} to {looks[-1][0]:,} env steps: "
+        f"the pursuer's wins went from {first['wins']:.0%} to {last['wins']:.0%}: {', '.join(parts)}."
+    )
+    fallen, given = (first[what] - last[what] for what in ("wins", "the evader's own failures"))
+    if fallen >= _MUCH and given >= fallen / 2:
+        said += (
+            " So most of the early wins were the evader's own mistakes, which it has learned to avoid; catching one "
+            "that makes none is the harder task, and what the pursuer still wins is the measure of it."
+        )
+    return said
+
+
+def _shares(outcomes: Mapping[str, int]) -> dict[str, float]:
+    games = max(1, sum(outcomes.values()))
+    wins = sum(outcomes.get(name, 0) for name in names_of(PURSUER_WINS)) / games
+    captured = outcomes.get("captured", 0) / games
+    return {
+        "wins": wins,
+        "captures": captured,
+        "the evader's own failures": wins - captured,
+        "games without result": outcomes.get("no_result", 0) / games,
+    }

@@ -3,12 +3,106 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+from jaxtyping import Array, Int
+
 from apollonius.arenas.record import from_dict
 from apollonius.errors import require
-from apollonius.evaluate.by_arena import ByArena
-from apollonius.evaluate.robots import RobotCounts
+from apollonius.evaluate.statistics import mean_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
+from apollonius.game.scenario import Scenario
+from apollonius.game.types import RobotStatus
 from apollonius.limits import MOST_COUNTED
+from apollonius.playout import Results
+
+
+@dataclass(frozen=True)
+class RobotCounts:
+    """Robots of all games together, by their status at the end."""
+
+    pursuers: dict[str, int]
+    evaders: dict[str, int]
+
+    def __post_init__(self) -> None:
+        known = {status.name.lower() for status in RobotStatus}
+        for side in (self.pursuers, self.evaders):
+            possible = known - {"hit_mate"} <= set(side) <= known and min(side.values()) >= 0
+            require(possible, "robots", side, f"counts of {', '.join(sorted(known))}")
+
+    @property
+    def captured(self) -> int:
+        """Evaders that were captured."""
+        return self.evaders["captured"]
+
+    @property
+    def lost(self) -> BySide[int]:
+        """Robots of either side that put themselves out: by an obstacle, a wall or a mate."""
+        failures = [status.name.lower() for status in RobotStatus if status > RobotStatus.CAPTURED]
+        return BySide(self.pursuers, self.evaders).map(lambda side: sum(side.get(name, 0) for name in failures))
+
+
+def count_robots(statuses: BySide[tuple[Int[Array, " games"], ...]]) -> RobotCounts:
+    """Count the robots of games that have ended; of collisions of mates nothing is said where there were none."""
+
+    def by_name(side: tuple[Int[Array, " games"], ...]) -> dict[str, int]:
+        counts = np.bincount(np.concatenate([np.asarray(status) for status in side]), minlength=len(RobotStatus))
+        named = {status.name.lower(): int(counts[status]) for status in RobotStatus}
+        return {name: count for name, count in named.items() if name != "hit_mate" or count}
+
+    return RobotCounts(*map(by_name, statuses))
+
+
+WORST = 0.1
+"""Share of the arenas that count as the worst."""
+
+
+@dataclass(frozen=True)
+class ByArena:
+    """The pursuer's wins in each arena, in the order of the scenario, and games in each."""
+
+    wins: tuple[int, ...]
+    games: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        counts = list(zip(self.wins, self.games, strict=False))
+        possible = len(self.wins) == len(self.games) > 0 and all(0 <= won <= games > 0 for won, games in counts)
+        require(possible, "wins by arena", counts, "wins of 1 game or more in each arena")
+
+    @property
+    def rates(self) -> list[float]:
+        """The share of wins in each arena."""
+        return [won / played for won, played in zip(self.wins, self.games, strict=True)]
+
+    @property
+    def mean(self) -> float:
+        """The mean of the rates."""
+        return float(np.mean(self.rates))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of that mean over arenas drawn in the same way, by Student's t."""
+        return mean_interval(self.rates, 0.0, 1.0)
+
+    @property
+    def worst(self) -> float:
+        """The mean of the rates in the tenth of the arenas where they are least; of one at least."""
+        return float(np.mean(sorted(self.rates)[: max(1, round(WORST * len(self.rates)))]))
+
+    @property
+    def least(self) -> float:
+        """The least of the rates."""
+        return min(self.rates)
+
+
+def count_by_arena(scenario: Scenario, results: Results) -> ByArena:
+    """Count the games of a match, whose i-th game is at the i-th place of `Scenario.place_of`."""
+    outcome = np.asarray(results.outcome)
+    arena = np.asarray(scenario.place_of(np.arange(len(outcome)))) % scenario.count
+    games = np.bincount(arena, minlength=scenario.count)
+    won = np.bincount(arena[np.isin(outcome, PURSUER_WINS)], minlength=scenario.count)
+    played = games > 0
+    return ByArena(tuple(won[played].tolist()), tuple(games[played].tolist()))
 
 
 @dataclass(frozen=True)

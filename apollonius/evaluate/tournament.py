@@ -10,15 +10,54 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.cache import content, digest, entry, kept
+from apollonius.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, MatchResult, play_match
-from apollonius.evaluate.match_cache import cached_match
-from apollonius.evaluate.ratings import Ratings, rate
+from apollonius.evaluate.ratings import Equilibrium, Ratings, broadest_equilibrium, rate
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.matrix_game import Equilibrium, broadest_equilibrium
 from apollonius.playout import Report
+
+
+def cached_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:
+    """Return what a match comes to, as `play_match`: from its file in a folder, or played and kept there.
+
+    Raises:
+        InvalidInput: as `play_match`.
+        OSError: when the file cannot be written.
+    """
+    players = match.players
+    key = {
+        "pursuer": content(players.pursuer.policy),  # two players may share a name
+        "evader": content(players.evader.policy),
+        "game": to_dict(match.game),
+        "games": match.games,
+        "seed": match.seed,
+        "viable": match.starts is StartFilter.VIABLE,
+    }
+    name = f"{players.pursuer.name}--{players.evader.name}.json"
+
+    def save(made: MatchResult, path: Path) -> None:
+        data = to_dict(made)
+        write_atomically(path, to_json({"key": key, "result": data, "sha256": digest(data)}, indent=1).encode())
+
+    def load(path: Path) -> MatchResult:
+        fields = parse_json(read_bytes(path, "a result that was kept", "remove it"), f"'{path}' is no such result")
+        data, told = fields.get("result"), fields.get("sha256")
+        require(isinstance(data, dict) and told == digest(data), "sha256", told, "that of the result")
+        result = from_dict(MatchResult, fields["result"], str(path))
+        result.require_possible(name)
+        require(result.games == match.games, f"{name}: games", result.games, "those of the match")
+        parts = (result.arenas is not None, result.robots is not None)
+        fit = parts == (match.game.scenario is not None, bool(match.game.teams))
+        require(fit, f"{name}: arenas and robots", parts, "given as the game has them")
+        return result
+
+    return kept(entry(folder, name, key), lambda: play_match(match, report=report), save, load)
+
 
 Points = Float[np.ndarray, " players"]
 

@@ -1,1 +1,1 @@
-"""The paper's evaluation: one file per figure or table, each a function from a study to a finding."""
+"""The paper's evaluation: each figure or table a function from a study to a finding."""

@@ -4,18 +4,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from apollonius import Outcome
-from apollonius.evaluate.claims import Claim, rate_claim
-from apollonius.evaluate.paper import STAGE_1
+from apollonius.evaluate.claims import STAGE_1, Claim, rate_claim
 from apollonius.game.outcome import PURSUER_WINS, names_of
-from apollonius.reproduce import figure6, table2, table3
-from apollonius.reproduce.finding import Finding, percent
+from apollonius.reproduce.figures import figure_6_claims
+from apollonius.reproduce.finding import Finding, markdown_table, percent
 from apollonius.reproduce.study import Study
+from apollonius.reproduce.tables import table_2_claims, table_3_claim
 from apollonius.show import palette, style
 from apollonius.show.curves import draw_seeds
-from apollonius.show.markdown import markdown_table
 
 
-def run(study: Study) -> Finding:
+def in_training(study: Study) -> Finding:
     """Every claim at each moment at which agents were kept, seed by seed."""
     moments = study.preset.self_play.snapshot_percents
     claims = {moment: claims_at(study, moment) for moment in moments}
@@ -52,14 +51,14 @@ def claims_at(study: Study, moment: int) -> tuple[Claim, ...]:
     """The paper's seven claims of agents at a percentage of their training, in the order of its figures and tables."""
     captures = [_evaluated(study, "curriculum", seed, moment, [Outcome.CAPTURED]) for seed in study.seeds]
     wins = [_evaluated(study, "random", seed, moment, PURSUER_WINS) for seed in study.seeds]
-    first, _, second = table2.make_claims(study, moment)
+    first, _, second = table_2_claims(study, moment)
     return (
         rate_claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, captures),
-        *figure6.make_claims(study, moment),
+        *figure_6_claims(study, moment),
         first,
         rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins),
         second,
-        table3.make_claim(study, moment),
+        table_3_claim(study, moment),
     )
 
 

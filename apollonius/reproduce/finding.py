@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from apollonius import MatchResult
 from apollonius.document import to_json, write_atomically
-from apollonius.evaluate.claims import Claim
-from apollonius.show.markdown import markdown_table, mean_over_seeds
+from apollonius.evaluate.claims import FEWEST_SEEDS, FULL_BUDGET, Claim
+from apollonius.evaluate.statistics import mean_interval
+from apollonius.reproduce.study import Study
 
 
 @dataclass(frozen=True)
@@ -23,12 +25,6 @@ class Finding:
     claims: tuple[Claim, ...] = ()
     data: dict[str, Any] = field(default_factory=dict)
     """The numbers behind it, besides the claims, as JSON-like data."""
-
-
-def write_finding(finding: Finding, folder: Path, name: str) -> None:
-    """Write one finding into a folder, as `NAME.md` and `NAME.json`, atomically."""
-    write_atomically(folder / f"{name}.json", to_json(finding.data, indent=1).encode())
-    write_atomically(folder / f"{name}.md", f"{as_markdown(finding)}\n".encode())
 
 
 def as_markdown(finding: Finding) -> str:
@@ -58,8 +54,17 @@ def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
 
 
 def mean_share(shares: Sequence[float]) -> str:
-    """A mean over seeds as the reports print it; "-" of nothing."""
-    return mean_over_seeds([100 * share for share in shares], "{:.1f}") + "%" if shares else "-"
+    """Return a mean over seeds and, of several, how far its 95 % interval reaches (Student's t); "-" of nothing."""
+    if not shares:
+        return "-"
+    percents = [100 * share for share in shares]
+    low, high = mean_interval(percents)
+    return f"{np.mean(percents):.1f}" + (f" ± {(high - low) / 2:.1f}%" if len(percents) > 1 else "%")
+
+
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table, without a newline at its end."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
 def outcome_shares(results: Sequence[MatchResult]) -> Shares:
@@ -84,3 +89,55 @@ def as_data(results: dict[str, list[MatchResult]]) -> dict[str, list[dict[str, A
 def win_count(result: MatchResult) -> tuple[int, int]:
     """The pursuer's wins, and the games."""
     return round(result.pursuer_win_rate * result.games), result.games
+
+
+def write_report(study: Study, findings: Sequence[Finding]) -> None:
+    """Write both files into the study's folder, atomically."""
+    claims = [claim for finding in findings for claim in finding.claims]
+    results = {
+        "budget": study.budget,
+        "seeds": list(study.seeds),
+        "games": study.games,
+        "intervals": _intervals(study),
+        "claims": [claim.to_dict(study.is_full) for claim in claims],
+        "findings": {
+            finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
+            for finding in findings
+        },
+    }
+    sections = [
+        "# The paper's evaluation, again",
+        f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
+        f"the same starts. Intervals are 95 %, {_intervals(study)}. A verdict takes {FEWEST_SEEDS} "
+        f"seeds of the budget `{FULL_BUDGET}`.",
+        claim_table(claims, study.is_full),
+        *[as_markdown(finding) for finding in findings],
+    ]
+    write_atomically(study.folder / "results.json", to_json(results, indent=1).encode())
+    write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
+
+
+def _intervals(study: Study) -> str:
+    """What the intervals of the claims are of."""
+    if len(study.seeds) == 1:
+        return "of the games of the one seed"
+    return "of the mean over seeds (Student's t, and never narrower than that of all their games)"
+
+
+def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
+    """All claims with the paper's value, ours, its interval and the verdict, as a Markdown table."""
+    head = ["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]
+    return markdown_table(head, [[*_claim_row(claim), claim.verdict(is_full)] for claim in claims])
+
+
+def _claim_row(claim: Claim) -> list[str]:
+    low, high = claim.interval
+    return [
+        claim.name,
+        claim.source,
+        percent(claim.paper),
+        f"at {'most' if claim.at_most else 'least'} {percent(claim.bound)}",
+        percent(claim.mean),
+        f"{percent(low)} to {percent(high)}",
+        ", ".join(percent(value) for value, _ in claim.seeds),
+    ]

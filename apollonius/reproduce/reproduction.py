@@ -8,13 +8,15 @@ from apollonius.jobs import available_cores
 from apollonius.learn.config import PRESETS
 from apollonius.learn.trainings import train_runs
 from apollonius.limits import SEEDS, STUDY_GAMES
-from apollonius.reproduce import beyond, course, figure4, figure5, figure6, figure7, figure8, table2, table3
-from apollonius.reproduce.report import write_report
+from apollonius.reproduce.course import in_training
+from apollonius.reproduce.figures import figure_4, figure_5, figure_6, figure_7, figure_8
+from apollonius.reproduce.finding import write_report
 from apollonius.reproduce.study import Study
+from apollonius.reproduce.tables import beyond, table_2, table_3
 
 Watch = Callable[[str, Callable[[], tuple[float, float]]], None]
 """Told what begins, and whom to ask about it now and then."""
-SECTIONS = (figure4, figure5, figure6, figure7, table2, table3, figure8, course, beyond)
+SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8, in_training, beyond)
 """In the order of the report."""
 
 
@@ -61,7 +63,7 @@ def reproduce(
     findings = []
     watch("playing the matches, drawing the figures", lambda: (len(findings), len(SECTIONS)))
     for section in SECTIONS:
-        findings.append(section.run(study))
+        findings.append(section(study))
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
     return True

@@ -105,6 +105,10 @@ class Study:
         """What a pairing came to."""
         return count(self.pairing(pursuer, evader, seed, percent), self.play(pursuer, evader, seed, percent))
 
+    def matches(self, pursuer: str, evader: str, percent: int = 100) -> list[MatchResult]:
+        """Return what a pairing came to, with each seed."""
+        return [self.match(pursuer, evader, seed, percent) for seed in self.seeds]
+
     def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
         """Return the greedy evaluations in the course of a stage."""
         return evaluations_of(self.metrics(name, seed, stage), stage)

@@ -1,6 +1,6 @@
 """A differential drive: what it weighs and measures, and how its controller follows a policy's controls."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 
@@ -64,22 +64,6 @@ class Drive:
         """Speeds [rad/s] of the left and the right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""
         half = turn_rate * self.track / 2
         return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
-
-
-PARTS: dict[str, dict[str, float]] = {
-    "latency": {"latency": 0.0},
-    "motor lag": {"lag": 0.0},
-    "turn acceleration": {"turn_acceleration": inf},
-    "slip and resistance": {"friction": 10.0, "resistance": 0.0, "torque": 1000.0},
-}
-"""What sets a drive apart from the game's robot, and the numbers without it."""
-
-
-def without(drive: Drive, *parts: str) -> Drive:
-    """The drive without some of `PARTS`."""
-    for part in parts:
-        drive = replace(drive, **PARTS[part])
-    return drive
 
 
 def load_drive(path: Path | None) -> Drive:

@@ -15,8 +15,8 @@ from apollonius.arenas.suite import suite_arena
 from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.by_arena import ByArena, count_by_arena
 from apollonius.evaluate.match import Match, play_match
+from apollonius.evaluate.result import ByArena, count_by_arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch, sample_starts
 from apollonius.game.scenario import in_arenas

@@ -3,25 +3,33 @@
 import json
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
+from apollonius.agents.network import make_actor
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import solo
+from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.arenas.scenarios import scenario_game
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, count, play_match
+from apollonius.evaluate.match import Match, begin, count, mean_change, play_games, play_match, replay_game
+from apollonius.evaluate.result import count_robots
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.evaluate.statistics import wilson_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome
-from apollonius.playout import Results
+from apollonius.observe.registry import find_observation
+from apollonius.playout import Results, play_out
 from apollonius.solve.viability import doomed_start_rate, solve_viability
 from apollonius.terminal import match_table
 from tests.matches import a_match
@@ -197,3 +205,104 @@ def test_a_result_survives_json(random_match):
 def test_matches_that_cannot_be_played_are_refused(games, seed, named):
     with pytest.raises(InvalidInput, match=named):
         a_match(PAPER, Still(), Still(), games, seed)
+
+
+GAME = make_game("one-large")
+WILD = SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0))
+
+
+class Always(AbstractPolicy):
+    """One and the same action."""
+
+    action: int = eqx.field(static=True)
+
+    observation = find_observation("paper")
+
+    def __call__(self, observation, memory, bits):
+        return jnp.asarray(self.action, jnp.int32), memory
+
+
+def as_gears(actions):
+    """Gears of discrete actions; others are their own."""
+    return actions if actions.ndim == 3 else np.stack([actions // 3 - 1, actions % 3 - 1], axis=-1)
+
+
+@pytest.mark.parametrize("evader", [Uniform(), WILD], ids=["discrete", "continuous"])
+def test_changes_are_those_of_the_games_step_by_step(evader):
+    """More games than slots, so that a game takes the place of another and begins with no change."""
+    games = 6
+    match = a_match(GAME, Uniform(), evader, games, seed=2)
+    results = play_games(match, slots=2)
+    total, changes = np.zeros((2, 2)), 0
+    for index in range(games):
+        gears = as_gears(np.asarray(replay_game(match, index).actions))
+        total += np.abs(np.diff(gears, axis=0)).sum(axis=0)
+        changes += len(gears) - 1
+    np.testing.assert_allclose(mean_change(results), total / changes, rtol=1e-4)
+
+
+def test_random_actions_change_as_chance_would_have_it_and_constant_ones_never():
+    """Two of the gears -1, 0, 1 are on average 8 / 9 apart."""
+    match = play_match(a_match(GAME, Uniform(), Always(7), 200, seed=0))
+    assert match.pursuer_change == pytest.approx((8 / 9, 8 / 9), abs=0.02)
+    assert match.evader_change == (0.0, 0.0)
+
+
+def test_the_spread_of_capture_times_is_that_of_the_captured_games():
+    match = a_match(GAME, Uniform(), Always(4), 400)
+    results = play_games(match)
+    steps = np.asarray(results.steps)[np.asarray(results.outcome) == 1]
+    assert len(steps) > 1
+    assert count(match, results).capture_steps_deviation == pytest.approx(np.std(steps))
+
+
+def test_a_match_is_the_same_whether_it_is_watched_or_not():
+    match = a_match(GAME, Uniform(), WILD, 30)
+    starts, key = begin(match)
+    bare = play_out(GAME, BySide(solo(Uniform()), solo(WILD)), starts, key, slots=8)
+    watched = play_games(match, slots=8)
+    assert bare.watched is None
+    np.testing.assert_array_equal(bare.outcome, watched.outcome)
+    np.testing.assert_array_equal(bare.steps, watched.steps)
+
+
+UNLIKE = """
+max_steps = 400
+evaders = 2
+[[pursuers]]
+v_max = 1.6
+u1_max = 0.3
+[[pursuers]]
+v_max = 0.8
+radius = 0.25
+"""
+
+
+def test_robots_are_counted_by_their_status():
+    counts = count_robots(BySide((jnp.array([0, 2, 3]), jnp.array([0, 0, 2])), (jnp.array([1, 1, 3]),)))
+    assert counts.pursuers == {"active": 3, "captured": 0, "hit_obstacle": 2, "out_of_range": 1}
+    assert counts.evaders == {"active": 0, "captured": 2, "hit_obstacle": 0, "out_of_range": 1}
+    assert (counts.captured, counts.lost) == (2, BySide(3, 1))
+    assert count_robots(BySide((jnp.array([4, 0]),), (jnp.array([0, 0]),))).pursuers["hit_mate"] == 1
+
+
+@pytest.mark.slow
+def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
+    """At random robots crash, as the evaders do, who have no shield."""
+    path = tmp_path / "unlike.toml"
+    path.write_text(UNLIKE)
+    result = play_match(Match.of_names(str(path), "shielded:random", "random", games=40))
+    assert result.robots.lost.pursuer == 0
+    assert result.robots.lost.evader > 20
+    assert result.to_dict()["robots"]["pursuers"] == {"active": 80, "captured": 0, "hit_obstacle": 0, "out_of_range": 0}
+
+
+@pytest.mark.slow
+def test_the_team_of_the_zoo_catches_who_gets_away_from_two_that_do_not_see_each_other():
+    """200 games from the same starts; the evader knows any arena, and the nearest pursuer only."""
+    caught = [
+        play_match(Match.of_names("team-2v1", f"shielded:{name}", "shielded:E_any", games=200)).outcomes["captured"]
+        for name in ("P_team", "P_any")
+    ]
+    assert caught[0] >= 194
+    assert caught[0] > caught[1]

@@ -14,7 +14,7 @@ from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.by_arena import count_by_arena
+from apollonius.evaluate.result import count_by_arena
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle

@@ -14,6 +14,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run
+from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import RUN_OF, run_configs
 from apollonius.show.report.page import render
@@ -174,3 +175,13 @@ def test_the_three_trainings_of_a_seed_are_the_papers():
     both = runs["curriculum"].fixed_target.env_steps + runs["curriculum"].self_play.env_steps
     assert runs["random"].fixed_target.env_steps == both // 2
     assert runs["scratch"].self_play == replace(runs["curriculum"].self_play, pursuer_epsilon=1.0)
+
+
+def test_outcomes_over_seeds_have_an_interval_and_the_papers_counts_none():
+    """Student's t with two degrees of freedom: 4.303 x 10 / sqrt(3) points."""
+    ours = {"captured": [0.1, 0.2, 0.3], "both_failed": [0.0, 0.0, 0.0]}
+    table = outcome_table([("here", ours), ("paper", {"captured": [0.124]}), ("one seed", {"both_failed": [0.5]})])
+    assert table.splitlines()[2:] == [
+        "| captured | 20.0 ± 24.8% | 12.4% | - |",
+        "| both failed | 0.0 ± 0.0% | - | 50.0% |",
+    ]

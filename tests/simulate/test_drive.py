@@ -10,10 +10,11 @@ import pytest
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import RobotState
-from apollonius.simulate.drive import PARTS, Drive, References, without
+from apollonius.simulate.drive import Drive, References
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])
-IDEAL = without(Drive(), *PARTS)
+IDEAL = Drive(latency=0.0, lag=0.0, turn_acceleration=inf, friction=10.0, resistance=0.0, torque=1000.0)
+"""A drive without delay, lag or slip."""
 
 
 def wheels(v, turn_rate):
@@ -55,11 +56,6 @@ def test_the_turn_rate_changes_no_faster_than_the_drive_can():
     references, asked = follow(replace(IDEAL, turn_acceleration=2.0), [(0, 0.8), (0, -0.1)])
     assert references.turn_rate[0] == pytest.approx([0.2, -0.1])
     assert np.abs(np.diff(asked[0, :, 1] - asked[0, :, 0])).max() == pytest.approx(2 * 0.005 * 0.33 / 0.0975)
-
-
-def test_one_part_is_left_out_at_a_time():
-    assert without(Drive(), "turn acceleration") == replace(Drive(), turn_acceleration=inf)
-    assert without(Drive()) == Drive()
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import pytest
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
-from apollonius.simulate.drive import PARTS, Drive, without
+from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import Physics
+from tests.simulate.test_drive import IDEAL
 
 pytest.importorskip("mujoco")
 PAPER = make_game("paper")
@@ -48,7 +49,7 @@ def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
 def test_without_grip_the_wheels_spin_and_the_robot_stays_behind():
     slippery = drive_on(Physics(PAPER, Drive(friction=0.02, lag=0.0)), HERE[:1], 1.0, 0.0, 1.0)
     assert slippery[0, 2] < 0.3
-    assert drive_on(Physics(PAPER, without(Drive(), *PARTS)), HERE[:1], 1.0, 0.0, 1.0)[0, 2] > 0.95
+    assert drive_on(Physics(PAPER, IDEAL), HERE[:1], 1.0, 0.0, 1.0)[0, 2] > 0.95
 
 
 @pytest.mark.parametrize(("radius", "stops"), [(0.2, True), (0.0, False)])

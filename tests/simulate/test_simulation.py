@@ -17,9 +17,10 @@ from apollonius.game.types import Outcome
 from apollonius.observe.paper import PAPER
 from apollonius.replay import as_state, load_replay, save_replay
 from apollonius.simulate.comparison import compare, tracking
-from apollonius.simulate.drive import PARTS, Drive, without
+from apollonius.simulate.drive import Drive
 from apollonius.simulate.simulation import record_course, simulate
 from tests.matches import a_match
+from tests.simulate.test_drive import IDEAL
 
 pytest.importorskip("mujoco")
 GAME = replace(make_game("paper"), max_steps=40)
@@ -37,7 +38,7 @@ def simulated():
 @pytest.fixture(scope="module")
 def ideal():
     starts, key = begin(MATCH)
-    return simulate(GAME, *PLAYERS, starts, key, without(Drive(), *PARTS))
+    return simulate(GAME, *PLAYERS, starts, key, IDEAL)
 
 
 def test_every_step_of_every_game_is_there(simulated):
@@ -94,7 +95,7 @@ class FullSpeedInACurve(AbstractContinuous):
 
 def test_players_with_continuous_actions_drive_too(tmp_path):
     start, key = begun(9.0, 9.0, 0.0, 0.0, 1.5, 5.0, 0.0, 0.0), jax.random.key(0)
-    game = simulate(GAME, solo(Still()), solo(FullSpeedInACurve()), start, key, without(Drive(), *PARTS))
+    game = simulate(GAME, solo(Still()), solo(FullSpeedInACurve()), start, key, IDEAL)
     states, actions = game.course(0)
     assert actions.shape == (40, 2, 2)
     assert np.all(actions[:, 1] == [1.0, 0.5])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter
 
-from apollonius.evaluate.paper import STAGE_1
+from apollonius.evaluate.claims import STAGE_1
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
 from apollonius.game.types import Outcome
 from apollonius.learn.checkpoint import Evaluation

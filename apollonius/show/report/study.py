@@ -9,10 +9,9 @@ from apollonius.arenas.record import from_dict
 from apollonius.catalogue import find_player
 from apollonius.document import parse_json, read_bytes
 from apollonius.errors import require
-from apollonius.evaluate.claims import FULL_BUDGET, Claim, read_claim
+from apollonius.evaluate.claims import FULL_BUDGET, TABLE_2, TABLE_3, Claim, read_claim
 from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents
-from apollonius.evaluate.paper import TABLE_2, TABLE_3
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES

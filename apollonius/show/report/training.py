@@ -8,10 +8,9 @@ from markupsafe import Markup
 from apollonius.agents.built_in import PLAYERS
 from apollonius.document import parse_json, read_bytes
 from apollonius.errors import require
-from apollonius.evaluate.pairings import last_matches
-from apollonius.evaluate.paper import paper_shares
+from apollonius.evaluate.claims import paper_shares
+from apollonius.evaluate.pairings import last_matches, self_play_trend
 from apollonius.evaluate.result import read_result
-from apollonius.evaluate.trend import self_play_trend
 from apollonius.game.game import Game
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -117,7 +116,8 @@ def _learning(stage: str, lines: Sequence[MetricsLine], config: RunConfig, plan:
         "Rewards and losses: running means over the games and updates of training, in which players explore."
     )
     if stage == SELF_PLAY:
-        text = f"{text}\n\n{self_play_trend(evaluations_of(lines, stage))}".rstrip()
+        looks = [(look.env_steps, look.outcomes) for look in evaluations_of(lines, stage)]
+        text = f"{text}\n\n{self_play_trend(looks)}".rstrip()
     return Section(f"Learning: {stage}", text, pictures)
 
 

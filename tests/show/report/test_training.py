@@ -15,9 +15,9 @@ from PIL import Image
 from apollonius.catalogue import find_player
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
+from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.evaluate.pairings import last_agents, pairings
-from apollonius.evaluate.paper import paper_shares
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, Role

@@ -1,0 +1,132 @@
+"""The paper's figures 4 to 8, each a function from a study to a finding."""
+
+import jax.numpy as jnp
+
+from apollonius import Outcome
+from apollonius.evaluate.claims import STAGE_1, Claim, rate_claim
+from apollonius.evaluate.match import replay_game
+from apollonius.game.outcome import pursuer_wins
+from apollonius.reproduce.finding import Finding, as_data, outcome_shares, outcome_table, win_count
+from apollonius.reproduce.study import Study
+from apollonius.show import palette, style
+from apollonius.show.arena import draw_game
+from apollonius.show.curves import Curve, draw_bars, draw_seeds, smooth
+from apollonius.show.words import describe_end
+
+_WINDOW = 50
+"""Chunks over which the reward is averaged."""
+MOMENTS = (25, 75, 100)
+"""Percentages of self-play, where agents are kept; the paper's Fig. 5 shows 23, 80 and 100 %."""
+
+
+def figure_4(study: Study) -> Finding:
+    """Draw success rate and average reward in stage 1, over episodes."""
+    successes, rewards = [], []
+    for seed in study.seeds:
+        evaluations = study.evaluations("curriculum", seed, "fixed-target")
+        games = sum(evaluations[0].outcomes.values())
+        rates = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
+        successes.append(([evaluation.episodes for evaluation in evaluations], rates))
+        rewards.append(_rewards(study, "curriculum", seed, "fixed-target"))
+    with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
+        draw_seeds(left, successes, palette.PURSUER, "greedy")
+        left.axhline(100 * STAGE_1, color=palette.INK, linewidth=0.8, ls=":", label="the paper, 200,000 episodes")
+        left.set(title="success rate in stage 1", xlabel="episodes", ylabel="captured [%]", ylim=(0, 102))
+        left.legend(loc="lower right")
+        draw_seeds(right, rewards, palette.PURSUER, "exploring")
+        right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
+        right.legend(loc="lower right")
+    matches = study.matches("P_stage1", "still")
+    claim = rate_claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, [win_count(m) for m in matches])
+    episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
+    text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
+    return Finding(
+        "Fig. 4: stage 1", text, ("figure4.png",), (claim,), {"success": successes} | as_data({"matches": matches})
+    )
+
+
+def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
+    """Return the episodes of a stage, and the running mean of the exploring pursuer's reward in an episode."""
+    played = [line for line in study.metrics(name, seed, stage) if line.games]
+    return [line.episodes for line in played], smooth([line.pursuer_return for line in played], _WINDOW)
+
+
+def figure_5(study: Study) -> Finding:
+    """Draw the first game of the match between both sides of the first seed, as they were at each moment."""
+    seed, ends = study.seeds[0], []
+    with style.picture(study.folder / "figure5.png", columns=len(MOMENTS), width=3.4, height=3.8) as panels:
+        for axes, percent in zip(panels, MOMENTS, strict=True):
+            game = replay_game(study.pairing("P_curriculum", "E_curriculum", seed, percent), index=0)
+            draw_game(axes, study.game, game, f"after {percent} % of self-play")
+            ends.append(describe_end(study.game, game))
+    moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
+    return Finding("Fig. 5: one start as self-play goes on", f"{moments}.", ("figure5.png",), data={"ends": ends})
+
+
+def figure_6(study: Study) -> Finding:
+    """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
+    chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
+    claims, colours = figure_6_claims(study), [palette.PURSUER, palette.EVADER]
+    names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
+    with style.picture(study.folder / "figure6.png") as (axes,):
+        draw_bars(axes, names, [claim.mean for claim in claims], [claim.interval for claim in claims], colours)
+        axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
+        axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
+    titles = ("P_curriculum v E_scratch", "P_scratch v E_curriculum")
+    text = outcome_table(
+        [(title, outcome_shares(found)) for title, found in zip(titles, (chasing, fleeing), strict=True)]
+    )
+    data = as_data({"chasing": chasing, "fleeing": fleeing})
+    return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
+
+
+def figure_6_claims(study: Study, percent: int = 100) -> tuple[Claim, ...]:
+    """Return what the paper says of both pairings, at a percentage of self-play."""
+    chasing = study.matches("P_curriculum", "E_scratch", percent)
+    fleeing = study.matches("P_scratch", "E_curriculum", percent)
+    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
+    return (
+        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
+        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+    )
+
+
+def figure_7(study: Study) -> Finding:
+    """Draw the pursuer's reward over all episodes: the curriculum's, and against the random evader throughout."""
+    curriculum = [_both_stages(study, seed) for seed in study.seeds]
+    random = [_rewards(study, "random", seed, "fixed-target") for seed in study.seeds]
+    with style.picture(study.folder / "figure7.png", width=6.0) as (axes,):
+        draw_seeds(axes, curriculum, palette.PURSUER, "curriculum")
+        draw_seeds(axes, random, palette.OTHER, "trained on a random evader")
+        axes.set(title="average reward of the pursuer in training", xlabel="episodes", ylabel="reward of an episode")
+        axes.legend()
+    text = (
+        "Exploring players, as in training. Self-play weighs progress with another c than stage 1 and than training "
+        "on a random evader, so the level changes where it begins. It begins after different numbers of episodes with "
+        "different seeds, and there their band is widest."
+    )
+    return Finding("Fig. 7: average reward", text, ("figure7.png",))
+
+
+def _both_stages(study: Study, seed: int) -> Curve:
+    """Return the rewards of the curriculum; self-play's episodes are counted on from those of stage 1."""
+    episodes, rewards = _rewards(study, "curriculum", seed, "fixed-target")
+    later, more = _rewards(study, "curriculum", seed, "self-play")
+    return [*episodes, *(episodes[-1] + episode for episode in later)], [*rewards, *more]
+
+
+def figure_8(study: Study) -> Finding:
+    """Draw the first game in which P_random crashes and P_curriculum wins, or else the first that it loses."""
+    seed = study.seeds[0]
+    ours, theirs = (study.play(name, "E_scratch", seed).outcome for name in ("P_curriculum", "P_random"))
+    wanted = pursuer_wins(ours) & (theirs == Outcome.PURSUER_HIT_OBSTACLE)
+    if not wanted.any():
+        wanted = theirs != Outcome.CAPTURED
+    index, ends = int(jnp.argmax(wanted)), []
+    with style.picture(study.folder / "figure8.png", columns=2, width=3.6, height=4.0) as panels:
+        for axes, name in zip(panels, ("P_random", "P_curriculum"), strict=True):
+            game = replay_game(study.pairing(name, "E_scratch", seed), index)
+            draw_game(axes, study.game, game, f"{name} against E_scratch")
+            ends.append(f"{name}: {describe_end(study.game, game)}")
+    text = f"Game {index} of the match. {'; '.join(ends)}."
+    return Finding("Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends})

@@ -1,1 +1,0 @@
-"""Studies beyond the paper, each with several seeds: `python -m studies.held_out --help`."""
