@@ -14,7 +14,7 @@ demo: $(VENV)/installed
 	$(BIN)/apollonius evaluate zoo/P_curriculum zoo/E_curriculum --games 2000
 	$(BIN)/apollonius report runs/demo
 
-# build/site: home, documents, reference, gallery, a report and the playground, for any web host or to be opened as files.
+# build/site: home, documents, reference, gallery, a report and the playground, for any web host.
 site: $(VENV)/installed-site
 	$(BIN)/python -m website --out build/site
 

@@ -19,7 +19,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.solve.solved import Solved
+from apollonius.solve.solving import Solved
 
 KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""

@@ -48,7 +48,6 @@ class OneLineParser(argparse.ArgumentParser):
         super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
 
     def error(self, message: str) -> NoReturn:
-        """Print the error and leave with status 2."""
         told = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
         print(f"{self.prog}: {shown(told, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)
         sys.exit(2)
@@ -96,7 +95,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command."""
     parser = OneLineParser(
         prog="apollonius",
         usage="apollonius COMMAND ...",

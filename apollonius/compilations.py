@@ -84,7 +84,6 @@ class Entries:
         self._size = largest  # not known yet
 
     def get(self, key: str) -> bytes | None:
-        """Return the entry, or None where there is none that is whole."""
         path = self._path / key
         try:
             found = path.read_bytes()

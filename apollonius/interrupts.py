@@ -115,7 +115,6 @@ def listen(says: bool = True) -> None:
 
 
 def _is_loading(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported."""
     while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
         frame = frame.f_back
     return frame is not None

@@ -8,11 +8,10 @@ from apollonius.display import Display
 if TYPE_CHECKING:
     from apollonius.evaluate.card import Card
     from apollonius.evaluate.match import Match, MatchResult
-    from apollonius.evaluate.team_sizes import TeamSizes
     from apollonius.evaluate.tournament import Tournament
     from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.progress import Progress
-    from apollonius.solve.iteration import Sweep
+    from apollonius.solve.grid import Sweep
 
 
 def training_notes(progress: "Progress") -> dict[str, str]:
@@ -85,27 +84,6 @@ def match_table(match: "Match", result: "MatchResult") -> str:
         lines.append(f"  {'pursuer, by arenas':<{width}}  {arenas.mean:>7.2%}  {told}")
         lines.append(f"  {'in the worst tenth':<{width}}  {arenas.worst:>7.2%}  in the worst of all {arenas.least:.0%}")
     return "\n".join(lines)
-
-
-def sizes_table(found: "TeamSizes") -> str:
-    """How often teams of each size catch an evader, as lines of text."""
-    sizes = sorted({one.pursuers for team in found.teams.values() for one in team})
-
-    def told(team: str, pursuers: int) -> str:
-        for one in found.teams[team]:
-            if one.pursuers == pursuers:
-                low, high = one.interval
-                return f"{one.rate:.1%} [{100 * low:.1f}, {100 * high:.1f}]"
-        return "-"
-
-    width = max(len(name) for name in ("pursuers", *found.teams))
-    rows = [("pursuers", *map(str, sizes)), *((team, *(told(team, size) for size in sizes)) for team in found.teams)]
-    lines = [
-        f"captured within {found.seconds:g} s by the game's robots, against {found.evader}, {found.games:,} games each"
-    ]
-    lines += [f"  {name:<{width}}" + "".join(f"  {cell:>20}" for cell in cells) for name, *cells in rows]
-    lost = max(one.failures for team in found.teams.values() for one in team)
-    return "\n".join([*lines, f"pursuers that put themselves out: {lost:.1%} at most"])
 
 
 def tournament_table(tournament: "Tournament", starts: str) -> str:
@@ -194,7 +172,6 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
 
 
 def _shares(outcomes: dict[str, int]) -> str:
-    """Outcomes that occurred, most frequent first, as percentages."""
     games = max(1, sum(outcomes.values()))
     ranked = sorted(outcomes.items(), key=lambda item: -item[1])
     return " ".join(f"{name} {count / games:.1%}" for name, count in ranked if count) or "none finished"

@@ -37,8 +37,8 @@ CHANGED = (
 """The files and folders of the package that are changed."""
 LEARNING = "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_train_step.py learn"
 ONE_ROBOT = "solve/test_grid.py solve/test_transition_map.py solve/test_safety.py solve/test_reach.py"
-TWO_ROBOTS = "solve/test_event.py solve/test_response.py solve/test_guarantee.py solve/test_chance.py"
-FILES = "solve/test_store.py solve/test_solved.py"
+TWO_ROBOTS = "solve/test_zero_sum_game.py solve/test_response.py solve/test_joint.py solve/test_chance.py"
+FILES = "solve/test_store.py solve/test_solving.py"
 TESTS = {
     "game": "game test_golden.py test_rollout.py",
     "game/dynamics.py": "game test_golden.py test_rollout.py agents/test_shield.py",
@@ -51,8 +51,6 @@ TESTS = {
     "solve/grid.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
     "solve/transition_map.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
     "solve/motion.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
-    "solve/iteration.py": ONE_ROBOT,
-    "solve/reference.py": ONE_ROBOT,
     "solve/safety.py": "solve/test_safety.py evaluate/test_match.py",
     "solve/viability.py": "solve/test_safety.py evaluate/test_match.py",
     "solve/reach.py": "solve/test_reach.py",

@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import apollonius
 from apollonius.commands.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
-from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
-from apollonius.solve.joint import lanes_of
-from apollonius.solve.side import make_side
-from apollonius.solve.solved import joint_grids
+from apollonius.solve.grid import lanes_of
+from apollonius.solve.joint import guarantee, make_duel, solve_duel
+from apollonius.solve.solving import joint_grids
+from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 _RUNS = 5

@@ -20,7 +20,7 @@ from apollonius.agents.trained import ZOO, learned_elsewhere, zoo_names
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
-from apollonius.arenas.scenarios import scenario_game
+from apollonius.arenas.suite import scenario_game
 from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game

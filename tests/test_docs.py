@@ -19,8 +19,7 @@ from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
-from apollonius.arenas.scenarios import is_scenario
-from apollonius.arenas.suite import SUITES, suite_names
+from apollonius.arenas.suite import SUITES, is_scenario, suite_names
 from apollonius.catalogue import SHIELDED
 from apollonius.cli import main
 from apollonius.commands import values

@@ -23,23 +23,6 @@ def test_one_obstacle_needs_two(capsys, tmp_path):
         assert drawn.width > 400
 
 
-def test_teams_are_played_beside_it(capsys, tmp_path):
-    file, picture = tmp_path / "empty.toml", tmp_path / "teams.png"
-    file.write_text("max_steps = 60\n[arena]\ndiscs = []\n")
-    words = ["pursuers", str(file), "--games", "20", "--most", "2", "--evader", "still", "--out", str(picture)]
-    assert main([*words, "--teams", "pure-pursuit", "encirclement"]) == 0
-    told, facts = capsys.readouterr().out, ["captured within 6 s", "20 games each", "pure-pursuit"]
-    assert all(fact in told for fact in facts)
-    with Image.open(picture) as drawn:
-        assert drawn.width > 1000
-
-
-def test_teams_that_cannot_be_are_refused_before_anything_is_solved(capsys, monkeypatch):
-    monkeypatch.setattr("apollonius.solve.enough.how_many", None)
-    assert main(["pursuers", "one-large", "--games", "4", "--most", "1", "--teams", "encirclement"]) == 2
-    assert "2 at least" in capsys.readouterr().err
-
-
 def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
     file = tmp_path / "empty.toml"
     file.write_text("[arena]\ndiscs = []\n")

@@ -74,7 +74,6 @@ def _first(documented: object) -> str:
 
 
 def _room(room: str, modules: list[str]) -> str:
-    """The page of a room: its modules one after the other."""
     sections = [f"# apollonius.{room}"]
     for name in modules:
         heading = [] if name == f"apollonius.{room}" else [f"## {name.removeprefix(f'apollonius.{room}.')}"]
@@ -83,14 +82,12 @@ def _room(room: str, modules: list[str]) -> str:
 
 
 def _command_line(parser: argparse.ArgumentParser) -> str:
-    """Every command's own help."""
     os.environ["COLUMNS"] = str(_COLUMNS)  # of which argparse makes its lines
     helps = [f"## {each.prog}\n\n```text\n{each.format_help()}```" for each in _parsers(parser)]
     return "\n\n".join(["# The command line", *helps]) + "\n"
 
 
 def _parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """A parser, and those of its commands."""
     yield parser
     for action in parser._actions:  # pyright: ignore[reportPrivateUsage]
         for each in (action.choices or {}).values() if isinstance(action.choices, dict) else ():

@@ -1,10 +1,13 @@
 """Compiled functions of objects that pickle: for processes that are spawned, and for other machines."""
 
 import functools
+import os
 from collections.abc import Callable
 from typing import Any
 
 import jax
+
+from apollonius.errors import InvalidInput
 
 
 class Compiled:
@@ -30,3 +33,20 @@ class Compiled:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Compiled":
         return self  # nothing of it ever changes
+
+
+_forked: list[bool] = []
+os.register_at_fork(after_in_child=lambda: _forked.append(True))
+
+
+def require_unforked() -> None:
+    """Refuse to compute in a process that was forked after this module was imported.
+
+    Raises:
+        InvalidInput: there, with the remedy.
+    """
+    if _forked:
+        raise InvalidInput(
+            "JAX cannot compute in a forked process: start it by spawning, as "
+            "gymnasium.vector.AsyncVectorEnv does with context='spawn', or take gymnasium.make_vec."
+        )

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.adapters.forked import require_unforked
+from apollonius.adapters.compiled import require_unforked
 from apollonius.adapters.live import LiveGame
 from apollonius.adapters.spaces import action_space, observation_space
 from apollonius.adapters.view import RENDER_MODES, View

@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.adapters.compiled import Compiled
-from apollonius.adapters.forked import require_unforked
+from apollonius.adapters.compiled import Compiled, require_unforked
 from apollonius.adapters.spaces import action_space, as_actions
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.arenas.charting import charted
@@ -76,7 +75,6 @@ class LiveGame:
 
     @property
     def begun(self) -> bool:
-        """Whether there is a game."""
         return self._told is not None
 
     def reset(self, bits: np.uint32) -> None:
@@ -120,18 +118,15 @@ class LiveGame:
 
     @property
     def active(self) -> list[bool]:
-        """Whether each robot is in play."""
         statuses = self._read[self._statuses]
         return [status == RobotStatus.ACTIVE for status in statuses.tolist()] or [True] * len(self.places)
 
     @property
     def terminated(self) -> bool:
-        """Whether the rules have ended the game."""
         return bool(self._read[_TERMINATED])
 
     @property
     def truncated(self) -> bool:
-        """Whether the time limit has stopped it."""
         return bool(self._read[_TRUNCATED])
 
     @property

@@ -50,7 +50,6 @@ class Sitting:
 
     @property
     def robots(self) -> BySide[int]:
-        """How many either side has."""
         return self.game.bodies.map(len)
 
     def see(self, state: GameState) -> Float[Array, "games *robots size"]:
@@ -131,7 +130,6 @@ def step_games(
 
 
 def _told(sitting: Sitting, led_to: Standing, after: Timestep) -> Told:
-    """What a step tells where no game begins again in it."""
     rewards, status = after.rewards[sitting.role], led_to.state.status
     reward = functools.reduce(operator.add, rewards) / len(rewards)
     told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)

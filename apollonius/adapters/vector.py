@@ -12,8 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool
 
-from apollonius.adapters.compiled import Compiled
-from apollonius.adapters.forked import require_unforked
+from apollonius.adapters.compiled import Compiled, require_unforked
 from apollonius.adapters.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
 from apollonius.adapters.spaces import action_space, as_actions, observation_space, team_action_space
 from apollonius.arenas.charting import charted
@@ -165,12 +164,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return seen, reward, terminated, truncated, infos
 
     def _of_all(self, **values: np.ndarray) -> dict[str, Any]:
-        """What is told of every game, as Gymnasium has it."""
         return values | {f"_{name}": np.ones(self.num_envs, bool) for name in values}
 
     @property
     def _used(self) -> np.int32:
-        """The first start of the pile that has not been used."""
         return np.int32(SPARE * self.num_envs - self._left)
 
     def _provide(self) -> None:
@@ -179,7 +176,6 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self._starts, self._left = self._draw(self._bits()), SPARE * self.num_envs
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " games"]:
-        """Which games begin again."""
         if options is None or "reset_mask" not in options:
             return np.ones(self.num_envs, bool)
         mask = np.asarray(options["reset_mask"])

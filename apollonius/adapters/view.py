@@ -33,13 +33,11 @@ class View:
         self._due = 0.0
 
     def begin(self) -> None:
-        """A new game has begun."""
         if self._canvas:
             self._canvas.wipe()
             self.follow()
 
     def follow(self) -> None:
-        """A step has been played."""
         if self._canvas:
             self._canvas.move(self._live.robots, self._live.active)
             if self.mode == "human":

@@ -10,8 +10,7 @@ import tomli_w
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn
 from apollonius.arenas.record import find_map, from_dict
-from apollonius.arenas.scenarios import arena_names, is_scenario, scenario_game
-from apollonius.arenas.suite import suite_arena
+from apollonius.arenas.suite import arena_names, is_scenario, scenario_game, suite_arena
 from apollonius.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena

@@ -62,7 +62,6 @@ def unknown_read_as_free(path: Path) -> float:
 
 
 def _files(path: Path) -> tuple[bytes, bytes]:
-    """Return what is in a map's YAML file and in its image."""
     text = read_bytes(path, "the YAML file of a ROS map", "check the path", _MOST_YAML)
     image = path.parent / str(_read_yaml(text, f"map '{path}'")["image"])
     return text, read_bytes(image, f"the image of the map '{path}'", "check the path, or crop it", _MOST_IMAGE)
@@ -141,7 +140,6 @@ def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
 
 
 def _number(value: Any, name: str) -> float:
-    """Return the finite number that a text is."""
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -7,13 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from apollonius.arenas.random.blocks import blocks
 from apollonius.arenas.random.caves import caves
-from apollonius.arenas.random.discs import discs
-from apollonius.arenas.random.layout import Layout
-from apollonius.arenas.random.maze import maze
-from apollonius.arenas.random.racks import racks
-from apollonius.arenas.random.rooms import rooms
+from apollonius.arenas.random.scattered import Layout, blocks, discs
+from apollonius.arenas.random.walled import maze, racks, rooms
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game

@@ -79,7 +79,7 @@ def find_map(named: Any, folder: Path) -> OccupancyMap:
 
 def _scenario(named: Any) -> Scenario:
     """Those that a record names."""
-    from apollonius.arenas.scenarios import find_scenario  # which reads records itself
+    from apollonius.arenas.suite import find_scenario  # which reads records itself
 
     return named if isinstance(named, Scenario) else find_scenario(named)
 

@@ -111,7 +111,6 @@ def places(arena: Arena) -> tuple[Grid, Grid, float]:
 
 
 def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cells"]:
-    """The middles of the cells along one side."""
     count = max(1, round(length / cell))
     return low + length * (np.arange(count) + 0.5) / count
 

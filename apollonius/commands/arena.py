@@ -6,17 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.arenas.names import PARTS
-from apollonius.commands.ending import command, finish
-from apollonius.commands.values import count, known_agent, known_game, new_file, real
+from apollonius.commands.options import add_json, command, finish
+from apollonius.commands.values import count, known_game, new_file, real
 from apollonius.document import to_json
 from apollonius.errors import require
 from apollonius.limits import DISCS, GAME_FILES, SEED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from apollonius.game.game import Game
-    from apollonius.replay import Replay
+    pass
 
 KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
@@ -27,27 +24,18 @@ SHOWN = 8
 
 
 def add_arena(subparsers: Any) -> None:
-    """The parser of `arena`."""
     parser = subparsers.add_parser(
         "arena", help="list arenas, check or chart one of your own, verify the suite, or make a random one"
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of all of them")
-    listed.add_argument(
-        "--players",
-        type=known_agent,
-        nargs=2,
-        metavar=("PURSUER", "EVADER"),
-        help="let them play a game in each, with --out",
-    )
-    listed.add_argument("--seed", type=count(SEED), default=0, help="seed of these games (default: %(default)s)")
     listed.set_defaults(run=run_list)
     check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
     check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
     pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
-    check.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(check)
     check.set_defaults(run=run_check)
     suite = actions.add_parser(
         "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
@@ -56,7 +44,7 @@ def add_arena(subparsers: Any) -> None:
     suite.add_argument(
         "--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of some of each kind"
     )
-    suite.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(suite)
     suite.set_defaults(run=run_suite)
     chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
     chart.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
@@ -81,33 +69,17 @@ def add_arena(subparsers: Any) -> None:
 
 
 def run_list(options: argparse.Namespace) -> int:
-    """Name the games, a line each."""
     from apollonius.arenas.file import about_game, find_game, game_names
-    from apollonius.show.gallery import save_gallery
+    from apollonius.show.canvas import save_gallery
 
-    require(options.out or not options.players, "--players", "given", "left out, or --out with it: they are drawn")
     games = {name: find_game(name) for name in game_names()}
-    shown = dict(_played(options, games)) if options.players else games
     for name in games:
         print(f"{name:<12} {about_game(name)}")
     if options.out:
         options.display.begin("drawing the arenas")
-        save_gallery(shown, options.out)
+        save_gallery(games, options.out)
         finish(options.out, then=command("show", "P_any", "E_any", "--game", "office", "--out", "office.gif"))
     return 0
-
-
-def _played(options: argparse.Namespace, games: "Mapping[str, Game]") -> "Iterator[tuple[str, Replay]]":
-    """A game of the two players in each."""
-    from apollonius.catalogue import find_player
-    from apollonius.evaluate.match import Match, record_game
-    from apollonius.game.types import ROLES
-
-    options.display.begin("playing a game in each arena", compiles=True)
-    for number, (name, game) in enumerate(games.items()):
-        found = ROLES.map(lambda role, game=game: find_player(options.players[role], role, game))
-        yield name, record_game(Match(game, found, 1, options.seed), 0)
-        options.display.report(number + 1, len(games))
 
 
 def run_check(options: argparse.Namespace) -> int:
@@ -122,7 +94,7 @@ def run_check(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
     if options.out and not saved:
-        from apollonius.show.plan import save_plan
+        from apollonius.show.arena import save_plan
 
         found = survey(game)
         save_plan(Path(options.game).stem, game, found, options.out)
@@ -155,7 +127,7 @@ def run_suite(options: argparse.Namespace) -> int:
     """Draw every arena of the suite anew, and list it; exit status 2 where one is not what was published."""
     from apollonius.arenas.file import find_game
     from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
-    from apollonius.show.gallery import save_gallery
+    from apollonius.show.canvas import save_gallery
 
     suite = SUITES[-1]
     entries = suite_entries(suite, options.part)

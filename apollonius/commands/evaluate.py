@@ -3,15 +3,21 @@
 import argparse
 from typing import Any
 
-from apollonius.commands.ending import finish, finish_with_replays, write_replays
-from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
+from apollonius.commands.options import (
+    add_match_options,
+    check_records,
+    finish,
+    finish_with_replays,
+    match_facts,
+    requested_match,
+    write_replays,
+)
 from apollonius.commands.values import new_file, varied
 from apollonius.document import to_json
 from apollonius.errors import require
 
 
 def add_evaluate(subparsers: Any) -> None:
-    """The parser of `evaluate`."""
     parser = subparsers.add_parser("evaluate", help="play many games between two agents and count")
     add_match_options(parser)
     parser.add_argument(
@@ -25,7 +31,6 @@ def add_evaluate(subparsers: Any) -> None:
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
-    """Play a match, or one for each value of `--vary`, and print its result."""
     from apollonius.evaluate.match import count, play_games, record_game, worst_first
     from apollonius.terminal import match_table
 
@@ -49,7 +54,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
 
 
 def _vary(options: argparse.Namespace) -> int:
-    """Play a match for each value; print a table, draw a picture."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.vary import Variation, play_varied
     from apollonius.game.by_side import BySide
@@ -62,7 +66,7 @@ def _vary(options: argparse.Namespace) -> int:
     report = options.display.report
     found = play_varied(game, names, variations, options.games, options.seed, options.starts, report)
     if options.out:
-        from apollonius.show.varied import draw_varied
+        from apollonius.show.matches import draw_varied
 
         draw_varied(found, options.out)
     options.display.end()

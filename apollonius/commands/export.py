@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from apollonius.commands.ending import command, finish
+from apollonius.commands.options import command, finish
 from apollonius.commands.values import known_agent, known_game, new_file
 from apollonius.errors import InvalidInput, require
 
@@ -11,7 +11,6 @@ FORMATS = ("onnx", "c")
 
 
 def add_export(subparsers: Any) -> None:
-    """The parser of `export`."""
     parser = subparsers.add_parser("export", help="write a trained agent as ONNX or C, which need no JAX")
     parser.add_argument("agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="ONNX, or C99")
@@ -30,7 +29,6 @@ def add_export(subparsers: Any) -> None:
 
 
 def run_export(options: argparse.Namespace) -> int:
-    """Write the file and check it."""
     from apollonius.adapters.export.writing import STATES, find_exportable, find_format, game_of, write_policy
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.arenas.record import to_dict

@@ -1,7 +1,10 @@
-"""What several commands ask for: a game, players, what draws."""
+"""What several commands ask for: a game, players, what draws; and how one ends that has written something."""
 
 import argparse
-from collections.abc import Callable, Iterable
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +17,9 @@ if TYPE_CHECKING:
     from apollonius.evaluate.match import Match
     from apollonius.game.game import Game
     from apollonius.game.types import Role
+    from apollonius.replay import Replay
     from apollonius.solve.grid import Grid
+
 
 AGENT = (
     "a built-in player (random, still, territory; pursuers: pure-pursuit, intercept, and of teams voronoi-pursuit, "
@@ -27,20 +32,23 @@ LENGTHS = ("quick", "standard", "paper")
 """Names of the presets of a training."""
 
 
+def add_game(parser: argparse.ArgumentParser) -> None:
+    about = "name of the game, or a .toml or .json file (default: %(default)s)"
+    parser.add_argument("--game", type=known_game, default="paper", help=about)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
 def add_game_options(parser: argparse.ArgumentParser) -> None:
-    """Options that choose the game and its start."""
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(
         "--starts", choices=("rest", "moving", "viable"),
         help="initial speeds: rest, moving, or moving but for starts that are lost before they begin (default: as the "
         "game says)",
     )  # fmt: skip
-    parser.add_argument(
-        "--game",
-        type=known_game,
-        default="paper",
-        help="name of the game, or a .toml or .json file (default: %(default)s)",
-    )
+    add_game(parser)
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
@@ -56,7 +64,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
     parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
     add_game_options(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
     add_record_options(parser, "write K games as replays, lost ones first")
 
 
@@ -116,7 +124,6 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
 
 
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
-    """What was asked for, for programs."""
     names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
     return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
 
@@ -137,7 +144,6 @@ def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
 
 
 def add_grid_options(parser: argparse.ArgumentParser) -> None:
-    """Options that choose what to solve on."""
     parser.add_argument(
         "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
     )
@@ -154,7 +160,7 @@ def requested_grid(
 ) -> tuple["Grid", int]:
     """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
     from apollonius.solve.grid import make_grid
-    from apollonius.solve.reference import reference_grid
+    from apollonius.solve.solving import reference_grid
 
     grid, hold = (reference or reference_grid)(game, role)
     if options.grid is not None:
@@ -162,3 +168,68 @@ def requested_grid(
     if options.hold is not None:
         hold = options.hold
     return grid, hold
+
+
+_SHOWN = 3
+"""Files that are named one by one; of more, the folder and the first."""
+
+
+def finish(*written: Path, then: str = "", json: bool = False) -> None:
+    """Say on standard error what was written and what could be done with it.
+
+    Args:
+        written: files, or folders with all that lies in them.
+        then: the next sensible step.
+        json: whether a program reads: it is not told what to do next.
+    """
+    lines = [f"wrote {_named(path)}" for path in written]
+    if len(written) > _SHOWN:
+        size = _in_words(sum(map(_size, written)))
+        lines = [f"wrote {len(written)} files in {written[0].parent} ({size}), first of all {written[0].name}"]
+    if then and not json:
+        lines.append(f"next: {then}")
+    print(*lines, sep="\n", file=sys.stderr, flush=True)
+
+
+def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Replay]") -> list[Path]:
+    """Write the first `options.record` games, in files that are called after their kind, number and outcome."""
+    from apollonius.replay import save_replay
+
+    if options.record:
+        options.display.begin(f"writing {options.record} replays")
+    written = []
+    for replay in islice(replays, options.record):
+        written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
+        save_replay(replay, written[-1])
+    return written
+
+
+def finish_with_replays(written: list[Path], options: argparse.Namespace) -> None:
+    """The end of a command that may have recorded games, and takes `--json`."""
+    if written:
+        then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
+        finish(*written, then=then, json=options.json)
+
+
+def command(*words: object) -> str:
+    """A command of this package, as it can be pasted into a shell."""
+    return shlex.join(["apollonius", *map(str, words)])
+
+
+def _named(path: Path) -> str:
+    if not path.is_dir():
+        return f"{path} ({_in_words(_size(path))})"
+    count = sum(file.is_file() for file in path.rglob("*"))
+    return f"{path} ({count} file{'' if count == 1 else 's'}, {_in_words(_size(path))})"
+
+
+def _size(path: Path) -> int:
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _in_words(size: int) -> str:
+    """Bytes, in the unit that keeps the number short."""
+    if size < 10**6:
+        return f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"
+    return f"{size / 10**6:.1f} MB"

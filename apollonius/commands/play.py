@@ -6,8 +6,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.ending import finish
-from apollonius.commands.options import warn
+from apollonius.commands.options import finish, warn
 from apollonius.commands.values import count, known_agent, known_game, new_folder
 from apollonius.limits import PORT, SEED
 
@@ -18,7 +17,6 @@ PLAYER = (
 
 
 def add_play(subparsers: Any) -> None:
-    """The parser of `play`."""
     parser = subparsers.add_parser("play", help="play in a browser against a trained agent")
     parser.add_argument(
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
@@ -50,7 +48,6 @@ def add_play(subparsers: Any) -> None:
 
 
 def run_play(options: argparse.Namespace) -> int:
-    """Serve the page until Ctrl-C, or write it to a folder."""
     from apollonius.arenas.file import find_game
     from apollonius.document import whole_folder
     from apollonius.errors import require

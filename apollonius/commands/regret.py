@@ -3,8 +3,16 @@
 import argparse
 from typing import Any
 
-from apollonius.commands.ending import finish_with_replays, write_replays
-from apollonius.commands.options import AGENT, add_game_options, add_record_options, check_records, warn
+from apollonius.commands.options import (
+    AGENT,
+    add_game_options,
+    add_json,
+    add_record_options,
+    check_records,
+    finish_with_replays,
+    warn,
+    write_replays,
+)
 from apollonius.commands.solving import SOLVING, add_table_options, requested_tables
 from apollonius.commands.values import count, known_agent
 from apollonius.document import to_json
@@ -15,7 +23,6 @@ _TABLE, _RESPONSE = PLAYING = "playing against the table", "playing against the 
 
 
 def add_regret(subparsers: Any) -> None:
-    """The parser of `regret`."""
     parser = subparsers.add_parser("regret", help="how far an agent is from what the solved game says can be had")
     parser.add_argument("agent", type=known_agent, metavar="AGENT", help=AGENT)
     parser.add_argument(
@@ -30,12 +37,11 @@ def add_regret(subparsers: Any) -> None:
     )  # fmt: skip
     add_record_options(parser, "write the K games that cost most as replays")
     add_game_options(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
     parser.set_defaults(run=run_regret)
 
 
 def run_regret(options: argparse.Namespace) -> int:
-    """Measure and print."""
     from apollonius.agents.kind import Named
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.catalogue import TABLE, find_player

@@ -4,14 +4,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.ending import finish
+from apollonius.commands.options import finish
 from apollonius.commands.values import existing_folder, new_file
 from apollonius.errors import require
 from apollonius.extras import require_extra
 
 
 def add_report(subparsers: Any) -> None:
-    """The parser of `report`."""
     parser = subparsers.add_parser("report", help="a training run or a reproduction as one HTML page, games included")
     parser.add_argument(
         "folder", type=existing_folder, metavar="RUN", help="folder of a training run or a reproduction"
@@ -21,7 +20,6 @@ def add_report(subparsers: Any) -> None:
 
 
 def run_report(options: argparse.Namespace) -> int:
-    """Write the report."""
     folder: Path = options.folder
     out: Path = options.out or folder / "report.html"
     require_extra("plot", "report")

@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import LENGTHS, PLACES_HELP
+from apollonius.commands.options import LENGTHS, PLACES_HELP, command, finish
 from apollonius.commands.values import count, engine, new_folder
 from apollonius.extras import require_extra
 from apollonius.interrupts import go_on
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 
 def add_reproduce(subparsers: Any) -> None:
-    """The parser of `reproduce`."""
     parser = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
     parser.add_argument(
         "--budget", choices=LENGTHS, default="quick",
@@ -32,7 +30,6 @@ def add_reproduce(subparsers: Any) -> None:
 
 
 def run_reproduce(options: argparse.Namespace) -> int:
-    """Reproduce the paper's evaluation."""
     require_extra("plot", "reproduce")
     from apollonius.reproduce.reproduction import reproduce
 

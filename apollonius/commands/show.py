@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, requested_match
+from apollonius.commands.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
 from apollonius.commands.values import known_agent, new_file, real
 from apollonius.errors import require
 
@@ -14,7 +13,6 @@ FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
 
 
 def add_show(subparsers: Any) -> None:
-    """The parser of `show`."""
     parser = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
     parser.add_argument("pursuer", type=known_agent, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
     parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
@@ -30,10 +28,9 @@ def add_show(subparsers: Any) -> None:
 
 
 def run_show(options: argparse.Namespace) -> int:
-    """One game, drawn or written as a replay."""
     from apollonius.replay import load_replay, save_replay
     from apollonius.show import animation
-    from apollonius.show.words import describe_end
+    from apollonius.show.parts import describe_end
 
     if options.speed is not None:
         moving = f"left out, as only {', '.join(animation.FORMATS)} move"

@@ -3,19 +3,24 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import finish_with_replays, write_replays
-from apollonius.commands.options import add_match_options, check_records, match_facts, requested_match
+from apollonius.commands.options import (
+    add_match_options,
+    check_records,
+    finish_with_replays,
+    match_facts,
+    requested_match,
+    write_replays,
+)
 from apollonius.commands.values import existing_file
 from apollonius.document import to_json
 from apollonius.extras import require_extra
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
-    from apollonius.simulate.comparison import Comparison
+    from apollonius.simulate.simulation import Comparison
 
 
 def add_simulate(subparsers: Any) -> None:
-    """The parser of `simulate`."""
     parser = subparsers.add_parser("simulate", help="play many games between robots with bodies, in MuJoCo")
     add_match_options(parser, SIMULATED_GAMES)
     parser.add_argument(
@@ -25,12 +30,10 @@ def add_simulate(subparsers: Any) -> None:
 
 
 def run_simulate(options: argparse.Namespace) -> int:
-    """Play a match by the rules and with bodies, and print both."""
     require_extra("sim", "simulate")
     from apollonius.evaluate.match import play_games, worst_first
-    from apollonius.simulate.comparison import compare
     from apollonius.simulate.drive import load_drive
-    from apollonius.simulate.simulation import record_course, simulate_match
+    from apollonius.simulate.simulation import compare, record_course, simulate_match
     from apollonius.terminal import match_heading
 
     check_records(options, options.games, f"--games = {options.games}")

@@ -5,13 +5,11 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import chosen_rules, warn
-from apollonius.commands.values import known_agent, known_game, new_file, real
+from apollonius.commands.options import add_game, chosen_rules, command, finish, warn
+from apollonius.commands.values import known_agent, new_file, real
 
 
 def add_slice(subparsers: Any) -> None:
-    """The parser of `slice`."""
     parser = subparsers.add_parser("slice", help="an agent's action values and actions over the arena")
     parser.add_argument(
         "agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file, of solve game too"
@@ -25,18 +23,12 @@ def add_slice(subparsers: Any) -> None:
     )
     parser.add_argument("--speed", type=real, default=0.0, metavar="V", help="of the agent itself [m/s] (default: 0)")
     parser.add_argument("--heading", type=real, default=0.0, metavar="DEG", help="of the agent itself (default: 0)")
-    parser.add_argument(
-        "--game",
-        type=known_game,
-        default="paper",
-        help="name of the game, or a .toml or .json file (default: %(default)s)",
-    )
+    add_game(parser)
     parser.add_argument("--out", type=new_file(".png"), default="slice.png", help="PNG to write (default: %(default)s)")
     parser.set_defaults(run=run_slice)
 
 
 def run_slice(options: argparse.Namespace) -> int:
-    """Draw the slice."""
     import jax.numpy as jnp
 
     from apollonius.agents.kind import Named
@@ -46,7 +38,7 @@ def run_slice(options: argparse.Namespace) -> int:
     from apollonius.game.by_side import BySide
     from apollonius.game.types import RobotState, Role
     from apollonius.show.slices import save_slice
-    from apollonius.solve.solved import table_player
+    from apollonius.solve.solving import table_player
     from apollonius.solve.store import is_solution
 
     numbers = (*options.opponent, options.opponent_speed, radians(options.opponent_heading))

@@ -4,9 +4,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import add_grid_options, chosen_rules, requested_grid, warn
-from apollonius.commands.values import known_game, new_file, real, require_writable
+from apollonius.commands.options import (
+    add_game,
+    add_grid_options,
+    add_json,
+    chosen_rules,
+    command,
+    finish,
+    requested_grid,
+    warn,
+)
+from apollonius.commands.values import new_file, real, require_writable
 from apollonius.document import to_json
 from apollonius.errors import InvalidInput, require
 
@@ -16,19 +24,13 @@ if TYPE_CHECKING:
 
 
 def add_solve(subparsers: Any) -> None:
-    """The parser of `solve`."""
     parser = subparsers.add_parser("solve", help="solve for optimal play on a grid, and keep the table")
     parser.add_argument(
         "what", choices=("safety", "reach", "game"),
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
         "game: an estimate of the payoff that a side is sure of against any opponent",
     )  # fmt: skip
-    parser.add_argument(
-        "--game",
-        type=known_game,
-        default="paper",
-        help="name of the game, or a .toml or .json file (default: %(default)s)",
-    )
+    add_game(parser)
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
     )
@@ -47,12 +49,11 @@ def add_solve(subparsers: Any) -> None:
         "--plot", type=new_file(".png"), metavar="FILE", help="draw what was solved as .png: two maps of the arena"
     )
     parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
     parser.set_defaults(run=run_solve)
 
 
 def run_solve(options: argparse.Namespace) -> int:
-    """Solve, or load what is solved already; say how good it is and what it means."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.evaluate.solution import about
     from apollonius.solve.solving import solve_problem
@@ -93,10 +94,9 @@ def run_solve(options: argparse.Namespace) -> int:
 
 
 def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
-    """What is to be solved."""
     from apollonius.arenas.record import to_dict
     from apollonius.game.types import Role
-    from apollonius.solve.reference import joint_grid, reference_grid
+    from apollonius.solve.solving import joint_grid, reference_grid
     from apollonius.solve.store import Problem
 
     what, target, payoff = options.what, options.target, options.payoff
@@ -112,7 +112,6 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
 
 
 def _next(options: argparse.Namespace, path: Path, role: str) -> str:
-    """What to do with a table."""
     rules = chosen_rules(options)
     if options.what == "game":
         players = (path, "random") if role == "pursuer" else ("random", path)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from apollonius.game.by_side import BySide
     from apollonius.game.game import Game
     from apollonius.game.types import Role
-    from apollonius.solve.iteration import Sweep
+    from apollonius.solve.grid import Sweep
     from apollonius.solve.players import SaddlePolicy
 
 SOLVING = ("solving the game for the pursuer", "solving the game for the evader")
@@ -55,8 +55,7 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
     from apollonius.cache import cache_folder
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
-    from apollonius.solve.reference import FEW_PAIRS, joint_grid
-    from apollonius.solve.solved import table_player
+    from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
 
     if options.tables:
         options.display.begin(SOLVING[0], compiles=True)

@@ -3,8 +3,7 @@
 import argparse
 from typing import Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import AGENT, add_game_options, chosen_rules, warn
+from apollonius.commands.options import AGENT, add_game_options, add_json, chosen_rules, command, finish, warn
 from apollonius.commands.values import count, known_agent, new_file, new_folder
 from apollonius.document import to_json
 from apollonius.interrupts import go_on
@@ -12,7 +11,6 @@ from apollonius.limits import GAMES
 
 
 def add_tournament(subparsers: Any) -> None:
-    """The parser of `tournament`."""
     parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
     everyone = "default: all that need no file and fit the game"
     parser.add_argument("--pursuers", type=known_agent, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
@@ -30,12 +28,11 @@ def add_tournament(subparsers: Any) -> None:
     parser.add_argument(
         "--plot", type=new_file(".png"), metavar="FILE", help="draw win rates, ratings and equilibrium as .png"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    add_json(parser)
     parser.set_defaults(run=run_tournament)
 
 
 def run_tournament(options: argparse.Namespace) -> int:
-    """Play all matches and print the table."""
     from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
     from apollonius.evaluate.match import MatchResult
@@ -71,7 +68,7 @@ def run_tournament(options: argparse.Namespace) -> int:
         options.display.report,
     )
     if options.plot:
-        from apollonius.show.tournament import draw_tournament
+        from apollonius.show.matches import draw_tournament
 
         draw_tournament(tournament, options.plot)
     options.display.end()

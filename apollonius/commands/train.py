@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.commands.ending import command, finish
-from apollonius.commands.options import LENGTHS
+from apollonius.commands.options import LENGTHS, command, finish
 from apollonius.commands.solving import SOLVING, solved_game
 from apollonius.commands.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
 from apollonius.errors import require
@@ -35,7 +34,6 @@ _GAME_STEPS = 350
 
 
 def add_train(subparsers: Any) -> None:
-    """The parser of `train`."""
     parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
     parser.add_argument(
         "--preset", choices=(*LENGTHS, *BY_TABLE), default="quick",
@@ -71,14 +69,12 @@ def add_train(subparsers: Any) -> None:
 
 
 def add_resume(subparsers: Any) -> None:
-    """The parser of `resume`."""
     parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
     parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
     parser.set_defaults(run=run_resume)
 
 
 def run_train(options: argparse.Namespace) -> int:
-    """Train from scratch in a new folder."""
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
@@ -95,7 +91,6 @@ def run_train(options: argparse.Namespace) -> int:
 
 
 def run_resume(options: argparse.Namespace) -> int:
-    """Go on from a run's checkpoint."""
     from apollonius.learn.folder import load_config
 
     return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display)
@@ -136,7 +131,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
     """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
-    from apollonius.arenas.scenarios import each_alone
+    from apollonius.arenas.suite import each_alone
     from apollonius.learn.run import Run
     from apollonius.learn.school import TABLES
     from apollonius.terminal import training_notes
@@ -183,7 +178,6 @@ def _judging_work(config: "RunConfig", stages: list[str]) -> float:
 
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
-    """Play the agents of a finished run, and print how good they are."""
     from apollonius.evaluate.pairings import evaluate_run, self_play_trend
     from apollonius.learn.plans import SELF_PLAY
     from apollonius.learn.progress import evaluations_of, load_metrics

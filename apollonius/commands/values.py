@@ -120,7 +120,6 @@ def _is_plain(name: str) -> bool:
 
 
 def existing_file(text: str) -> Path:
-    """A file that is there."""
     path = Path(named(text))
     if not _is(path.is_file):
         raise unfit(text, "a file that is there; check the path")
@@ -128,7 +127,6 @@ def existing_file(text: str) -> Path:
 
 
 def existing_folder(text: str) -> Path:
-    """A folder that is there."""
     path = Path(named(text))
     if not _is(path.is_dir):
         raise unfit(text, "a folder that is there; check the path")

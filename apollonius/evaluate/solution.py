@@ -16,7 +16,7 @@ from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import Reach
 from apollonius.solve.safety import steered_brakes
-from apollonius.solve.solved import zero_sum_game_of
+from apollonius.solve.solving import zero_sum_game_of
 from apollonius.solve.store import Solution
 
 STARTS = 20_000
@@ -37,7 +37,6 @@ def about(solution: Solution, game: Game) -> dict[str, Any]:
 
 
 def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """Which of the game's moving starts are lost: by the table, and by the manoeuvres that it steers."""
     body = game.body(role)
     grid = make_grid(game.arena, body, tuple(solution.problem.counts))
     moving = replace(game, starts=replace(game.starts, speed="moving"))
@@ -57,7 +56,6 @@ def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """How fast the target is caught from the game's starts."""
     assert solution.problem.target is not None
     x, y = (jnp.asarray(coordinate, jnp.float32) for coordinate in solution.problem.target)
     grid = make_grid(game.arena, game.pursuer, tuple(solution.problem.counts))

@@ -31,7 +31,6 @@ class BySide(eqx.Module, Generic[T_co]):
         return (self.pursuer, self.evader)[role]
 
     def __iter__(self) -> Iterator[T_co]:
-        """The pursuer's value, then the evader's."""
         return iter((self.pursuer, self.evader))
 
     @property

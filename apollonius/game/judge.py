@@ -122,7 +122,6 @@ def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | No
 
 
 def _events(game: "Game", before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
-    """What happens to the robots of one side."""
     active, bodies = before.active, game.bodies[role]
     ways = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(ways.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []

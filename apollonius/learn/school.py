@@ -9,20 +9,18 @@ import numpy as np
 
 from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
-from apollonius.arenas.scenarios import each_alone
+from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.learn.config import RunConfig
 from apollonius.learn.teacher import Room, Teacher
-from apollonius.solve.grid import make_grid
-from apollonius.solve.iteration import Sweep
+from apollonius.solve.grid import Sweep, make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety
-from apollonius.solve.solving import kept_tables
+from apollonius.solve.solving import kept_tables, reference_grid
 
 TABLES = "tables"
 """The folder of a run in which the solved game lies."""

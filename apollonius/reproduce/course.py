@@ -11,7 +11,7 @@ from apollonius.reproduce.finding import Finding, markdown_table, percent
 from apollonius.reproduce.study import Study
 from apollonius.reproduce.tables import table_2_claims, table_3_claim
 from apollonius.show import palette, style
-from apollonius.show.curves import draw_seeds
+from apollonius.show.style import draw_seeds
 
 
 def in_training(study: Study) -> Finding:
@@ -70,6 +70,5 @@ def _evaluated(study: Study, name: str, seed: int, moment: int, outcomes: Sequen
 
 
 def _row(course: Sequence[Claim]) -> list[str]:
-    """A claim at each moment: the mean over seeds, and the seeds."""
     cells = [f"{percent(claim.mean)} ({', '.join(percent(value) for value, _ in claim.seeds)})" for claim in course]
     return [course[0].name, *cells]

@@ -10,8 +10,8 @@ from apollonius.reproduce.finding import Finding, as_data, outcome_shares, outco
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_game
-from apollonius.show.curves import Curve, draw_bars, draw_seeds, smooth
-from apollonius.show.words import describe_end
+from apollonius.show.parts import describe_end
+from apollonius.show.style import Curve, draw_bars, draw_seeds, smooth
 
 _WINDOW = 50
 """Chunks over which the reward is averaged."""

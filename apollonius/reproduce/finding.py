@@ -34,7 +34,6 @@ def as_markdown(finding: Finding) -> str:
 
 
 def percent(rate: float) -> str:
-    """A rate as the reports print it."""
     return f"{rate:.1%}"
 
 
@@ -63,7 +62,6 @@ def mean_share(shares: Sequence[float]) -> str:
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table, without a newline at its end."""
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
@@ -82,12 +80,10 @@ def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dic
 
 
 def as_data(results: dict[str, list[MatchResult]]) -> dict[str, list[dict[str, Any]]]:
-    """Matches by name as JSON-like data."""
     return {name: [match.to_dict() for match in matches] for name, matches in results.items()}
 
 
 def win_count(result: MatchResult) -> tuple[int, int]:
-    """The pursuer's wins, and the games."""
     return round(result.pursuer_win_rate * result.games), result.games
 
 
@@ -118,7 +114,6 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
 
 
 def _intervals(study: Study) -> str:
-    """What the intervals of the claims are of."""
     if len(study.seeds) == 1:
         return "of the games of the one seed"
     return "of the mean over seeds (Student's t, and never narrower than that of all their games)"

@@ -71,11 +71,9 @@ class Study:
 
     @property
     def game(self) -> Game:
-        """The game they were trained for."""
         return self.preset.game
 
     def run(self, name: str, seed: int) -> Path:
-        """Folder of a training run."""
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
@@ -95,26 +93,21 @@ class Study:
         return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
     def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
-        """The games of a pairing."""
         named = (pursuer, evader, seed, percent)
         if named not in self._played:
             self._played[named] = play_games(self.pairing(*named))
         return self._played[named]
 
     def match(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> MatchResult:
-        """What a pairing came to."""
         return count(self.pairing(pursuer, evader, seed, percent), self.play(pursuer, evader, seed, percent))
 
     def matches(self, pursuer: str, evader: str, percent: int = 100) -> list[MatchResult]:
-        """Return what a pairing came to, with each seed."""
         return [self.match(pursuer, evader, seed, percent) for seed in self.seeds]
 
     def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
-        """Return the greedy evaluations in the course of a stage."""
         return evaluations_of(self.metrics(name, seed, stage), stage)
 
     def metrics(self, name: str, seed: int, stage: str) -> list[MetricsLine]:
-        """Return the lines of a run's `metrics.jsonl` that belong to a stage."""
         return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]
 
     def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:

@@ -1,17 +1,19 @@
-"""A game under way, seen from above: walls, obstacles, trails, robots and headings. Needs Pillow only."""
+"""A game under way, seen from above, with walls, obstacles, trails and robots; or several side by side. Only Pillow."""
 
-from collections.abc import Sequence
+import io
+from collections.abc import Mapping, Sequence
 from math import cos, hypot, sin
+from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from apollonius.document import write_atomically
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
-from apollonius.show.palette import EVADER, OBSTACLE, PAPER, PURSUER
-from apollonius.show.robots import robots_of
-from apollonius.show.shapes import Round, Straight, shapes
+from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
+from apollonius.show.parts import Round, Straight, robots_of, shapes
 
 SIZE = 480
 """Pixels of the picture's longer side."""
@@ -49,7 +51,6 @@ class Canvas:
         self.wipe()
 
     def wipe(self) -> None:
-        """Forget the trails, for another game."""
         self._trails = self._empty.copy()
         self._shown = self._trails.reduce(_FINER)
         self._here: list[Sequence[float]] = []
@@ -174,3 +175,31 @@ def draw_reach(draw: ImageDraw.ImageDraw, centre: tuple[float, float], radius: f
 
 def _square(centre: tuple[float, float], reach: float) -> tuple[float, float, float, float]:
     return centre[0] - reach, centre[1] - reach, centre[0] + reach, centre[1] + reach
+
+
+_SIDE = 240
+"""Pixels of a drawing's longer side."""
+_GAP = 16
+_LETTERS = 15
+"""Height of a name [pixels]."""
+_COLUMNS = 4
+
+
+def save_gallery(games: Mapping[str, Game], path: Path, columns: int = _COLUMNS) -> None:
+    """Write a picture of games' arenas, so many side by side, each with its name and its size below."""
+    width, height = _SIDE + _GAP, _SIDE + 2 * _GAP + _LETTERS
+    rows = -(-len(games) // columns)
+    whole = Image.new("RGB", (min(len(games), columns) * width + _GAP, rows * height + _GAP), PAPER)
+    draw, font = ImageDraw.Draw(whole), ImageFont.load_default(_LETTERS)
+    for number, (name, game) in enumerate(games.items()):
+        left, top = _GAP + number % columns * width, _GAP + number // columns * height
+        drawing = Canvas(game).picture()
+        drawing.thumbnail((_SIDE, _SIDE), Image.Resampling.BOX)
+        whole.paste(drawing, (left, top + _SIDE - drawing.height))
+        arena = game.arena
+        size = f"{float(arena.x_max - arena.x_min):.4g} x {float(arena.y_max - arena.y_min):.4g} m"
+        below = top + _SIDE + _GAP // 3
+        draw.text((left, below), f"{name}, {size}", fill=INK, font=font)
+    content = io.BytesIO()
+    whole.save(content, "PNG", optimize=True)
+    write_atomically(path, content.getvalue())

@@ -1,17 +1,136 @@
-"""MuJoCo at work: many games' robots, placed, moved and looked at."""
+"""MuJoCo at work: a game as its model, and many games' robots, placed, moved and looked at."""
 
+from collections.abc import Iterator
 from importlib import import_module
-from math import cos, sin
+from math import atan2, cos, hypot, sin
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from jaxtyping import Float, Float64
 
 from apollonius.errors import InvalidInput, require
 from apollonius.extras import install
+from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
+from apollonius.game.polygon import Polygon
+from apollonius.game.types import Real, Role
 from apollonius.simulate.drive import Drive
-from apollonius.simulate.scene import SIDES, WHEELS, mjcf
+
+SIDES = tuple(role.name.lower() for role in Role)
+WHEELS = ("left", "right")
+SHELL = 0.01
+"""How much smaller the shell that obstacles push back is than the body that the referee measures [m]."""
+_HEIGHT = 0.3
+_THICKNESS = 0.05
+# Who meets whom: a geom collides with those whose kind is in its `conaffinity`. Robots do not touch each other.
+_FLOOR, _OBSTACLE, _NOTHING = "1", "2", "0"
+_COLOURS = {"pursuer": "0.8 0.2 0.2 1", "evader": "0.2 0.4 0.8 1"}
+_ABOVE = 0.06
+"""How far the middle of the chassis is above the axle [m]."""
+
+
+def mjcf(game: Game, drive: Drive, step: float) -> str:
+    """The model as text.
+
+    Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
+    hollow one. Robots do not touch each other: whether the evader is caught is for the referee to say.
+
+    Args:
+        step: of the physics [s].
+
+    Raises:
+        InvalidInput: for an arena with an occupancy map.
+    """
+    bound = "discs and polygons, the only ones that robots with bodies know"
+    game.arena.require_only((Disc, Polygon), bound)
+    model = Element("mujoco", model="pursuit-evasion")
+    SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")
+    world = SubElement(model, "worldbody")
+    _geom(world, "floor", "plane", size=(0, 0, 1), kind=_FLOOR)
+    for number, attributes in enumerate(_obstacles(game.arena)):
+        _geom(world, f"obstacle {number}", kind=_OBSTACLE, rgba="0.35 0.35 0.35 1", **attributes)
+    actuators = SubElement(model, "actuator")
+    for side, body in zip(SIDES, (game.pursuer, game.evader), strict=True):
+        _add_robot(world, actuators, side, drive, float(body.radius))
+    ElementTree.indent(model)
+    return ElementTree.tostring(model, encoding="unicode")
+
+
+def _numbers(*values: Real) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def _geom(parent: Element, name: str, shape: str, kind: str = _NOTHING, meets: str = _NOTHING, **more: object) -> None:
+    texts = {key: _numbers(*value) if isinstance(value, tuple) else str(value) for key, value in more.items()}
+    SubElement(parent, "geom", name=name, type=shape, contype=kind, conaffinity=meets, attrib=texts)
+
+
+def _obstacles(arena: Arena) -> Iterator[dict[str, Any]]:
+    out = _THICKNESS
+    x_min, y_min = float(arena.x_min) - out, float(arena.y_min) - out
+    x_max, y_max = float(arena.x_max) + out, float(arena.y_max) + out
+    corners = [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)]
+    yield from _edges(corners, _THICKNESS)
+    for disc in arena.discs:
+        place = (float(disc.x), float(disc.y), _HEIGHT / 2)
+        yield {"shape": "cylinder", "size": (float(disc.radius), _HEIGHT / 2), "pos": place}
+    for polygon in arena.polygons:
+        yield from _edges([(float(x), float(y)) for x, y in polygon.vertices], 1e-3)
+
+
+def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterator[dict[str, Any]]:
+    for (x, y), (next_x, next_y) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        half = atan2(next_y - y, next_x - x) / 2
+        yield {
+            "shape": "box",
+            "size": (hypot(next_x - x, next_y - y) / 2, half_thickness, _HEIGHT / 2),
+            "pos": ((x + next_x) / 2, (y + next_y) / 2, _HEIGHT / 2),
+            "quat": (cos(half), 0, 0, sin(half)),
+        }
+
+
+def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radius: float) -> None:
+    """A chassis with two wheels and a caster; its frame is on the axle, x ahead.
+
+    Obstacles push the robot where the game's has a radius; one that is a point is judged by its centre alone.
+    """
+    body = SubElement(world, "body", name=side, pos=_numbers(0, 0, drive.wheel_radius))
+    SubElement(body, "freejoint", name=side)
+    _geom(
+        body, f"{side} chassis", "cylinder", size=(drive.chassis_radius, 0.1), pos=(-drive.mass_behind, 0, _ABOVE),
+        mass=drive.mass - 2 * drive.wheel_mass, rgba=_COLOURS[side],
+    )  # fmt: skip
+    if radius > 2 * SHELL:
+        size = (radius - SHELL, 0.1)
+        _geom(body, f"{side} shell", "cylinder", meets=_OBSTACLE, size=size, pos=(0, 0, _ABOVE), mass=0, group=3)
+    ball = 0.4 * drive.wheel_radius
+    _geom(  # it rolls freely in every direction: next to no friction, and its own counts, not the floor's
+        body, f"{side} caster", "sphere", meets=_FLOOR, size=(ball,), pos=(-drive.caster, 0, ball - drive.wheel_radius),
+        mass=0, friction=(0.01, 0, 0), priority=1,
+    )  # fmt: skip
+    for wheel, place in zip(WHEELS, (1, -1), strict=True):
+        name = f"{side} {wheel}"
+        part = SubElement(body, "body", name=name, pos=_numbers(0, place * drive.track / 2, 0))
+        joint = {"frictionloss": _numbers(drive.resistance), "armature": _numbers(drive.inertia)}
+        SubElement(part, "joint", name=name, axis="0 1 0", attrib=joint)
+        size = (drive.wheel_radius, 0.02, drive.wheel_radius)  # crowned, so that it touches the floor in one point
+        friction = (drive.friction, 0.005, 0.0001)
+        _geom(
+            part, name, "ellipsoid", meets=_FLOOR, size=size, mass=drive.wheel_mass, friction=friction, condim=4,
+            priority=1,
+        )  # fmt: skip
+        motor = {
+            "joint": name,
+            "gainprm": _numbers(drive.stiffness),
+            "biastype": "affine",
+            "biasprm": _numbers(0, 0, -drive.stiffness),
+            "forcerange": _numbers(-drive.torque, drive.torque),
+        }
+        lag = {"dyntype": "filterexact", "dynprm": _numbers(drive.lag)} if drive.lag else {}
+        SubElement(actuators, "general", name=name, attrib=motor | lag)
+
 
 LONGEST_STEP = 0.005
 """Of the physics [s]; a step of the game is divided into the fewest steps that are no longer."""

@@ -1,6 +1,7 @@
-"""Games between robots with bodies: the physics moves them, the game's own referee judges."""
+"""Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,10 +11,12 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from apollonius.agents.policy import Memory
 from apollonius.agents.pool import Pool
-from apollonius.evaluate.match import Match, begin
+from apollonius.evaluate.match import Match, MatchResult, begin, count
+from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.dynamics import together
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
+from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.limits import SIMULATED_GAMES
 from apollonius.observe.observation import perceive
@@ -21,7 +24,7 @@ from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state
 from apollonius.rollout import random_bits_of
 from apollonius.simulate.drive import Drive, References
-from apollonius.simulate.physics import Physics
+from apollonius.simulate.physics import SIDES, Physics
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,6 @@ class Simulated:
     def course(
         self, game: int
     ) -> tuple[Float32[np.ndarray, "rows 8"], Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]]:
-        """The states and actions of one game."""
         own = self.index == game
         return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
 
@@ -61,14 +63,9 @@ class Choice(eqx.Module):
 
 
 def simulate(
-    game: Game,
-    pursuer: Pool,
-    evader: Pool,
-    starts: GameState,
-    key: PRNGKeyArray,
-    drive: Drive,
+    game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, drive: Drive,
     report: Report = lambda done, total: None,
-) -> Simulated:
+) -> Simulated:  # fmt: skip
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
     Players see the bodies' exact states, once in every step of the game. A step is judged as in the game, from where
@@ -176,3 +173,81 @@ def _judge(
 ) -> Int[Array, " games"]:
     state = jax.vmap(as_state)
     return jax.vmap(judge, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))[0]
+
+
+EVENTS: dict[str, tuple[Outcome, ...]] = {
+    "pursuer wins": PURSUER_WINS,
+    "captured": (Outcome.CAPTURED,),
+    "pursuer fails": (*PURSUER_FAILS, Outcome.BOTH_FAILED),
+    "evader fails": (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
+    "no result": (Outcome.NO_RESULT,),
+}
+"""What is counted in pairs: games that ended in one of these."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How often something happened, in [0, 1], by the rules and with bodies; and how much more often with bodies."""
+
+    rules: float
+    bodies: float
+    difference: float
+    interval: tuple[float, float]
+    """95 % interval of the difference, over pairs of games from the same start."""
+
+
+@dataclass(frozen=True)
+class Error:
+    """How far a robot is, after one step of the game, from where the rules would have it: root mean square and 95th
+    percentile over all steps.
+    """
+
+    rms: float
+    p95: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A match by the rules and the same match with bodies.
+
+    Attributes:
+        rules, bodies: what each came to.
+        differences: of the events of `EVENTS`.
+        tracking: errors of either side's speed [m/s], heading [rad] and position [m].
+    """
+
+    rules: MatchResult
+    bodies: MatchResult
+    differences: dict[str, Difference]
+    tracking: dict[str, dict[str, Error]]
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
+    """What two plays of a match come to: by the rules and with bodies."""
+    bodies = simulated.results
+    differences = {event: difference(rules, bodies, outcomes) for event, outcomes in EVENTS.items()}
+    return Comparison(count(match, rules), count(match, bodies), differences, tracking(simulated))
+
+
+def difference(rules: Results, bodies: Results, outcomes: tuple[Outcome, ...]) -> Difference:
+    """Return how much more often games from the same starts ended in some of the outcomes with bodies."""
+    by_rules, with_bodies = (np.isin(np.asarray(results.outcome), outcomes) for results in (rules, bodies))
+    often, more = float(by_rules.mean()), float(with_bodies.mean())
+    return Difference(often, more, more - often, paired_difference_interval(with_bodies, by_rules))
+
+
+def tracking(simulated: Simulated) -> dict[str, dict[str, Error]]:
+    """How far one step of the bodies is from one step by the rules, in all steps of all games."""
+    away = (simulated.after - simulated.ideal).astype(float).reshape(-1, 2, 4)
+    heading = np.abs((away[..., 3] + np.pi) % (2 * np.pi) - np.pi)
+    errors = {"speed": np.abs(away[..., 2]), "heading": heading, "position": np.hypot(away[..., 0], away[..., 1])}
+    return {
+        side: {
+            what: Error(float(np.sqrt(np.mean(error[:, number] ** 2))), float(np.percentile(error[:, number], 95)))
+            for what, error in errors.items()
+        }
+        for number, side in enumerate(SIDES)
+    }

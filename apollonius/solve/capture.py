@@ -11,9 +11,9 @@ from jaxtyping import Array, Bool, Int, UInt8, UInt16
 from apollonius.game.outcome import is_captured
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
 from apollonius.limits import JOINT_HOLD
-from apollonius.solve.joint import lanes_of
+from apollonius.solve.grid import lanes_of
 from apollonius.solve.motion import NEVER, ends
-from apollonius.solve.side import Side
+from apollonius.solve.transition_map import Side
 from apollonius.solve.zero_sum_game import ZeroSumGame
 
 _MOST = JOINT_HOLD.most

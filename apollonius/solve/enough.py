@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from apollonius.arenas.free_space import FreeSpace, Island
-from apollonius.arenas.tiling import Tiling, tile
-from apollonius.solve.cop_number import core, solve_chase
-from apollonius.solve.evasion import Evasion, evade
+from apollonius.arenas.free_space import FreeSpace, Island, Tiling, tile
+from apollonius.solve.cop_number import Evasion, core, evade, solve_chase
 
 SIZES = (250, 500, 1000, 2000)
 """Cells that the free space is cut into, if all were whole, until enough graphs in a row agree."""

@@ -48,7 +48,6 @@ class ResponsePolicy(AbstractLookahead):
 
     @property
     def steps(self) -> int:
-        """Control steps of a hold."""
         return self.hold or self.zero_sum_game.motions[0].steps
 
     def action_values(
@@ -91,7 +90,6 @@ class ResponsePolicy(AbstractLookahead):
         return jax.lax.scan(go_on, plans, bits)[0]
 
     def _worth(self, plans: "_Plans") -> Float[Array, "games plans"]:
-        """What each plan comes to."""
         zero_sum_game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
         flat = jax.tree.map(lambda leaf: leaf.reshape(-1), plans.states)
         own, other = zero_sum_game.pair(flat.pursuer, flat.evader)
@@ -125,7 +123,6 @@ class _Plans(eqx.Module):
 
     @property
     def ongoing(self) -> Bool[Array, "games plans courses"]:
-        """Where the game goes on."""
         return self.outcome == Outcome.ONGOING
 
     def one_hold_more(self) -> "_Plans":

@@ -1,5 +1,10 @@
 """A grid over the states of one robot, and the value between its nodes."""
 
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,6 +18,8 @@ from apollonius.game.types import Real, RobotState, Scalar
 
 AXES = ("x", "y", "v", "heading")
 """In the order in which a grid is written: `101x101x9x47`."""
+_LANES = 64
+"""Enough lanes to fill a processor's registers, few enough for its cache."""
 FEWER_NODES = "take fewer nodes"
 """What to do about a grid that does not fit into memory."""
 
@@ -39,7 +46,6 @@ class Grid(eqx.Module):
 
     @property
     def size(self) -> int:
-        """Number of nodes."""
         x, y, v, heading = self.counts
         return x * y * v * heading
 
@@ -50,7 +56,6 @@ class Grid(eqx.Module):
 
     @property
     def spacing(self) -> tuple[Real, Real, Real, Real]:
-        """Distance between neighbours along x [m], y [m], v [m/s] and heading [rad]."""
         ends = zip(self.low, self.high, self.counts[:3], strict=True)
         x, y, v = ((high - low) / (count - 1) for low, high, count in ends)
         return x, y, v, 2 * jnp.pi / self.counts[3]
@@ -90,7 +95,6 @@ class Grid(eqx.Module):
         return jnp.broadcast_to(table[None, None], self.shape)
 
     def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
-        """The x and the y [m] of the nodes."""
         nothing = jnp.zeros((), jnp.int32)
         x = jax.vmap(lambda index: self.node(nothing, nothing, index, nothing).x)(jnp.arange(self.counts[0]))
         y = jax.vmap(lambda index: self.node(nothing, nothing, nothing, index).y)(jnp.arange(self.counts[1]))
@@ -129,3 +133,74 @@ def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
     low = (float(arena.x_min), float(arena.y_min), float(body.v_min))
     high = (float(arena.x_max), float(arena.y_max), float(body.v_max))
     return Grid(low, high, (x, y, v, heading))
+
+
+Table = Float[Array, "..."]
+"""Values at the nodes of a grid."""
+TOLERANCE = 1e-4
+"""A sweep that changes no value by more than this is the last one, where nothing else is asked."""
+_MOST_SWEEPS = 10_000
+_ROUNDING = 1e-7
+"""Changes of this size are as good as none, where one tells how far a solution is."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What the latest sweep did."""
+
+    number: int
+    residual: float
+    """Largest change of a value."""
+    seconds: float
+    """Since the first sweep began."""
+    tolerance: float = TOLERANCE
+    """The residual that is asked for."""
+
+    def share(self, first_residual: float) -> float:
+        """Part of the way from the first residual to the last, as residuals fall by a factor each time."""
+        wanted = max(self.tolerance, _ROUNDING)
+        whole = log(max(first_residual, wanted) / wanted)
+        return 1 - log(max(self.residual, wanted) / wanted) / whole if whole > 0 else 1.0
+
+
+def silent(sweep: Sweep) -> None:
+    """Tells nobody."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A table that a sweep leaves as it is, but for the residual."""
+
+    table: Table
+    sweeps: int
+    residual: float
+
+
+def iterate(
+    sweep: Callable[[Table], tuple[Table, Scalar]],
+    table: Table,
+    report: Callable[[Sweep], None] = silent,
+    tolerance: float = TOLERANCE,
+) -> Solved:
+    """Sweep until the residual is at most the tolerance.
+
+    Args:
+        sweep: from a table, the next one and the largest change.
+        table: where to begin.
+        report: told after each sweep.
+        tolerance: the residual that is asked for. If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
+    """
+    begun, residual = time.perf_counter(), float("inf")
+    for number in range(1, _MOST_SWEEPS + 1):
+        table, change = sweep(table)
+        residual = float(change)
+        report(Sweep(number, residual, time.perf_counter() - begun, tolerance))
+        if residual <= (tolerance if number < _MOST_SWEEPS else max(tolerance, TOLERANCE)):
+            return Solved(table, number, residual)
+    raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")
+
+
+def lanes_of(grid: Grid) -> int:
+    """How many nodes of a robot that waits share a tile: the divisor of their number that comes closest to `_LANES`."""
+    divisors = [count for count in range(1, grid.size + 1) if grid.size % count == 0]
+    return min(divisors, key=lambda count: abs(log(count / _LANES)))

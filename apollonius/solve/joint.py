@@ -1,4 +1,17 @@
-"""Tables over the states of both robots: how they lie in memory, and the value between their nodes.
+"""The two-robot game solved on a grid: what each side can be sure of, its lower and its upper value.
+
+One side moves first: it holds the action that is best against an opponent who sees it. With f and g where the two
+robots are after a hold, and E the mean over the nodes that interpolation draws on, that side is sure of
+
+    G(s, o) = max over a of  discount * E[ A(f(s, a), o) ],    A(s', o) = min over b of  E[ G(s', g(o, b)) ].
+
+The maximum depends on the first robot's node alone and the minimum on the second's, so that a sweep is two one-sided
+backups of nine actions each instead of one of 81 pairs. What the pursuer is sure of is the lower value of the game;
+what the evader is sure of, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
+Capuzzo-Dolcetta, 1997, chapter VIII). On every grid the upper is nowhere less than the lower.
+
+Where an action decides the game by a capture (`capture.decisive`), it is worth that. Otherwise a hold that the first
+robot does not survive is lost at once, and one that the second does not survive is won at its end.
 
 Robots do not touch until the game ends, so a table over both is a matrix: the nodes of one by those of the other. It is
 kept in tiles, each with all nodes of the robot that moves and a few of the one that waits, the lanes. A backup then
@@ -7,30 +20,26 @@ runs along contiguous memory, and what it reads again soon is still in a core's 
 
 from collections.abc import Callable
 from functools import partial
-from math import log
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
+from apollonius.errors import require
 from apollonius.game.fusion_barrier import fusion_barrier
-from apollonius.game.types import RobotState, Scalar
-from apollonius.solve.grid import Grid
-from apollonius.solve.side import Side
-from apollonius.solve.transition_map import Choice
+from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
+from apollonius.limits import require_memory
+from apollonius.solve.capture import Decided, decisive
+from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, lanes_of, silent
+from apollonius.solve.motion import discount_after
+from apollonius.solve.transition_map import Choice, Side, greatest, least, make_side
+from apollonius.solve.zero_sum_game import ZeroSumGame
 
 JointTable = Float[Array, "tiles moving lanes"]
 """By the node of the robot that moves and that of the one that waits, which is `tile * lanes + lane`."""
 Worth = Callable[[Int[Array, ""], Int[Array, ""], int, Array], Array]
 """From a tile, a slice, an action and the values after it `[x y lanes]`, what the action is worth."""
-_LANES = 64
-"""Enough lanes to fill a processor's registers, few enough for its cache."""
-
-
-def lanes_of(grid: Grid) -> int:
-    """How many nodes of a robot that waits share a tile: the divisor of their number that comes closest to `_LANES`."""
-    divisors = [count for count in range(1, grid.size + 1) if grid.size % count == 0]
-    return min(divisors, key=lambda count: abs(log(count / _LANES)))
 
 
 def tile_of(
@@ -108,3 +117,94 @@ def _corners(
     """The nodes around the states, `[16, games]` and `[n, 16, games]`, and their shares."""
     beside = jax.vmap(moving[0].corners, out_axes=1)(moving[1])
     return beside, jax.vmap(jax.vmap(waiting[0].corners, out_axes=1))(waiting[1])
+
+
+SLACK = 0.05
+"""Turns within this many cells of a whole number of them are taken for it."""
+TOLERANCE = 1e-3
+"""A sweep that changes no value by more than this is the last one."""
+BYTES_PER_PAIR = 3 * 4 + 2
+"""Three tables at a time, and what decides."""
+
+
+class Duel(eqx.Module):
+    """The two-robot game on a grid, as the side sees it that moves first.
+
+    Attributes:
+        zero_sum_game: the game, from that side.
+        first, second: the robots in the order in which they move.
+        decided: the first one's actions that decide the game by a capture.
+    """
+
+    zero_sum_game: ZeroSumGame
+    first: Side
+    second: Side
+    decided: Decided
+
+
+def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
+    """What all sweeps have in common.
+
+    Raises:
+        InvalidInput: when it does not fit into memory, or the robots' grids do not have the same places.
+    """
+    first, second = make_sides(zero_sum_game, BYTES_PER_PAIR)
+    return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
+
+
+def make_sides(zero_sum_game: ZeroSumGame, bytes_per_pair: int) -> tuple[Side, Side]:
+    """Both robots on their grids, this side's first.
+
+    Raises:
+        InvalidInput: when so many bytes for each pair of nodes do not fit into memory, or the places differ.
+    """
+    own, other = zero_sum_game.grids
+    require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
+    require_memory("grid", own.name, own.size * other.size * bytes_per_pair, FEWER_NODES)
+    roles = (zero_sum_game.role, zero_sum_game.role.other)
+    first, second = (
+        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
+        for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
+    )
+    return first, second
+
+
+def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
+    """What the first side is sure of once it has moved: A(s', o), in tiles in which the second robot moves.
+
+    Args:
+        report: told after each sweep.
+        tolerance: largest change of a value in the last sweep; the values are within 1 / (1 - discount) times that of
+            the fixed point.
+    """
+    lanes = lanes_of(duel.first.grid)
+    table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
+    return iterate(lambda table: _sweep(duel, table), table, report, tolerance)
+
+
+@eqx.filter_jit
+def guarantee(duel: Duel, moved: JointTable) -> JointTable:
+    """What the first side is sure of before it moves, G(s, o), in tiles in which it moves; from `solve_duel`'s."""
+    first, zero_sum_game, lanes = duel.first, duel.zero_sum_game, duel.decided.shape[2]
+
+    def value(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        decided = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)[index]
+        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
+        value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, zero_sum_game.lose)
+        return jnp.where((decided >> action) & 1 > 0, zero_sum_game.capture * discount_after(seconds), value)
+
+    return jax.lax.map(before_move(first, moved, lanes, value, greatest), jnp.arange(duel.decided.shape[0]))
+
+
+@partial(eqx.filter_jit, donate="all-except-first")
+def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
+    second = duel.second
+
+    def value(
+        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
+    ) -> Float[Array, "x y lanes"]:
+        return jnp.where(second.free[index, action][..., None], later, duel.zero_sum_game.win)
+
+    return refreshed(table, before_move(second, guarantee(duel, table), table.shape[2], value, least))

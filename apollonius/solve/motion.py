@@ -34,7 +34,6 @@ class Motion(eqx.Module):
 
     @property
     def seconds(self) -> Real:
-        """Duration of a hold [s]."""
         return self.steps * self.dt
 
     @property
@@ -43,7 +42,6 @@ class Motion(eqx.Module):
         return discount_after(self.seconds)
 
     def step(self, robot: RobotState, action: Action) -> RobotState:
-        """The state after one step of the game."""
         return self.body.move(robot, *self.body.controls(action), self.dt)
 
     def hold(self, robot: RobotState, action: Action) -> RobotState:

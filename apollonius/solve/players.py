@@ -13,10 +13,9 @@ from jaxtyping import Array, Bool, Float, Shaped, UInt32
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.observe.view import View
-from apollonius.solve.event import first_events
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import Motion, last
-from apollonius.solve.zero_sum_game import ZeroSumGame
+from apollonius.solve.zero_sum_game import ZeroSumGame, first_events
 
 
 class AbstractLookahead(AbstractActionValuePolicy):
@@ -29,7 +28,6 @@ class AbstractLookahead(AbstractActionValuePolicy):
     zero_sum_game: ZeroSumGame
 
     def values(self, seen: View) -> Float[Array, "9"]:
-        """What the nine actions are worth."""
         return self.weigh(seen, (), jnp.zeros((), jnp.uint32))[0]
 
     def weigh(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:

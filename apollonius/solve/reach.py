@@ -26,11 +26,10 @@ from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Outcome, RobotState, Role, Scalar
 from apollonius.limits import require_memory
 from apollonius.observe.view import View
-from apollonius.solve.event import first_event
-from apollonius.solve.grid import FEWER_NODES, Grid
-from apollonius.solve.iteration import Solved, Sweep, iterate, silent
+from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import HORIZON, Motion, discount_after, last
-from apollonius.solve.side import Side, make_side
+from apollonius.solve.transition_map import Side, make_side
+from apollonius.solve.zero_sum_game import first_event
 
 BYTES_PER_NODE = 4 * (9 + 6) + 9
 """The rooms of nine actions and whether they suffice, the table before and after a sweep, padded, and captures."""
@@ -68,7 +67,6 @@ class Reach(AbstractActionValuePolicy):
     table: Float[Array, "v heading x y"]
 
     def values(self, seen: View) -> Float[Array, "9"]:
-        """Return what the nine actions are worth."""
         return self.action_values(seen.own.state)
 
     def action_values(self, robot: RobotState) -> Float[Array, "9"]:

@@ -28,13 +28,10 @@ from apollonius.game.dynamics import nearest_action
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.solve.capture import Answers, Decided, decisive
 from apollonius.solve.foresight import COURSES, answer_of, answers_by_chance
-from apollonius.solve.grid import Grid
-from apollonius.solve.guarantee import TOLERANCE, make_sides
-from apollonius.solve.iteration import Solved, Sweep, iterate, silent
-from apollonius.solve.joint import JointTable, before_move, lanes_of, refreshed, tile_of
+from apollonius.solve.grid import Grid, Solved, Sweep, iterate, lanes_of, silent
+from apollonius.solve.joint import TOLERANCE, JointTable, before_move, make_sides, refreshed, tile_of
 from apollonius.solve.motion import discount_after
-from apollonius.solve.side import Side
-from apollonius.solve.transition_map import greatest, total
+from apollonius.solve.transition_map import Side, greatest, total
 from apollonius.solve.zero_sum_game import ZeroSumGame
 
 BYTES_PER_PAIR = 3 * 4 + 2

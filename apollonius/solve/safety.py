@@ -29,8 +29,7 @@ from apollonius.agents.shield import BRAKING, Backup, Shielded, brakes
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.limits import require_memory
-from apollonius.solve.grid import FEWER_NODES, Grid
-from apollonius.solve.iteration import TOLERANCE, Solved, Sweep, iterate, silent
+from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.transition_map import TransitionMap, rooms, transition_map_of
 

@@ -116,7 +116,6 @@ def load_solution(path: Path) -> Solution:
 
 
 def is_solution(path: Path) -> bool:
-    """Return whether a file says that it is a solution's."""
     try:
         if not path.is_file():
             return False

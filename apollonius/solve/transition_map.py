@@ -13,12 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
 from apollonius.limits import require_memory
 from apollonius.solve.grid import Grid
-from apollonius.solve.motion import Motion
+from apollonius.solve.motion import NEVER, Motion, motion_of
 
 _ROUNDING = 2e-5
 """A move within this many cells of a whole number of them is whole: single precision tells no more."""
@@ -162,7 +163,6 @@ def _courses(motion: Motion, grid: Grid) -> RobotState:
 
 
 def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Cells as whole ones and a fraction in [0, 1)."""
     nearest = np.round(cells)
     cells = np.where(np.abs(cells - nearest) < max(slack, _ROUNDING), nearest, cells)
     return np.floor(cells).astype(np.int64), cells - np.floor(cells)
@@ -191,3 +191,44 @@ def _of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: Tran
         return jax.vmap(lambda row: jax.vmap(lambda column: at(row, column))(y))(x)
 
     return jax.lax.map(lambda courses: jax.lax.map(everywhere, courses), transitions.course)
+
+
+class Side(eqx.Module):
+    """One robot on its grid; it knows no opponent.
+
+    Attributes:
+        motion, grid: the robot's.
+        transitions: where its held actions lead.
+        failure: the step in which they touch something; `NEVER` if in none.
+    """
+
+    motion: Motion
+    grid: Grid
+    transitions: TransitionMap
+    failure: UInt8[Array, "slices 9 x y"]
+
+    @property
+    def free(self) -> Bool[Array, "slices 9 x y"]:
+        """Whether the robot survives the whole hold."""
+        return self.failure == NEVER
+
+    @property
+    def farthest(self) -> float:
+        """How far it can move in a hold [m]."""
+        body = self.motion.body
+        return float(max(abs(body.v_min), abs(body.v_max)) * self.motion.seconds)
+
+
+def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0) -> Side:
+    """One robot of a game on its grid.
+
+    Args:
+        hold: control steps for which an action is held.
+        slack: turns within this many cells of a whole number of them are taken for it (`transition_map_of`).
+
+    Raises:
+        InvalidInput: unless an action is held for at least one step.
+    """
+    motion = motion_of(game, role, hold)
+    transitions = transition_map_of(motion, grid, slack)
+    return Side(motion, grid, transitions, failures(motion, grid, transitions))

@@ -14,11 +14,10 @@ from apollonius.cache import Memory
 from apollonius.errors import InvalidInput
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
-from apollonius.solve.grid import Grid
-from apollonius.solve.iteration import Table
+from apollonius.solve.grid import Grid, Table
 from apollonius.solve.motion import motion_of
-from apollonius.solve.reference import reference_grid, steering_grid
 from apollonius.solve.safety import solve_safety, steered_brakes
+from apollonius.solve.solving import reference_grid, steering_grid
 
 _tables = Memory[Table](4)
 _ROUNDS = 1000

@@ -1,10 +1,7 @@
 """A server for one folder, for this machine alone."""
 
 import os
-import socket
 import sys
-import time
-from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -17,10 +14,6 @@ from apollonius.limits import PORT
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 8600
 """Where the search for a free port begins."""
-MOST = 64
-"""Connections at a time; a browser has six."""
-LONGEST = 20.0
-"""Time that one may take [s]."""
 _PORTS = 50
 """How many are tried."""
 
@@ -28,6 +21,8 @@ _PORTS = 50
 class FolderHandler(SimpleHTTPRequestHandler):
     """Serves the files of a folder: no listings, no other hosts' names, nothing kept by the browser."""
 
+    timeout = 20.0
+    """How long a connection may be silent [s]."""
     extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript", ".svg": "image/svg+xml"}
 
     def send_head(self) -> Any:
@@ -83,40 +78,12 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
 
 
 class _Server(ThreadingHTTPServer):
-    """Another server on its port is an error and not a rival; on Windows, reuse would let both listen.
-
-    Each connection has a thread: there are `MOST` of them at a time, for `LONGEST` seconds each.
-    """
+    """Another server on its port is an error and not a rival; on Windows, reuse would let both listen."""
 
     allow_reuse_address = os.name == "posix"
     daemon_threads = True
-
-    def __init__(self, *arguments: Any) -> None:
-        self._since: dict[Any, float] = {}
-        super().__init__(*arguments)
-
-    def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Return whether there is a thread left for a connection."""
-        return len(self._since) < MOST
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread."""
-        self._since[request] = time.monotonic()
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        """End a connection."""
-        self._since.pop(request, None)
-        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing where the other end has left, or was left: the terminal belongs to the person."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)
-
-    def service_actions(self) -> None:
-        """End what takes too long; called twice a second."""
-        for request, since in list(self._since.items()):
-            if time.monotonic() - since > LONGEST:
-                with suppress(OSError):  # it has ended just now
-                    request.shutdown(socket.SHUT_RDWR)

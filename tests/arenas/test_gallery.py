@@ -5,16 +5,13 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from PIL import Image, ImageColor
+from PIL import Image
 
 from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
 from apollonius.arenas.survey import survey
 from apollonius.cli import main
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import PRESETS
-from apollonius.replay import load_replay
-from apollonius.show import palette
-from apollonius.show.gallery import save_gallery
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 FILES = [name for name in game_names() if name not in PRESETS]
@@ -54,25 +51,3 @@ def test_the_command_lists_and_draws_them(tmp_path, capsys):
     assert main(["arena", "check", "maze"]) == 0
     with pytest.raises(SystemExit):
         main(["arena", "list", "--out", "gallery.bmp"])
-
-
-def test_a_game_that_was_played_is_drawn_with_both_trails_and_how_it_ended(tmp_path):
-    replay = load_replay(GOLDEN / "paper-captured.json")
-    pictures = {}
-    for name, shown in (("empty", replay.game), ("played", replay)):
-        save_gallery({"paper": shown}, tmp_path / f"{name}.png")
-        with Image.open(tmp_path / f"{name}.png") as drawn:
-            pictures[name] = drawn.convert("RGB")
-    assert pictures["played"].height > pictures["empty"].height  # a line more below
-    for colour in (palette.PURSUER, palette.EVADER):
-        wanted = np.array(ImageColor.getrgb(colour))
-        near = {
-            name: (np.abs(np.asarray(one).astype(int) - wanted).max(axis=-1) < 60).sum()
-            for name, one in pictures.items()
-        }
-        assert near["played"] > near["empty"] + 50
-
-
-def test_games_are_played_only_to_be_drawn(capsys):
-    assert main(["arena", "list", "--players", "still", "still"]) == 2
-    assert "--out" in capsys.readouterr().err

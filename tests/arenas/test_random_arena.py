@@ -1,12 +1,18 @@
 """Random arenas: one seed, one arena; every gap is kept, and every robot that fits reaches every place."""
 
+import json
 from itertools import combinations
 from math import hypot
 
+import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt, label
 
 from apollonius.arenas.file import load_game
-from apollonius.arenas.random_arena import KINDS, random_arena
+from apollonius.arenas.map_file import load_map, save_map
+from apollonius.arenas.random import caves
+from apollonius.arenas.random_arena import KINDS, random_arena, random_map
+from apollonius.arenas.record import find_map, from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
@@ -99,3 +105,107 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert "--discs" in capsys.readouterr().err
     assert main(["arena", "random", "--kind", "rooms", "--seed", "3", "--out", "rooms.json"]) == 0
     assert load_game(tmp_path / "rooms.json").arena == random_arena("rooms", 3)
+
+
+SIZES = [(6.0, 6.0, 0.85), (10.0, 10.0, 1.0), (14.0, 8.0, 1.0), (9.3, 16.1, 1.15), (20.0, 15.0, 2.0), (30.0, 20.0, 4.0)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("width", "height", "gap"), SIZES)
+def test_all_that_is_free_is_within_reach_of_one_network_of_passages(seed, width, height, gap):
+    arena = random_arena("caves", seed, gap=gap, width=width, height=height)
+    cell = arena.map.cell
+    assert cell == gap / 8
+    assert (arena.x_max, arena.y_max) == (arena.map.x_max, arena.map.y_max)
+    assert abs(arena.x_max - width) <= cell / 2
+    assert abs(arena.y_max - height) <= cell / 2
+    rock = np.pad(arena.map.occupied(), 1, constant_values=True)
+    # Cells cut in nine, so that their middles are near enough to everywhere.
+    fine = np.kron(rock, np.ones((3, 3), bool))
+    room = distance_transform_edt(~fine) * cell / 3
+    for radius in (0.1, 0.3, 0.5):
+        parts, _ = label(room >= radius * gap, np.ones((3, 3)))
+        assert np.sum(np.bincount(parts.ravel())[1:] > 9) == 1  # what is no larger than a cell is a speck
+    ways = room >= gap / 2
+    assert (distance_transform_edt(~ways)[~fine] * cell / 3).max() <= gap / 2 + 1.5 * cell
+    assert (~rock).mean() > 0.35
+    _, pieces = label(rock, np.ones((3, 3)))
+    assert pieces > 1
+
+
+def test_the_cells_are_those_that_were_published():
+    """Whole numbers and random bits make them: they are the same on every machine."""
+    digests = {seed: random_arena("caves", seed).map.digest[:12] for seed in range(3)}
+    assert digests == {0: "3486b8679890", 1: "6a6b66c4b8f1", 2: "acf273d69a87"}
+
+
+def test_where_no_cave_is_found_is_said(monkeypatch):
+    monkeypatch.setattr(caves, "_LEAST_FREE", 0.99)
+    with pytest.raises(InvalidInput, match=r"caves with passages of 1 m find no room: .* ask for a smaller gap"):
+        random_arena("caves", 0)
+
+
+def test_a_saved_cave_is_the_same_map(tmp_path):
+    drawn = random_arena("caves", 5, gap=1.1, width=12.3, height=9.0).map
+    path = tmp_path / "it's: a #1.yaml"
+    save_map(drawn, path)
+    found = load_map(path)
+    np.testing.assert_array_equal(found.field, drawn.field)
+    assert (found.x, found.y, found.cell) == (drawn.x, drawn.y, drawn.cell)
+    assert path.with_suffix(".pgm").is_file()
+    assert load_map(path, found.digest).digest == found.digest
+
+
+def test_a_record_says_how_a_cave_was_drawn():
+    game = Game(arena=random_arena("caves", 3, gap=0.9, width=9.0, height=7.5))
+    record = json.loads(json.dumps(to_dict(game)))
+    drawn = {"file": "caves seed=3 gap=0.9 width=9.0 height=7.5", "sha256": game.arena.map.digest}
+    assert record["arena"]["map"] == drawn
+    again = from_dict(Game, record, "the record")
+    np.testing.assert_array_equal(again.arena.map.field, game.arena.map.field)
+    assert to_dict(again) == to_dict(game)
+    record["arena"]["map"]["sha256"] = "0" * 64
+    with pytest.raises(InvalidInput, match="which this version draws otherwise"):
+        from_dict(Game, record, "the record")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("caves", "must be as in 'caves seed=0"),
+        ("discs seed=0 gap=1.0 width=10.0 height=10.0", "of a kind that draws cells"),
+        ("swamps seed=0 gap=1.0 width=10.0 height=10.0", "must be as in 'caves seed=0"),
+        ("caves seed=0 gap=1e999 width=10.0 height=10.0", "gap = inf"),
+        ("caves seed=0 gap=1..0 width=10.0 height=10.0", "must be as in 'caves seed=0"),
+        ("caves seed=9999999999 gap=1.0 width=10.0 height=10.0", "seed = 9999999999"),
+        ("caves seed=0 gap=1.0 width=1e9 height=10.0", "width, height = "),
+    ],
+)
+def test_a_name_that_draws_no_map_is_refused(name, said):
+    with pytest.raises(InvalidInput, match=said):
+        random_map(name)
+
+
+def test_a_game_on_a_drawn_map_can_be_written_by_hand(tmp_path):
+    path = tmp_path / "cave.toml"
+    path.write_text('[arena]\nmap = "caves seed=2 gap=1.0 width=10.0 height=8.0"\n')
+    game = load_game(path)
+    assert (game.arena.x_max, game.arena.y_max) == (10.0, 8.0)
+    assert find_map(game.arena.map.file, tmp_path).digest == game.arena.map.digest
+
+
+def test_the_command_writes_the_game_and_its_map(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write = ["arena", "random", "--kind", "caves", "--seed", "4", "--size", "9", "8", "--out", "mine.toml"]
+    assert main(write) == 0
+    assert "caves, a map of 72 x 64 cells" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"mine.toml", "mine.yaml", "mine.pgm"}
+    game, drawn = load_game(tmp_path / "mine.toml"), random_arena("caves", 4, width=9.0, height=8.0)
+    np.testing.assert_array_equal(game.arena.map.field, drawn.map.field)
+    assert (game.arena.x_max, game.arena.y_max) == (drawn.x_max, drawn.y_max) == (9.0, 8.0)
+    assert main(["arena", "check", "mine.toml"]) == 0
+    (tmp_path / "mine.toml").unlink()
+    capsys.readouterr()
+    assert main(write) == 2
+    assert "mine.yaml" in capsys.readouterr().err
+    assert main([*write, "--force"]) == 0

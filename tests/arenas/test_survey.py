@@ -15,7 +15,7 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
-from apollonius.show.plan import KINDS, kinds_of_places, save_plan
+from apollonius.show.arena import KINDS, kinds_of_places, save_plan
 
 WALL = tuple(Disc(5.0, y / 2, 0.4) for y in range(21))
 """Discs across the whole arena, from wall to wall."""

@@ -16,7 +16,7 @@ from apollonius.agents.pool import solo
 from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
-from apollonius.arenas.scenarios import scenario_game
+from apollonius.arenas.suite import scenario_game
 from apollonius.errors import InvalidInput
 from apollonius.evaluate import match
 from apollonius.evaluate.match import Match, begin, count, mean_change, play_games, play_match, replay_game

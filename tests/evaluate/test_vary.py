@@ -24,7 +24,7 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
-from apollonius.show import varied as pictures
+from apollonius.show import matches as pictures
 from apollonius.terminal import varied_table
 from tests.test_cli import assert_refused, run_main
 

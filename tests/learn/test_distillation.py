@@ -26,8 +26,8 @@ from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher
 from apollonius.solve.motion import motion_of
-from apollonius.solve.reference import reference_grid
 from apollonius.solve.safety import solve_safety
+from apollonius.solve.solving import reference_grid
 from tests.acting import of_views
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
 from tests.solve.small import FEW, SMALL

@@ -12,11 +12,9 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.replay import Replay
 from apollonius.show import style
-from apollonius.show.animation import frames, save_animation
+from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
 from apollonius.show.arena import save_picture
-from apollonius.show.canvas import SIZE, Canvas
-from apollonius.show.caption import LINE, MARGIN, Captioned
-from apollonius.show.gallery import save_gallery
+from apollonius.show.canvas import SIZE, Canvas, save_gallery
 from apollonius.show.palette import EVADER, PAPER, PURSUER
 
 STEPS = 12

@@ -13,14 +13,13 @@ from apollonius.game.game import Game
 from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.replay import Replay, as_rows, load_replay, play_actions, save_replay
-from apollonius.show.animation import frames
+from apollonius.show.animation import LINE, MARGIN, frames
 from apollonius.show.arena import draw_game, save_picture
 from apollonius.show.canvas import SIZE
-from apollonius.show.caption import LINE, MARGIN
 from apollonius.show.palette import EVADER, PAPER, PURSUER
+from apollonius.show.parts import in_play
 from apollonius.show.report.games import Shown
 from apollonius.show.report.page import Page, save_page
-from apollonius.show.robots import in_play
 from tests.show.test_replay_player import RECORDER, run
 from tests.web.browser import launched, needs_chromium, playwright
 

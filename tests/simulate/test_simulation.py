@@ -16,9 +16,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.observe.paper import PAPER
 from apollonius.replay import as_state, load_replay, save_replay
-from apollonius.simulate.comparison import compare, tracking
 from apollonius.simulate.drive import Drive
-from apollonius.simulate.simulation import record_course, simulate
+from apollonius.simulate.simulation import compare, record_course, simulate, tracking
 from tests.matches import a_match
 from tests.simulate.test_drive import IDEAL
 

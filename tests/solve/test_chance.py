@@ -15,8 +15,7 @@ from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.observe.view import look
 from apollonius.solve.foresight import ResponsePolicy
-from apollonius.solve.grid import make_grid
-from apollonius.solve.joint import lanes_of
+from apollonius.solve.grid import lanes_of, make_grid
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game

@@ -6,7 +6,7 @@ import pytest
 from apollonius.arenas.free_space import largest_part
 from apollonius.arenas.tiling import Tiling
 from apollonius.solve import enough
-from tests.arenas.test_tiling import ANNULUS, BENT, ROOM
+from tests.arenas.test_free_space import ANNULUS, BENT, ROOM
 
 SMALL = ROOM.copy()
 SMALL[50:62, 50:62] = False

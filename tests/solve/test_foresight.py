@@ -18,8 +18,8 @@ from apollonius.game.game import reset_batch
 from apollonius.game.types import NUM_ACTIONS, Outcome, Role
 from apollonius.observe.view import look
 from apollonius.solve.foresight import ResponsePolicy
-from apollonius.solve.grid import make_grid
-from apollonius.solve.joint import interpolate, lanes_of
+from apollonius.solve.grid import lanes_of, make_grid
+from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.acting import act

@@ -15,7 +15,7 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.types import GameState, Role
 from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.grid import make_grid
-from apollonius.solve.guarantee import TOLERANCE, guarantee, make_duel, solve_duel
+from apollonius.solve.joint import TOLERANCE, guarantee, make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import make_response, solve_response
 from apollonius.solve.zero_sum_game import make_zero_sum_game

@@ -14,9 +14,8 @@ from apollonius.agents.uniform import Uniform
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.view import look
 from apollonius.solve.foresight import COURSES, ResponsePolicy
-from apollonius.solve.grid import make_grid
-from apollonius.solve.guarantee import make_duel, solve_duel
-from apollonius.solve.joint import lanes_of
+from apollonius.solve.grid import lanes_of, make_grid
+from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.response import make_response, solve_response

@@ -16,8 +16,7 @@ from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
-from apollonius.solve.grid import make_grid
-from apollonius.solve.iteration import iterate
+from apollonius.solve.grid import iterate, make_grid
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
 from apollonius.solve.transition_map import rooms, transition_map_of
@@ -169,7 +168,7 @@ def test_robots_with_limits_of_their_own_are_judged_each_by_its_own(monkeypatch)
 
 
 def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):
-    monkeypatch.setattr("apollonius.solve.iteration._MOST_SWEEPS", 4)
+    monkeypatch.setattr("apollonius.solve.grid._MOST_SWEEPS", 4)
     told = []
     found = iterate(lambda table: (table, jnp.asarray(1e-5)), jnp.zeros(()), told.append, tolerance=0.0)
     assert [sweep.number for sweep in told] == [1, 2, 3, 4]

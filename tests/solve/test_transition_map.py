@@ -15,7 +15,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import last, motion_of
-from apollonius.solve.reference import joint_grid, reference_grid
+from apollonius.solve.solving import joint_grid, reference_grid
 from apollonius.solve.transition_map import rooms, transition_map_of
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY

@@ -17,7 +17,7 @@ from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
-from apollonius.solve.guarantee import guarantee, make_duel, solve_duel
+from apollonius.solve.joint import guarantee, make_duel, solve_duel
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle.numpy_air3d import Cars, least_distance

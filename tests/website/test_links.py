@@ -2,7 +2,7 @@
 
 import pytest
 
-from website.links import complaints
+from website.__main__ import complaints
 
 PAGE = '<html><body><h1 id="top">A</h1>{}</body></html>'
 

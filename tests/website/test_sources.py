@@ -3,7 +3,6 @@
 import pytest
 
 from tests.documents import REPOSITORY
-from website.playground import in_order
 from website.sources import PARTS, at_home, documents
 
 HOME = REPOSITORY / "README.md"
@@ -34,14 +33,3 @@ def test_each_document_belongs_to_one_part():
 )
 def test_links_are_those_of_the_site(document, link, there):
     assert at_home(f"See {link}, too.", document) == f"See {there}, too."
-
-
-def test_a_module_comes_after_those_that_it_imports(tmp_path):
-    (tmp_path / "page.js").write_text('import { a } from "./a.js";\nimport {\n  b,\n} from "./b.js";\n')
-    (tmp_path / "a.js").write_text('import { b } from "./b.js";\n')
-    (tmp_path / "b.js").write_text('export const later = import("./later.js");\n')
-    (tmp_path / "later.js").write_text('new Worker(new URL("./worker.js", import.meta.url), { type: "module" });\n')
-    (tmp_path / "worker.js").write_text("")
-    (tmp_path / "unused.js").write_text("")
-    order = ["worker.js", "later.js", "b.js", "a.js", "page.js"]
-    assert [name for name, _ in in_order(tmp_path, "page.js")] == order

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 from scipy.ndimage import convolve1d, distance_transform_edt, label
 
-from apollonius.arenas.random.layout import Layout
+from apollonius.arenas.random.scattered import Layout
 from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -112,7 +112,6 @@ def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
 
 
 def _arena(rock: Bool[np.ndarray, "rows columns"], cell: float) -> Arena:
-    """The map's rectangle, with the map."""
     content = f"{rock.shape} {cell!r}".encode() + np.packbits(rock).tobytes()
     field = jnp.asarray(distance_field(rock, cell))
     found = OccupancyMap(field, 0.0, 0.0, cell, "", hashlib.sha256(content).hexdigest())

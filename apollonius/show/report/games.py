@@ -8,7 +8,7 @@ import numpy as np
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.replay import Replay, as_data
-from apollonius.show.robots import in_play
+from apollonius.show.parts import in_play
 
 GAMES = 200
 """Games of each pairing among which those that are shown are found."""
@@ -34,12 +34,10 @@ class Shown:
 
     @property
     def pairing(self) -> str:
-        """Who plays whom."""
         return f"{self.replay.pursuer} against {self.replay.evader}"
 
     @property
     def outcome(self) -> str:
-        """How it ended, by the name that counts have."""
         return self.replay.outcome.name.lower()
 
     @property

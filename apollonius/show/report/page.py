@@ -2,6 +2,7 @@
 
 import base64
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -19,7 +20,6 @@ from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.show import palette
 from apollonius.show.report.games import Shown
-from apollonius.show.report.script import bundled
 
 MAX_BYTES = 3_000_000
 """Largest report: one that can be sent by mail."""
@@ -143,3 +143,37 @@ def _markdown(text: str) -> Markup:
 def replay_script() -> Markup:
     """The player of games, with the modules of the web page that draw them."""
     return Markup(bundled(Path(__file__).parents[1] / "replay.js"))
+
+
+_IMPORT = re.compile(r'^import \{([^}]+)\} from "([^"]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?:const|class|function\*?) (\w+)", re.MULTILINE)
+_COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
+
+
+def bundled(entry: Path) -> str:
+    """A module with all that it imports before it, each as an object of what it exports; comments are left out.
+
+    Args:
+        entry: the module's file; its imports name files relative to it, and form no circle.
+    """
+    objects: dict[Path, str] = {}
+
+    def imported(path: Path) -> str:
+        text = re.sub(_COMMENT, "", path.read_text())
+        return _IMPORT.sub(lambda found: _taken(found[1], obtained(path.parent / found[2])), text)
+
+    def obtained(path: Path) -> str:
+        name = f"{path.stem}Module"
+        if path.resolve() not in objects:
+            text = imported(path)
+            exports = ", ".join(_EXPORT.findall(text))
+            inner = re.sub("^export ", "", text, flags=re.MULTILINE)
+            objects[path.resolve()] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
+        return name
+
+    text = imported(entry)
+    return "".join(objects.values()) + text
+
+
+def _taken(names: str, module: str) -> str:
+    return f"const {{{names.replace(' as ', ': ')}}} = {module};\n"

@@ -14,7 +14,7 @@ from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run
 from apollonius.solve import viability
 from apollonius.solve.grid import make_grid
-from apollonius.solve.reference import reference_grid
+from apollonius.solve.solving import reference_grid
 from tests.learn.tiny import RUN
 
 

@@ -23,7 +23,7 @@ from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, Role
 from apollonius.show.report import page as page_module
 from apollonius.show.report.games import GAMES, SEED
-from apollonius.show.report.page import MAX_BYTES, render, save_page
+from apollonius.show.report.page import MAX_BYTES, bundled, render, replay_script, save_page
 from apollonius.show.report.training import training_page
 from tests.learn.tiny import RUN
 
@@ -286,3 +286,54 @@ def test_the_games_play_in_a_browser_without_a_network(page, tmp_path):
     seconds = f"{shown.seconds:.1f}"
     assert f"{seconds} s of {seconds} s" in done.stdout
     assert re.search(rf"<p data-part=\"outcome\"[^>]*>{shown.pairing}: .* after {seconds} s</p>", done.stdout)
+
+
+MODULES = {
+    "top.js": """// Says something.
+import { twice as two } from "./deep/middle.js";
+import { BASE, Box } from "./base.js";
+
+/** What there is. */
+export const said = [two(BASE), new Box(BASE).held];
+console.log(JSON.stringify(said));
+""",
+    "deep/middle.js": """import { BASE } from "../base.js";
+
+const factor = 2; // stays
+/**
+ * Over two lines.
+ */
+export function twice(number) {
+  return factor * number + BASE;
+}
+export function* never() {}
+""",
+    "base.js": """console.log("base");
+export const BASE = 20;
+export class Box {
+  constructor(held) {
+    this.held = held;
+  }
+}
+""",
+}
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="needs node")
+def test_modules_become_one(tmp_path):
+    (tmp_path / "deep").mkdir()
+    for name, text in MODULES.items():
+        (tmp_path / name).write_text(text)
+    script = bundled(tmp_path / "top.js")
+    (tmp_path / "all.mjs").write_text(script)
+    done = subprocess.run(["node", tmp_path / "all.mjs"], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.splitlines() == ["base", "[60,20]"]
+    assert "Over two" not in script
+    assert "// stays" in script
+
+
+def test_the_player_of_games_is_small_and_imports_nothing():
+    script = replay_script()
+    assert len(script) < 60_000
+    assert "import " not in script
+    assert "</" not in script

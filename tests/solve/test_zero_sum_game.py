@@ -10,10 +10,9 @@ import pytest
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Outcome, RobotState, Role
-from apollonius.solve.event import first_event, first_events
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import HORIZON, motion_of
-from apollonius.solve.zero_sum_game import make_zero_sum_game
+from apollonius.solve.zero_sum_game import first_event, first_events, make_zero_sum_game
 from tests.oracle import numpy_game as oracle
 from tests.solve.small import SMALL
 

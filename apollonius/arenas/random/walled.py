@@ -1,0 +1,199 @@
+"""Arenas parted by walls: mazes, rooms with doors, and racks with aisles between them."""
+
+import numpy as np
+
+from apollonius.arenas.random.scattered import WALL, Layout, rectangle
+from apollonius.errors import require
+from apollonius.game.arena import Arena
+from apollonius.game.polygon import Polygon
+from apollonius.game.validation import MOST_POLYGONS
+
+_WIDER = 1.25
+"""Width of a corridor, in gaps."""
+_OPENED = 0.35
+"""Share of the tree's walls that are taken out: a maze without ways round is no place to flee in."""
+
+
+def maze(layout: Layout, rng: np.random.Generator) -> Arena:
+    """As many cells as fit, each joined to the others by corridors.
+
+    Raises:
+        InvalidInput: where fewer than two by two fit.
+    """
+    pitch = _WIDER * layout.gap + WALL
+    columns, rows = (int((side + WALL) / pitch) for side in (layout.width, layout.height))
+    enough = f"at least {2 * pitch - WALL:g} m each, two corridors with a wall between"
+    require(min(columns, rows) >= 2, "width, height", (layout.width, layout.height), enough)
+    # A wall stands between a cell and its right neighbour, and between it and its upper one.
+    right, up = np.ones((columns - 1, rows), bool), np.ones((columns, rows - 1), bool)
+    _carve(right, up, rng)
+    right &= rng.uniform(size=right.shape) >= _OPENED
+    up &= rng.uniform(size=up.shape) >= _OPENED
+    wide, high = layout.width / columns, layout.height / rows
+    walls: list[Polygon] = []
+    for column in range(columns - 1):
+        for low, top in _runs(right[column]):
+            x = (column + 1) * wide
+            walls.append(_wall(x - WALL / 2, low * high, x + WALL / 2, top * high, layout))
+    for row in range(rows - 1):
+        for low, top in _runs(up[:, row]):
+            y = (row + 1) * high
+            walls.append(_wall(low * wide, y - WALL / 2, top * wide, y + WALL / 2, layout))
+    return layout.arena(walls)
+
+
+def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
+    """Take out walls until every cell can be reached in one way, by a walk that goes back where it cannot go on."""
+    columns, rows = up.shape[0], right.shape[1]
+    way, seen = [(0, 0)], {(0, 0)}
+    while way:
+        x, y = way[-1]
+        beside = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
+        new = [one for one in beside if 0 <= one[0] < columns and 0 <= one[1] < rows and one not in seen]
+        if not new:
+            way.pop()
+            continue
+        to = new[rng.integers(len(new))]
+        if to[1] == y:
+            right[min(x, to[0]), y] = False
+        else:
+            up[x, min(y, to[1])] = False
+        seen.add(to)
+        way.append(to)
+
+
+def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
+    """Where rows of walls begin and end: each is one long wall."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], walls.astype(int), [0]])))
+    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _wall(left: float, bottom: float, right: float, top: float, layout: Layout) -> Polygon:
+    """A wall that ends in the middle of those it meets, so that no slit is left, but not beyond the arena's."""
+    if right - left > top - bottom:
+        left, right = left - WALL / 2, right + WALL / 2
+    else:
+        bottom, top = bottom - WALL / 2, top + WALL / 2
+    return rectangle(max(left, 0.0), max(bottom, 0.0), min(right, layout.width), min(top, layout.height))
+
+
+_DEEP = (0.5, 1.0)
+"""Smallest and largest depth of a rack [m]."""
+_LONG = (1.5, 4.0)
+"""Shortest and longest rack [m]."""
+_AISLE = (1.0, 1.6)
+"""Smallest and largest width of an aisle, in gaps."""
+_MISSING = 0.15
+"""Share of the racks that are not there."""
+
+
+def racks(layout: Layout, rng: np.random.Generator) -> Arena:
+    """Rows along x, or along y, an aisle from the walls and from each other, each with aisles across.
+
+    Raises:
+        InvalidInput: where not one row fits.
+    """
+    along_y = bool(rng.integers(2))
+    long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
+    enough = f"at least {2 * layout.gap + _DEEP[0]:g} m each, a rack with an aisle on either side"
+    sides = (layout.width, layout.height)
+    require(min(sides) >= 2 * layout.gap + _DEEP[0], "width, height", sides, enough)
+    aisle, depth = layout.gap * rng.uniform(*_AISLE), rng.uniform(*_DEEP)
+    rows = max(1, int((wide - aisle) / (aisle + depth)))
+    aisle = max(layout.gap, (wide - rows * depth) / (rows + 1))
+    depth = (wide - (rows + 1) * aisle) / rows
+    found = []
+    for row in range(rows):
+        bottom = aisle + row * (aisle + depth)
+        at = layout.gap * rng.uniform(*_AISLE)
+        while at + _DEEP[0] <= long - layout.gap:
+            end = min(at + rng.uniform(*_LONG), long - layout.gap)
+            if rng.uniform() >= _MISSING:
+                found.append((at, bottom, end, bottom + depth))
+            at = end + layout.gap * rng.uniform(*_AISLE)
+    turned = [(one[1], one[0], one[3], one[2]) if along_y else one for one in found]
+    return layout.arena([rectangle(*one) for one in turned])
+
+
+_LEAST = 2.4
+"""How long a room's sides are at least, in gaps."""
+_LARGE = 9.0
+"""Rooms longer than this, in gaps, are always parted."""
+_WHOLE = 0.15
+"""Share of the others that could be parted and are not."""
+_DOOR = (1.0, 1.5)
+"""Smallest and largest width of a door, in gaps."""
+_TRIES = 20
+"""Places tried for a wall."""
+
+Room = tuple[float, float, float, float]
+"""Left, bottom, right, top [m]."""
+
+
+def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
+    """Walls across the longer side of a room, if there is space for two; no wall ends at another one's door.
+
+    Whatever is parted is joined by the door, so all rooms are. Two doors lead through a wall that is long enough, so
+    that there are ways round. Parting ends once there are more walls than a game may have.
+
+    Raises:
+        InvalidInput: where there is no space for two rooms.
+    """
+    sides, least = (layout.width, layout.height), 2 * _LEAST * layout.gap + WALL
+    enough = f"{least:g} m and more for one side, two rooms, and {_LEAST * layout.gap:g} m for the other"
+    require(max(sides) >= least and min(sides) >= _LEAST * layout.gap, "width, height", sides, enough)
+    walls: list[Room] = []
+    doors: list[Room] = []
+    waiting: list[Room] = [(0.0, 0.0, layout.width, layout.height)]
+    while waiting and len(walls) <= MOST_POLYGONS:
+        room = waiting.pop()
+        whole = walls and max(room[2] - room[0], room[3] - room[1]) < _LARGE * layout.gap and rng.uniform() < _WHOLE
+        parted = None if whole else _part(room, doors, layout.gap, rng)
+        if parted is None:
+            continue
+        pieces, openings, halves = parted
+        walls += pieces
+        doors += openings
+        waiting += halves
+    return layout.arena([rectangle(*wall) for wall in walls])
+
+
+def _part(
+    room: Room, doors: list[Room], gap: float, rng: np.random.Generator
+) -> tuple[list[Room], list[Room], list[Room]] | None:
+    """The pieces of a wall through a room, its doors and the two rooms; None where it stays whole."""
+    left, bottom, right, top = room
+    across = right - left >= top - bottom  # the wall runs along y
+    if not across:
+        turned = _part((bottom, left, top, right), [_turn(door) for door in doors], gap, rng)
+        return turned and tuple([_turn(one) for one in part] for part in turned)  # pyright: ignore[reportReturnType]
+    least = _LEAST * gap
+    if right - left < 2 * least + WALL or top - bottom < least:
+        return None
+    for _ in range(_TRIES):
+        x = rng.uniform(left + least, right - least - WALL)
+        in_the_way = any(
+            door[0] < x + WALL + gap / 2
+            and x - gap / 2 < door[2]
+            and (abs(door[3] - bottom) < 2 * WALL or abs(door[1] - top) < 2 * WALL)
+            for door in doors
+        )
+        if not in_the_way:
+            break
+    else:
+        return None
+    width = gap * rng.uniform(*_DOOR)
+    long = top - bottom
+    count = 2 if long > 4 * least else 1
+    span = long / count
+    lows = [bottom + number * span + rng.uniform(0, span - width) for number in range(count)]
+    openings: list[Room] = [(x, low, x + WALL, low + width) for low in lows]
+    ends = [bottom, *[end for low in lows for end in (low, low + width)], top]
+    pieces = [(x, low, x + WALL, high) for low, high in zip(ends[::2], ends[1::2], strict=True) if high - low > 1e-3]
+    return pieces, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]
+
+
+def _turn(room: Room) -> Room:
+    """x and y exchanged."""
+    left, bottom, right, top = room
+    return bottom, left, top, right
