@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from apollonius.arenas.tiling import Tiling
 
-from apollonius.arenas.free_space import largest_part
+from apollonius.arenas.free_space import Tiling, largest_part
 from apollonius.solve import enough
 from tests.arenas.test_free_space import ANNULUS, BENT, ROOM
 
