@@ -6,6 +6,7 @@ import os
 import sys
 from typing import Any, NoReturn
 
+from apollonius.cache import keep_compilations
 from apollonius.commands.arena import add_arena
 from apollonius.commands.evaluate import add_evaluate
 from apollonius.commands.exploit import add_exploit
@@ -21,7 +22,6 @@ from apollonius.commands.slice import add_slice
 from apollonius.commands.solve import add_solve
 from apollonius.commands.tournament import add_tournament
 from apollonius.commands.train import add_resume, add_train
-from apollonius.compilations import keep_compilations
 from apollonius.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown
 from apollonius.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from apollonius.compilations import keep_compilations
+from apollonius.cache import keep_compilations
 from apollonius.errors import InvalidInput, require
 from apollonius.interrupts import SIGNALS, answer, asked_to_stop, listen
 

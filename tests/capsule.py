@@ -5,8 +5,7 @@ import math
 import jax.numpy as jnp
 
 from apollonius.errors import require
-from apollonius.game.obstacle import AbstractObstacle
-from apollonius.game.segment import closest_approach_squared
+from apollonius.game.obstacle import AbstractObstacle, closest_approach_squared
 from apollonius.game.types import Real
 
 

@@ -8,8 +8,7 @@ import hypothesis
 import jax
 import pytest
 
-from apollonius.cache import VARIABLE
-from apollonius.compilations import keep_compilations
+from apollonius.cache import VARIABLE, keep_compilations
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

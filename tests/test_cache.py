@@ -11,8 +11,7 @@ import jax.numpy as jnp
 import pytest
 
 from apollonius import cache
-from apollonius.cache import Memory, cache_folder, content, entry, kept, make_room
-from apollonius.compilations import Entries
+from apollonius.cache import Entries, Memory, cache_folder, content, entry, kept, make_room
 from apollonius.document import write_atomically
 from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
@@ -74,7 +73,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from apollonius.cache import kept
-from apollonius.compilations import Entries
+from apollonius.cache import Entries
 from apollonius.document import write_atomically
 
 os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)

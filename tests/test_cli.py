@@ -24,9 +24,8 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
 from apollonius.cli import COMMANDS, main
 from apollonius.display import Display
-from apollonius.errors import InvalidInput
+from apollonius.errors import EXTRAS, InvalidInput
 from apollonius.evaluate.start_filter import StartFilter
-from apollonius.extras import EXTRAS
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role

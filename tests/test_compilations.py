@@ -10,13 +10,12 @@ import jax
 import pytest
 from jax._src import compilation_cache
 
-from apollonius import compilations
-from apollonius.cache import VARIABLE
-from apollonius.compilations import Entries, environment, keep_compilations
+from apollonius import cache
+from apollonius.cache import VARIABLE, Entries, environment, keep_compilations
 
 COMPILES = """
 import json, jax, jax.numpy as jnp
-from apollonius.compilations import keep_compilations
+from apollonius.cache import keep_compilations
 
 keep_compilations()
 events = []
@@ -55,7 +54,7 @@ def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_pa
 
 def test_a_variable_switches_it_off(monkeypatch):
     monkeypatch.setenv(VARIABLE, "off")
-    monkeypatch.setattr(compilations, "environment", None)
+    monkeypatch.setattr(cache, "environment", None)
     keep_compilations()
 
 
@@ -71,7 +70,7 @@ def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
 
 def test_another_processor_and_another_version_have_folders_of_their_own(monkeypatch):
     names = {environment()}
-    monkeypatch.setattr(compilations, "processor", lambda: "flags: avx512f")
+    monkeypatch.setattr(cache, "processor", lambda: "flags: avx512f")
     names.add(environment())
     monkeypatch.setattr("importlib.metadata.version", lambda package: "99")
     names.add(environment())

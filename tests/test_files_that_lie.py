@@ -27,7 +27,6 @@ from apollonius.arenas.file import load_game, save_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
 from apollonius.errors import InvalidInput
-from apollonius.evaluate.claims import Claim
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
@@ -38,7 +37,6 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
 from apollonius.learn.progress import MetricsLine, load_metrics
 from apollonius.replay import Replay, load_replay, save_replay
-from apollonius.show.report.study import load_results
 from apollonius.show.report.training import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 
@@ -97,13 +95,6 @@ def write_evaluation(path):
     path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()}))
 
 
-def write_results(path):
-    claim = Claim("wins", "Table II", 0.93, 0.9, False, ((0.95, (0.94, 0.96)),), (0.94, 0.96)).to_dict()
-    found = {"text": "Few.", "pictures": ["a.png"], "data": {"rates": [0.5]}}
-    about = {"budget": "quick", "seeds": [0], "games": 40, "intervals": "wide"}
-    path.write_text(json.dumps({**about, "claims": [claim], "findings": {"T": found}}))
-
-
 def read_checkpoint(path):
     return load_stand(path), load_checkpoint(path, STATE)
 
@@ -120,14 +111,13 @@ KINDS: dict[str, tuple[Any, Any, str]] = {
     "config": (write_config, load_config, "config.toml"),
     "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
     "evaluation": (write_evaluation, load_matches, "evaluation.json"),
-    "results": (write_results, load_results, "results.json"),
 }
 """How a small file of each kind is written and read."""
 ARRAYS = {"agent": "header", "table": "header", "checkpoint": CHECKPOINT}
 """Kinds of files in safetensors, and what their headers are called."""
 
 
-JSON = ("replay", "json game", "metrics", "evaluation", "results")
+JSON = ("replay", "json game", "metrics", "evaluation")
 TOML = ("game", "config")
 
 
@@ -222,9 +212,6 @@ LIES = [
         {"arenas": {"wins": [3], "games": [2]}}, {"robots": {"pursuers": {}, "evaders": {}}},
     )],
     ("evaluation", {"P_scratch": {}}), ("evaluation", {"a against b": 3}),
-    ("results", {"games": 10**29}), ("results", {"seeds": []}), ("results", {"seeds": [-1]}),
-    ("results", {"claims": [{}]}), ("results", {"budget": "quick; rm -r ."}),
-    ("results", {"findings": {"T": {"pictures": []}}}),
     ("map", {"resolution": 10**4000}), ("map", {"mode": [[["trinary"]]]}), ("map", {"image": "x" * 5000}),
 ]  # fmt: skip
 
@@ -250,7 +237,7 @@ def test_texts_that_are_no_header_are_refused(kind, text, file):
 NESTED = {"agent": "game", "checkpoint": "best", "replay": "game", "metrics": "losses"}
 
 
-@pytest.mark.parametrize(("kind", "key"), [*NESTED.items(), ("evaluation", "a against b"), ("results", "findings")])
+@pytest.mark.parametrize(("kind", "key"), [*NESTED.items(), ("evaluation", "a against b")])
 def test_deep_nesting_is_refused(kind, key, file):
     path = file(kind)
     deep = '{"a":' * 500 + "1" + "}" * 500

@@ -13,7 +13,7 @@ from apollonius.commands.options import (
     warn,
     write_replays,
 )
-from apollonius.commands.solving import SOLVING, add_table_options, requested_tables
+from apollonius.commands.solve import SOLVING, add_table_options, requested_tables
 from apollonius.commands.values import count, known_agent
 from apollonius.document import to_json
 from apollonius.errors import require

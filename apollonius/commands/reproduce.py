@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import LENGTHS, PLACES_HELP, command, finish
 from apollonius.commands.values import count, engine, new_folder
-from apollonius.extras import require_extra
+from apollonius.errors import require_extra
 from apollonius.interrupts import go_on
 from apollonius.jobs import ENGINES
 from apollonius.limits import GAMES, SEEDS
@@ -44,5 +44,5 @@ def run_reproduce(options: argparse.Namespace) -> int:
     if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on, watch=watch):
         raise KeyboardInterrupt
     display.end()
-    finish(folder / "report.md", folder / "results.json", then=command("report", folder))
+    finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))
     return 0

@@ -13,7 +13,7 @@ from apollonius.commands.options import (
 )
 from apollonius.commands.values import existing_file
 from apollonius.document import to_json
-from apollonius.extras import require_extra
+from apollonius.errors import require_extra
 from apollonius.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.commands.options import LENGTHS, command, finish
-from apollonius.commands.solving import SOLVING, solved_game
+from apollonius.commands.solve import SOLVING, solved_game
 from apollonius.commands.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
 from apollonius.errors import require
 from apollonius.interrupts import asked_to_stop, go_on

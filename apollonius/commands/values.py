@@ -14,8 +14,7 @@ from pathlib import Path
 
 from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
-from apollonius.errors import nearest, require, shown, unknown_name
-from apollonius.extras import missing
+from apollonius.errors import missing, nearest, require, shown, unknown_name
 from apollonius.game.names import TEAM
 from apollonius.limits import GAME_FILES, Counted
 

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apollonius.arenas.record import from_dict
-from apollonius.errors import require
 from apollonius.evaluate.statistics import (
     difference_interval,
     rate_difference_interval,
@@ -100,28 +98,6 @@ class Claim:
     def to_dict(self, is_full: bool = True) -> dict[str, Any]:
         """Return the claim with its mean, interval and verdict, as JSON-like data."""
         return asdict(self) | {"mean": self.mean, "verdict": self.verdict(is_full)}
-
-
-def read_claim(data: dict[str, Any], source: str) -> Claim:
-    """Return the claim that `Claim.to_dict` wrote; its mean and verdict are computed again.
-
-    Args:
-        source: where the data come from, for the message.
-
-    Raises:
-        InvalidInput: for anything else, and for rates that are none.
-    """
-    data = {name: value for name, value in data.items() if name not in ("mean", "verdict")}
-    if isinstance(data.get("seeds"), list):  # pairs of two kinds, which must be tuples to be read as that
-        data["seeds"] = [tuple(seed) if isinstance(seed, list) else seed for seed in data["seeds"]]
-    claim = from_dict(Claim, data, source)
-    measured = [(low, value, high) for value, (low, high) in claim.seeds]
-    ordered = all(-1 <= low <= value <= high <= 1 for low, value, high in measured)
-    require(ordered and measured, f"{source}: seeds", claim.seeds, "rates in [-1, 1], each in its interval")
-    low, high = claim.interval
-    rates = (claim.paper, claim.bound, low, high)
-    require(low <= high and all(-1 <= rate <= 1 for rate in rates), f"{source}: rates", rates, "in [-1, 1], in order")
-    return claim
 
 
 def rate_claim(

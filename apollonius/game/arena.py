@@ -9,10 +9,9 @@ from jaxtyping import Array, Bool
 
 from apollonius.errors import require
 from apollonius.game.chart import Chart
-from apollonius.game.obstacle import AbstractObstacle
+from apollonius.game.obstacle import AbstractObstacle, closest_approach_squared
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon, Polygons
-from apollonius.game.segment import closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
 
 

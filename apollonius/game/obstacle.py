@@ -4,12 +4,23 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from apollonius.game.types import Real, RobotState, Scalar
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena
+
+
+def closest_approach_squared(px: Scalar, py: Scalar, dx: Real, dy: Real) -> Scalar:
+    """Squared distance [m^2] from the origin to the segment from (px, py) to (px + dx, py + dy)."""
+    length_squared = dx * dx + dy * dy
+    fraction = jnp.clip(-(px * dx + py * dy) / jnp.maximum(length_squared, 1e-12), 0.0, 1.0)
+    nearest_x = px + fraction * dx
+    nearest_y = py + fraction * dy
+    return nearest_x * nearest_x + nearest_y * nearest_y
+
 
 Corners = tuple[tuple[Real, Real], ...]
 """Corners x, y [m] of a shape with straight edges, in order."""

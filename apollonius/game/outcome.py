@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from apollonius.errors import require
-from apollonius.game.segment import closest_approach_squared
+from apollonius.game.obstacle import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real, RobotState
 from apollonius.limits import MOST_COUNTED
 

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.errors import require
-from apollonius.game.obstacle import AbstractObstacle, Corners
-from apollonius.game.segment import closest_approach_squared
+from apollonius.game.obstacle import AbstractObstacle, Corners, closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ import numpy as np
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from apollonius.document import write_atomically
-from apollonius.errors import InvalidInput, require
-from apollonius.extras import install
+from apollonius.errors import InvalidInput, install, require
 from apollonius.game.types import Role
 from apollonius.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot

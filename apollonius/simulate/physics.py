@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from jaxtyping import Float, Float64
 
-from apollonius.errors import InvalidInput, require
-from apollonius.extras import install
+from apollonius.errors import InvalidInput, install, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon

@@ -187,7 +187,7 @@ def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeyp
 CHILD = """
 import os, signal, sys
 from pathlib import Path
-from apollonius.compilations import keep_compilations
+from apollonius.cache import keep_compilations
 from apollonius.learn import run
 from tests.learn.tiny import RUN
 

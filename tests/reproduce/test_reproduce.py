@@ -1,13 +1,10 @@
 """The whole of `reproduce` on the smallest trainings: what it writes, that it goes on, and what it refuses."""
 
-import base64
 import json
-import re
 from dataclasses import replace
 
 import jax
 import pytest
-from markupsafe import escape
 
 from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
@@ -17,8 +14,6 @@ from apollonius.learn.run import Run
 from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
 from apollonius.reproduce.study import RUN_OF, run_configs
-from apollonius.show.report.page import render
-from apollonius.show.report.study import study_page
 from tests.learn.tiny import GAME
 from tests.learn.tiny import RUN as TINY
 
@@ -102,29 +97,6 @@ def test_the_course_of_the_claims_ends_where_the_claims_do(study):
     assert {name for name in course if course[name][-1] != at_the_end[name]} <= set(evaluated)
     for name in evaluated:
         assert course[name][-1]["bound"] == at_the_end[name]["bound"]
-
-
-@pytest.mark.slow
-def test_its_page_shows_every_claim_figure_and_match_of_the_paper(study):
-    page = study_page(study)
-    html = render(page)
-    for claim in json.loads((study / "results.json").read_text())["claims"]:
-        row = html[html.index(f'<th scope="row">{escape(claim["name"])}</th>') :].split("</tr>")[0]
-        assert f"<strong>{100 * claim['mean']:.1f} %</strong>" in row
-        assert f">{claim['verdict']}<" in row
-    for name in PICTURES:
-        assert base64.b64encode((study / name).read_bytes()).decode() in html
-    assert "<td>12.4%</td>" in html  # Table II of the paper, captures by P_curriculum
-    assert not re.search(r"https?:", html)
-    pairings = list(dict.fromkeys(shown.pairing for shown in page.games))
-    assert pairings == [
-        "curriculum/P_stage1 against still",
-        "random/P_random against random",
-        "curriculum/P_curriculum against random",
-        "random/P_random against scratch/E_scratch",
-        "curriculum/P_curriculum against scratch/E_scratch",
-    ]
-    assert all(shown.replay.game == RUN.game for shown in page.games)
 
 
 @pytest.mark.slow

@@ -18,8 +18,7 @@ from apollonius.show.arena import draw_game, save_picture
 from apollonius.show.canvas import SIZE
 from apollonius.show.palette import EVADER, PAPER, PURSUER
 from apollonius.show.parts import in_play
-from apollonius.show.report.games import Shown
-from apollonius.show.report.page import Page, save_page
+from apollonius.show.report.page import Page, Shown, save_page
 from tests.show.test_replay_player import RECORDER, run
 from tests.web.browser import launched, needs_chromium, playwright
 

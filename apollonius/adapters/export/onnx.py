@@ -16,7 +16,7 @@ from apollonius.adapters.export.egocentric import egocentric
 from apollonius.adapters.export.features import INPUTS, encoded, paper
 from apollonius.adapters.export.graph import Graph, Layers, matrix
 from apollonius.adapters.export.parity import Answer, CannotRun, Decide
-from apollonius.extras import install
+from apollonius.errors import install
 
 SUFFIX = ".onnx"
 OPSET = 17

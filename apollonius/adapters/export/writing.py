@@ -18,9 +18,8 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import SHIELDED
 from apollonius.document import write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.errors import InvalidInput, install, require
 from apollonius.evaluate.decisions import Decisions, decisions
-from apollonius.extras import install
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 

@@ -1,7 +1,5 @@
 """The page of a report: what stands on it, and the one HTML file that it becomes."""
 
-import base64
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,24 +7,86 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
-from PIL.PngImagePlugin import PngImageFile
 
-from apollonius.document import read_bytes, write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.document import write_atomically
+from apollonius.errors import require
+from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of
+from apollonius.replay import Replay, as_data
 from apollonius.show import palette
-from apollonius.show.report.games import Shown
+from apollonius.show.parts import in_play
+
+GAMES = 200
+"""Games of each pairing among which those that are shown are found."""
+SEED = 1
+LONGEST = 50_000
+"""Most steps of such a game; the paper's have 1,000 at most."""
+ORDER = (
+    "one for every way in which they end, those that the pursuer lost first; beside each how long it lasts, and "
+    "how many of the games end so."
+)
+"""Which they are, in words."""
+_DIGITS = 3
+"""Decimals of the states in the page: a millimetre, which is less than a pixel."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A game to watch."""
+
+    replay: Replay
+    times: int
+    """How many games of this pairing ended in this way."""
+
+    @property
+    def pairing(self) -> str:
+        return f"{self.replay.pursuer} against {self.replay.evader}"
+
+    @property
+    def outcome(self) -> str:
+        return self.replay.outcome.name.lower()
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasted [s]."""
+        return len(self.replay.actions) * float(self.replay.game.dt)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The game as the page's script reads it: a replay file without the actions, states rounded.
+
+        Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
+        """
+        data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
+        del data["actions"]
+        if self.replay.game.teams:
+            steps = in_play(self.replay.game, self.replay).sum(axis=0).tolist()
+            data["until"] = [step if step < len(self.replay.states) else None for step in steps]
+        return data
+
+
+def games_to_show(match: Match) -> list[Shown]:
+    """Return one game for each outcome that occurs in a match, in the order of `worst_first`.
+
+    Raises:
+        InvalidInput: when its games may last for more than `LONGEST` steps.
+    """
+    bound = f"at most {LONGEST:,}, or no page could hold them"
+    require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
+    results = play_games(match)
+    outcomes = np.asarray(results.outcome)
+    first: dict[int, int] = {}
+    for index in worst_first(results):
+        first.setdefault(int(outcomes[index]), index)
+    return [Shown(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]
+
 
 MAX_BYTES = 3_000_000
 """Largest report: one that can be sent by mail."""
-_PIXELS = 1.5
-"""Pixels of a picture's file to one of the page, for screens with fine ones."""
-_NARROWEST = 0.55
-"""How small a picture may become on a narrow screen; beyond that the reader moves it sideways."""
 _BAR = (
     "captured", "evader_hit_obstacle", "evader_out_of_range", "no_result",
     "both_failed", "pursuer_out_of_range", "pursuer_hit_obstacle", "territory_reached",
@@ -69,8 +129,6 @@ class Page:
     """One or two sentences: what this is."""
     warnings: Sequence[str] = ()
     """What is missing or not finished, and what to do."""
-    claims: Sequence[dict[str, Any]] = ()
-    """As `Claim.to_dict` writes them."""
     matches: Sequence[Judged] = ()
     matches_note: str = ""
     facts: Sequence[Sequence[str]] = ()
@@ -117,23 +175,6 @@ def render(page: Page) -> str:
         style=Markup(files("apollonius.show").joinpath("report/page.css").read_text()),
         player=replay_script(),
     )
-
-
-def picture(folder: Path, name: str, label: str) -> Markup:
-    """Return an element that holds a PNG file, at the size of its letters' design; narrow screens show it smaller.
-
-    Raises:
-        InvalidInput: when the file is outside the folder, too large, or no PNG.
-    """
-    content = read_bytes(folder / name, "a picture of the report", "make it again", MAX_BYTES, within=folder)
-    try:
-        with PngImageFile(io.BytesIO(content)) as opened:
-            width = opened.width / _PIXELS
-    except Exception as error:  # Pillow raises what it likes for a damaged file
-        raise InvalidInput(f"'{folder / name}' is no PNG file ({error}): make it again.") from error
-    return Markup(
-        '<img class="print" alt="{}" style="width: {:.0f}px; min-width: {:.0f}px" src="data:image/png;base64,{}">'
-    ).format(label, width, _NARROWEST * width, base64.b64encode(content).decode())
 
 
 def _markdown(text: str) -> Markup:

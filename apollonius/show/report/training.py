@@ -23,8 +23,7 @@ from apollonius.learn.plans import FIXED_TARGET, SELF_PLAY
 from apollonius.learn.progress import MetricsLine, evaluations_of, load_metrics
 from apollonius.learn.stage_config import StageConfig
 from apollonius.show import palette
-from apollonius.show.report.games import GAMES, ORDER, SEED, Shown, games_to_show
-from apollonius.show.report.page import Judged, Page, Section
+from apollonius.show.report.page import GAMES, ORDER, SEED, Judged, Page, Section, Shown, games_to_show
 from apollonius.show.style import Curve, draw_rate, inline_svg, smooth
 
 _POINTS = 300

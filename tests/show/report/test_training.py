@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from apollonius.catalogue import find_player
 from apollonius.cli import main
@@ -22,8 +21,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, Role
 from apollonius.show.report import page as page_module
-from apollonius.show.report.games import GAMES, SEED
-from apollonius.show.report.page import MAX_BYTES, bundled, render, replay_script, save_page
+from apollonius.show.report.page import GAMES, MAX_BYTES, SEED, bundled, render, replay_script, save_page
 from apollonius.show.report.training import training_page
 from tests.learn.tiny import RUN
 
@@ -203,8 +201,7 @@ def test_the_command_writes_the_report_into_the_run(copy, capsys):
         ("evaluation.json", "[]"),
         ("evaluation.json", '{"a": {}}'),
         ("evaluation.json", '{"a against b": {"games": 3}}'),
-        ("results.json", "{}"),
-        *((name, "[" * 100_000) for name in ("config.toml", "metrics.jsonl", "evaluation.json", "results.json")),
+        *((name, "[" * 100_000) for name in ("config.toml", "metrics.jsonl", "evaluation.json")),
         *((name, os.mkfifo) for name in ("metrics.jsonl", "evaluation.json")),
         *((name, lambda path: path.symlink_to("/dev/zero")) for name in ("metrics.jsonl", "evaluation.json")),
         *((name, lambda path: path.symlink_to(outside(path))) for name in ("config.toml", "evaluation.json")),
@@ -234,32 +231,11 @@ def refused(folder, capsys):
     return told
 
 
-@pytest.mark.parametrize("where", ["absolute", "../picture.png", "link.png", "config.toml"])
-def test_a_report_holds_pictures_of_its_own_folder_alone(copy, capsys, where):
-    picture = copy.parent / "picture.png"
-    Image.new("L", (4, 4)).save(picture)
-    (copy / "link.png").symlink_to(picture)
-    found = {"T": {"text": "", "pictures": [str(picture) if where == "absolute" else where]}}
-    about = {"budget": "tiny", "seeds": [0], "games": 40, "intervals": "wide", "claims": [], "findings": found}
-    (copy / "results.json").write_text(json.dumps(about))
-    (copy / "seed-0" / "curriculum").mkdir(parents=True)
-    shutil.copy(copy / "config.toml", copy / "seed-0" / "curriculum")
-    assert ("is no PNG" if where == "config.toml" else "outside the folder") in refused(copy, capsys)
-
-
 def test_games_that_no_page_could_hold_are_not_played(copy, capsys):
     config = copy / "config.toml"
     config.write_text(config.read_text().replace("max_steps = 100\n", f"max_steps = {10**9}\n"))
     assert "max_steps = 1000000000" in config.read_text()
     assert "at most 50,000" in refused(copy, capsys)
-
-
-def test_an_unfinished_reproduction_is_refused(copy, capsys):
-    begun = copy / "study" / "seed-0" / "scratch"
-    begun.mkdir(parents=True)
-    shutil.copy(copy / "config.toml", begun)
-    assert main(["report", str(copy / "study")]) == 2
-    assert "finished; go on with apollonius reproduce and --resume" in capsys.readouterr().err
 
 
 def test_a_report_too_large_to_send_is_refused(page, tmp_path, monkeypatch):
