@@ -17,7 +17,6 @@ from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.nearby import Surroundings
 from apollonius.game.types import ROLES
 from apollonius.game.validation import check_game
 from apollonius.playout import Report
@@ -161,13 +160,9 @@ def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
 
 
 def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
-    """Manoeuvres of so many steps, among so many edges."""
-    around = backup.surroundings
-    return replace(backup, steps=steps, surroundings=around and _padded(around, edges))
-
-
-def _padded(around: Surroundings, edges: int) -> Surroundings:
-    """The same surroundings, in each cell filled up with the last edge, which is far from everywhere."""
-    missing = edges - around.within.shape[-1]
-    far = around.edges.inverse.shape[0] - 1
-    return replace(around, within=jnp.pad(around.within, ((0, 0), (0, 0), (0, missing)), constant_values=far))
+    """Return manoeuvres of so many steps; the surroundings' last edge, far from everywhere, fills up each cell."""
+    if (around := backup.surroundings) is None:
+        return replace(backup, steps=steps)
+    missing, far = edges - around.within.shape[-1], around.edges.inverse.shape[0] - 1
+    within = jnp.pad(around.within, ((0, 0), (0, 0), (0, missing)), constant_values=far)
+    return replace(backup, steps=steps, surroundings=replace(around, within=within))

@@ -202,11 +202,6 @@ def save_evasion(name: str, game: Game, enough: Enough, path: Path) -> None:
             axes.plot(*run[0], color=palette.EVADER, markerfacecolor=palette.PAPER, label="evader", **ring)
             axes.plot(*starts.T, color=palette.PURSUER, label="pursuer" if len(starts) == 1 else "pursuers", **ring)
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.5 / (inches * height)), ncols=3)
-        axes.set_title("\n".join([name, enough.verdict.replace(", for", ",\nfor"), _about(enough)]))
-
-
-def _about(enough: Enough) -> str:
-    reading = enough.readings[-1]
-    return (
-        f"cells of {reading.tiling.spacing:.2f} m, {len(reading.tiling.places)} nodes, {len(reading.core)} in the core"
-    )
+        graph = f"{len(reading.tiling.places)} nodes, {len(reading.core)} in the core"
+        about = f"cells of {reading.tiling.spacing:.2f} m, {graph}"
+        axes.set_title("\n".join([name, enough.verdict.replace(", for", ",\nfor"), about]))

@@ -41,7 +41,8 @@ class Canvas:
         self._radii = [max(robot.radius, _SMALLEST * self._length) for robot in self._robots]
         self.scale = SIZE / self._length
         """Pixels of a metre in the picture."""
-        size = [round(float(side) * self.scale) * _FINER for side in self._sides()]
+        sides = (arena.x_max - arena.x_min, arena.y_max - arena.y_min)
+        size = [round(float(side) * self.scale) * _FINER for side in sides]
         self._empty = Image.new("RGB", (size[0], size[1]), PAPER)
         draw = ImageDraw.Draw(self._empty)
         if arena.map:
@@ -120,9 +121,6 @@ class Canvas:
         """Renew what a picture shows of this box of finer pixels."""
         if box[0] < box[2] and box[1] < box[3]:
             picture.paste(self._trails.crop(box).reduce(_FINER), (box[0] // _FINER, box[1] // _FINER))
-
-    def _sides(self) -> tuple[float, float]:
-        return float(self._arena.x_max - self._arena.x_min), float(self._arena.y_max - self._arena.y_min)
 
     def _draw(self, draw: ImageDraw.ImageDraw, shape: Round | Straight) -> None:
         fill, outline = (shape.colour, None) if shape.filled else (None, shape.colour)

@@ -164,7 +164,8 @@ def render(page: Page) -> str:
         lstrip_blocks=True,
     )
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
-    environment.filters["markdown"] = _markdown
+    markdown = MarkdownIt("commonmark", {"html": False})
+    environment.filters["markdown"] = lambda text: Markup(markdown.render(text))
     environment.filters["words"] = lambda name: name.replace("_", " ")
     return environment.get_template("page.html").render(
         page=page,
@@ -175,10 +176,6 @@ def render(page: Page) -> str:
         style=Markup(files("apollonius.show").joinpath("report/page.css").read_text()),
         player=replay_script(),
     )
-
-
-def _markdown(text: str) -> Markup:
-    return Markup(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
 
 
 def replay_script() -> Markup:
@@ -201,7 +198,9 @@ def bundled(entry: Path) -> str:
 
     def imported(path: Path) -> str:
         text = re.sub(_COMMENT, "", path.read_text())
-        return _IMPORT.sub(lambda found: _taken(found[1], obtained(path.parent / found[2])), text)
+        return _IMPORT.sub(
+            lambda found: f"const {{{found[1].replace(' as ', ': ')}}} = {obtained(path.parent / found[2])};\n", text
+        )
 
     def obtained(path: Path) -> str:
         name = f"{path.stem}Module"
@@ -214,7 +213,3 @@ def bundled(entry: Path) -> str:
 
     text = imported(entry)
     return "".join(objects.values()) + text
-
-
-def _taken(names: str, module: str) -> str:
-    return f"const {{{names.replace(' as ', ': ')}}} = {module};\n"

@@ -50,10 +50,16 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
     played = [line for line in lines if line.games]
     if len(played) > 1:
         rewards = {side: _curve(played, [getattr(line, f"{side}_return") for line in played]) for side in sides}
-        pictures.append(inline_svg(lambda axes: _draw_rewards(axes, rewards), "Mean reward of a game over episodes"))
+        about = {"title": "reward in training", "ylabel": "mean reward of a game"}
+        pictures.append(
+            inline_svg(lambda axes: _draw_sides(axes, rewards, **about), "Mean reward of a game over episodes")
+        )
     if len(learning) > 1:
         losses = {side: _curve(learning, [line.losses.get(side, 0.0) for line in learning]) for side in sides}
-        pictures.append(inline_svg(lambda axes: _draw_losses(axes, losses), "Mean loss of an update over episodes"))
+        of_losses = {"title": "loss in training", "ylabel": "mean loss of an update", "yscale": "log"}
+        pictures.append(
+            inline_svg(lambda axes: _draw_sides(axes, losses, **of_losses), "Mean loss of an update over episodes")
+        )
     return pictures
 
 
@@ -83,20 +89,11 @@ def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> 
     axes.legend()
 
 
-def _draw_rewards(axes: Axes, rewards: dict[str, Curve]) -> None:
-    _draw_sides(axes, rewards)
-    axes.set(title="reward in training", xlabel="episodes", ylabel="mean reward of a game")
-
-
-def _draw_losses(axes: Axes, losses: dict[str, Curve]) -> None:
-    _draw_sides(axes, losses)
-    axes.set(title="loss in training", xlabel="episodes", ylabel="mean loss of an update", yscale="log")
-
-
-def _draw_sides(axes: Axes, curves: dict[str, Curve]) -> None:
+def _draw_sides(axes: Axes, curves: dict[str, Curve], **about: str) -> None:
     for side, curve in curves.items():
         axes.plot(*curve, color=_SIDES[side], label=side)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.set(xlabel="episodes", **about)
     axes.legend()
 
 
@@ -113,7 +110,8 @@ def training_page(folder: Path) -> Page:
     facts = [_fact(name, by_stage[name], stage) for name, stage in stages.items()]
     matches = load_matches(folder / "evaluation.json")
     sections = [_learning(name, by_stage[name], config, stage) for name, stage in stages.items() if by_stage[name]]
-    games = _games(folder, config.game)
+    asked = last_matches(folder, config.game, GAMES, SEED).values()
+    games = [shown for match in asked for shown in games_to_show(match)]
     return Page(
         title=f"Training run {folder.resolve().name}",
         summary=f"{_described(config.game)} Stages: {', '.join(stages)}; seed {config.seed}.",
@@ -196,8 +194,3 @@ def _learning(stage: str, lines: Sequence[MetricsLine], config: RunConfig, plan:
         looks = [(look.env_steps, look.outcomes) for look in evaluations_of(lines, stage)]
         text = f"{text}\n\n{self_play_trend(looks)}".rstrip()
     return Section(f"Learning: {stage}", text, pictures)
-
-
-def _games(folder: Path, game: Game) -> list[Shown]:
-    matches = last_matches(folder, game, GAMES, SEED).values()
-    return [shown for match in matches for shown in games_to_show(match)]
