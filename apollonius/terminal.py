@@ -162,9 +162,6 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
     lines.append(
         f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
     )
-    lines.append("  gap by where it starts, the arena from above:")
-    for row in card.regions:
-        lines.append("    " + "  ".join("     -" if gap is None else f"{gap:+.3f}" for gap in row))
     lines.append("  most is lost in these games (--record K writes them):")
     for game in card.worst:
         lines.append(f"    {game['game']:>6}  {game['outcome']} after {game['seconds']} s, gap {game['gap']:+.3f}")

@@ -199,7 +199,7 @@ def test_good_imports_pass(module, source):
         ("apollonius.learn.stage", "from apollonius.evaluate.match import play_match", "against the arrow"),
         ("apollonius.evaluate.match", "from apollonius.learn.train_state import Plan", "against the arrow"),
         ("apollonius.solve.grid", "from apollonius.rollout import collect", "against the arrow"),
-        ("apollonius.show.canvas", "from apollonius.adapters.view import View", "against the arrow"),
+        ("apollonius.show.canvas", "from apollonius.adapters.live import View", "against the arrow"),
         ("apollonius.agents.trained", "from apollonius.zoo import champion", "against the arrow"),
         ("apollonius.evaluate.match", "import matplotlib.pyplot as plt", "for show only"),
         ("apollonius.cli", "def show():\n    from matplotlib import pyplot", "for show only"),

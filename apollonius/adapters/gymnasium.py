@@ -6,9 +6,8 @@ import gymnasium
 import numpy as np
 
 from apollonius.adapters.compiled import require_unforked
-from apollonius.adapters.live import LiveGame
+from apollonius.adapters.live import RENDER_MODES, LiveGame, View
 from apollonius.adapters.spaces import action_space, observation_space
-from apollonius.adapters.view import RENDER_MODES, View
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.errors import require

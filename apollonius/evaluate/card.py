@@ -13,15 +13,13 @@ from apollonius.agents.kind import Named
 from apollonius.errors import require
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
-from apollonius.game.by_side import BySide, one_each
+from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
 from apollonius.playout import Results
 from apollonius.solve.players import AbstractLookahead, SaddlePolicy
 
-_REGIONS = 5
-"""Parts of the arena along x and along y, by which losses are told."""
 WORST = 10
 """Games that a card lists."""
 
@@ -58,8 +56,6 @@ class Card:
     gap_interval: tuple[float, float]
     response: Score | None
     """The agent against an opponent that looks ahead knowing what the agent does; None if it was not asked for."""
-    regions: list[list[float | None]]
-    """The mean gap by where the agent starts: rows from the highest y, columns from the lowest x; None: no starts."""
     worst: list[dict[str, Any]]
     """The games against the table's player that cost most: number, outcome, seconds, gap, start (x, y, v, heading)."""
 
@@ -106,7 +102,6 @@ def measure_card(
         answer = replace(match, players=both, games=response_games)
         lost_to = play_games(answer, report=partial(report, "response"))
         answered = _score(role, lost_to, _payoffs(own, lost_to))
-    own_starts = one_each(starts.robots)[role]
     return Card(
         role=role.name.lower(),
         games=match.games,
@@ -116,7 +111,6 @@ def measure_card(
         gap=float(np.mean(gaps)),
         gap_interval=mean_interval(gaps, -2.0, 2.0),
         response=answered,
-        regions=_by_region(game, np.asarray(own_starts.x), np.asarray(own_starts.y), gaps),
         worst=_worst(game, starts, results, gaps),
     )
 
@@ -139,21 +133,6 @@ def _score(role: Role, results: Results, payoffs: np.ndarray) -> Score:
         won / games, wilson_interval(won, games), lost / games, wilson_interval(lost, games),
         float(np.mean(payoffs)), mean_interval(payoffs, -1.0, 1.0),
     )  # fmt: skip
-
-
-def _by_region(game: Game, x: np.ndarray, y: np.ndarray, gaps: np.ndarray) -> list[list[float | None]]:
-    arena = game.arena
-    column, row = (
-        np.clip(((place - float(low)) / float(high - low) * _REGIONS).astype(int), 0, _REGIONS - 1)
-        for place, low, high in ((x, arena.x_min, arena.x_max), (y, arena.y_min, arena.y_max))
-    )
-    return [
-        [
-            round(float(np.mean(gaps[there])), 4) if (there := (row == r) & (column == c)).any() else None
-            for c in range(_REGIONS)
-        ]
-        for r in reversed(range(_REGIONS))
-    ]
 
 
 def _worst(game: Game, starts: GameState, results: Results, gaps: np.ndarray) -> list[dict[str, Any]]:

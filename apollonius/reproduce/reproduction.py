@@ -11,10 +11,21 @@ from apollonius.jobs import available_cores
 from apollonius.learn.config import PRESETS
 from apollonius.learn.trainings import train_runs
 from apollonius.limits import SEEDS, STUDY_GAMES
-from apollonius.reproduce.figures import figure_4, figure_5, figure_6, figure_6_claims, figure_7, figure_8
+from apollonius.reproduce.figures import (
+    beyond,
+    figure_4,
+    figure_5,
+    figure_6,
+    figure_6_claims,
+    figure_7,
+    figure_8,
+    table_2,
+    table_2_claims,
+    table_3,
+    table_3_claim,
+)
 from apollonius.reproduce.finding import Finding, markdown_table, percent, write_report
 from apollonius.reproduce.study import Study
-from apollonius.reproduce.tables import beyond, table_2, table_2_claims, table_3, table_3_claim
 from apollonius.show import palette, style
 from apollonius.show.style import draw_seeds
 

@@ -86,7 +86,8 @@ def simulate(
     rows = as_rows(starts)
     bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
     count = len(rows)
-    members = _members(pursuer, evader, key, count)
+    drawn = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
+    members = jnp.stack([pool.sample(drawn[role]) for role, pool in enumerate((pursuer, evader))])
     memories = tuple(
         jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), pool.memory)
         for pool in (pursuer, evader)
@@ -118,9 +119,7 @@ def simulate_match(match: Match, drive: Drive, report: Report = lambda done, tot
         InvalidInput: as `simulate`, and for more games than memory has room for.
     """
     SIMULATED_GAMES.require("games", match.games)
-    starts, key = begin(match)
-    players = match.pools
-    return simulate(match.game, players.pursuer, players.evader, starts, key, drive, report)
+    return simulate(match.game, *match.pools, *begin(match), drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
@@ -132,11 +131,6 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
     outcome = Outcome(int(simulated.results.outcome[index]))
     names, games = match.players.map(lambda player: player.name), len(simulated.results.outcome)
     return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)
-
-
-def _members(pursuer: Pool, evader: Pool, key: PRNGKeyArray, count: int) -> Int[Array, "2 games"]:
-    bits = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
-    return jnp.stack([pursuer.sample(bits[0]), evader.sample(bits[1])])
 
 
 @jax.jit

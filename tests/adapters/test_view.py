@@ -7,8 +7,7 @@ from PIL import Image
 
 import apollonius
 from apollonius.adapters.gymnasium import OneSide
-from apollonius.adapters.live import LiveGame
-from apollonius.adapters.view import View, in_letters
+from apollonius.adapters.live import LiveGame, View, in_letters
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Role

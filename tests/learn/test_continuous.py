@@ -15,7 +15,7 @@ from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
-from apollonius.exploit.responses import best_response
+from apollonius.exploit.attack import best_response
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
