@@ -2,19 +2,22 @@
 
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import dacite
 
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.errors import InvalidInput, nearest
+from apollonius.errors import InvalidInput, nearest, require, shown
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.scenario import Scenario
 
 T = TypeVar("T")
 _LARGEST_WHOLE = 2**1000
 """A whole number below this has a real one."""
+_SINGULAR = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+_PLURAL = {bool: "true and false", int: "whole numbers", float: "numbers", str: "names"}
 _DERIVED = ("chart",)
 """Fields that follow from others: no file says them."""
 
@@ -41,10 +44,13 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     """
     hooks = {float: _real, int: _whole, OccupancyMap: lambda named: find_map(named, folder), Scenario: _scenario}
     try:
+        _require_lists(kind, data)
         return dacite.from_dict(kind, data, dacite.Config(strict=True, cast=[tuple], type_hooks=hooks))
     except dacite.UnexpectedDataError as error:
         unknown = sorted(error.keys)[0]
         raise InvalidInput(f"{source}: {_unknown_key(unknown, kind)}") from error
+    except dacite.WrongTypeError as error:  # and where none of several types fits
+        raise InvalidInput(f"{source}: {_wrong_kind(error, data)}") from error
     except dacite.DaciteError as error:
         raise InvalidInput(f"{source}: {error}; correct the value.") from error
     except InvalidInput as error:
@@ -110,6 +116,41 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     return value
+
+
+def _kinds(kind: Any) -> list[Any]:
+    """Return the types that a value may have, without None."""
+    return [one for one in (get_args(kind) if isinstance(kind, UnionType) else (kind,)) if one is not NoneType]
+
+
+def _require_lists(kind: Any, data: dict[str, Any], within: str = "") -> None:
+    """Refuse what is no list where there must be one: dacite takes text for a list of letters."""
+    for name in kind.__dataclass_fields__.keys() & data.keys():
+        value, kinds = data[name], _kinds(kind.__dataclass_fields__[name].type)
+        if all(get_origin(one) is tuple for one in kinds) and value is not None:
+            require(isinstance(value, list | tuple), within + name, value, "a list")
+        for inner in kinds:
+            if is_dataclass(inner) and isinstance(value, dict):
+                _require_lists(inner, value, f"{within}{name}.")
+
+
+def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
+    """Return what is wrong with a value whose type is none that it may have."""
+    given = data
+    for part in str(error.field_path).split("."):
+        given = given.get(part, error.value) if isinstance(given, dict) else error.value
+    return f"{error.field_path} = {shown(given)} is not possible: it must be {_in_words(error.field_type)}."
+
+
+def _in_words(kind: Any) -> str:
+    """Return what values of a type are called in a file."""
+    first, *_ = _kinds(kind)
+    if get_origin(first) is Literal:
+        return f"one of {', '.join(map(str, get_args(first)))}"
+    if get_origin(first) is tuple:
+        inner = get_args(first)[0]
+        return f"a list of {'tables' if is_dataclass(inner) else _PLURAL.get(inner, 'lists')}"
+    return "a table" if is_dataclass(first) else _SINGULAR.get(first, "of another kind")
 
 
 def _unknown_key(key: str, kind: Any) -> str:

@@ -118,8 +118,14 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("dt = 1e-320", "more than 0 s"),
         ("max_steps = 99999999999999", "max_steps = 99999999999999 .* at most 2147483647"),
         ("arena = 1", "arena"),
-        ("[arena]\ndiscs = 3", "wrong kind"),
-        ("[arena.discs]\nx = 1", "wrong kind"),
+        ("[arena]\ndiscs = 3", "arena.discs = 3 is not possible: it must be a list."),
+        ("[arena]\ndiscs = 'none'", "arena.discs = none is not possible: it must be a list."),
+        ("[arena.discs]\nx = 1", "arena.discs = .'x': 1. is not possible: it must be a list."),
+        ("[arena]\ndiscs = [[5, 5, 1]]", r"arena.discs = \[\[5, 5, 1\]\] is not .* a list of tables."),
+        ("arena = 7", "arena = 7 is not possible: it must be a table."),
+        ("max_steps = 1.5", "max_steps = 1.5 is not possible: it must be a whole number."),
+        ("dt = 'soon'", "dt = soon is not possible: it must be a number."),
+        ("[starts]\nspeed = 'mvoing'", "starts.speed = mvoing is not possible: it must be one of rest, moving."),
         ("[[arena.discs]]\nx = 1", "discs.y"),
         ('"two\\nlines" = 1', "'two lines' is no known key"),
         ("[pursuer]\nradius = 5", "no place to start"),
@@ -135,7 +141,7 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("[arena.territory]\nx = 5\ny = 5\nradius = 9", "leaves the evader no place to start"),
         ("[[arena.discs]]\nx = 30\ny = 5\nradius = 1", "discs.0. centre .* inside the walls"),
     ],
-    ids=range(25),
+    ids=range(31),
 )
 def test_each_error_is_one_clear_line(content, said, written):
     with pytest.raises(InvalidInput, match=said) as refusal:
