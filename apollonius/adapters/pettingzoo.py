@@ -89,12 +89,12 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
-            InvalidInput: for an action that is none.
+            InvalidInput: for an action that is none, or is missing.
         """
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         live, acting = self._live, set(self.agents)
-        live.step([actions[agent] if agent in acting else live.idle for agent in self.possible_agents])
+        live.step([actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents])
         self._view.follow()
         over = live.terminated or live.truncated
         stays = dict(zip(self.possible_agents, live.active, strict=True))

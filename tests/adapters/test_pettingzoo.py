@@ -108,6 +108,8 @@ def test_bad_input_is_refused(env):
     env.reset()
     with pytest.raises(InvalidInput, match=r"action = 9 .* from 0 to 8"):
         env.step({"pursuer_0": 9, "evader_0": 0})
+    with pytest.raises(InvalidInput, match=r"action = None .* from 0 to 8"):
+        env.step({"pursuer_0": 0})
     for bad in ({"game": "chess"}, {"observation": "eyes"}, {"render_mode": "hologram"}):
         with pytest.raises(InvalidInput, match=next(iter(bad.values()))):
             apollonius.parallel_env(**bad)
