@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.slow, needs_chromium]
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The folder, below another one. Building it fails on a warning, a dead link, and a resource from elsewhere."""
+    """The folder, below another one. Building it fails on a warning."""
     folder = tmp_path_factory.mktemp("host") / "below" / "site"
     subprocess.run([sys.executable, "-m", "website", "--out", folder], cwd=REPOSITORY, check=True, timeout=550)
     return folder
