@@ -4,13 +4,12 @@ import argparse
 import os
 import pkgutil
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import apollonius
 from apollonius.cli import build_parser
 
-_NOT_FOR_CALLERS = {"commands", "reproduce", "zoo", "__main__", "cli", "version", "display", "terminal", "estimate"}
+_NOT_FOR_CALLERS = {"commands", "reproduce", "zoo", "__main__", "cli", "version", "display", "terminal"}
 """Rooms of the command, and data."""
 _COLUMNS = 110
 """Letters in a line of a command's help."""
@@ -35,10 +34,7 @@ def _index(rooms: list[str]) -> str:
     names = "\n".join(
         f"| {{py:obj}}`{name} <{_home(name)}>` | {_first(getattr(apollonius, name))} |" for name in dir(apollonius)
     )
-    table = "\n".join(
-        f"| [`apollonius.{room}`]({room}.md) | {_first(import_module(f'apollonius.{room}'))} |" for room in rooms
-    )
-    contents = "\n".join(["```{toctree}", ":hidden:", "command", *rooms, "```"])
+    contents = "\n".join(["```{toctree}", "command", *rooms, "```"])
     return f"""# Reference
 
 **The names below are all that most programs need: `apollonius.make_game`, and so on.** The rooms, as they are called
@@ -52,10 +48,6 @@ the docstrings of this version.
 {names}
 
 ## The rooms
-
-| room | what it is |
-|---|---|
-{table}
 
 {contents}
 """

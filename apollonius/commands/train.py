@@ -29,8 +29,8 @@ _SOLVING_WORK = 10_000_000
 _JUDGING = "judging"
 _JUDGED_GAMES = 2000
 """Games of each match that judges a run."""
-_GAME_STEPS = 350
-"""Env steps without an update that a judged game takes about as long as."""
+_JUDGING_SHARE = 0.1
+"""About how much judging takes, of the work of training."""
 
 
 def add_train(subparsers: Any) -> None:
@@ -149,7 +149,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     stages = list(run.work)
     distils = config.stages == "distillation"
     solving = dict.fromkeys(SOLVING, _SOLVING_WORK) if distils else {}
-    display.plan(solving | run.work | {_JUDGING: _judging_work(config, stages)})
+    display.plan(solving | run.work | {_JUDGING: _JUDGING_SHARE * sum(run.work.values())})
     go_on(f"go on with: apollonius resume {folder}")
     if distils:
         for game in each_alone(config.game):
@@ -167,14 +167,6 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
         display.begin(_JUDGING, compiles=True)
         _judge(config, folder, display)
     return 0
-
-
-def _judging_work(config: "RunConfig", stages: list[str]) -> float:
-    """About how much judging takes, in env steps of one learning side."""
-    learner = config.learner
-    samples = learner.batch * learner.updates_per_iteration / learner.env_steps_per_iteration
-    matches = sum(1 if stage == "fixed-target" else 2 for stage in stages)
-    return matches * _JUDGED_GAMES * _GAME_STEPS / (1 + 4 * samples)
 
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
