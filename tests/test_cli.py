@@ -251,7 +251,7 @@ def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, c
         (["show", "random", "still", "--out", "game.gif", "--speed", "nan"], ["--speed", "nan"]),
         (["show", "nowhere.json"], ["nowhere.json", "check the path"]),
         (["report", "nowhere"], ["RUN = nowhere", "check the path"]),
-        (["report", "."], ["RUN = .", "a training run or a reproduction"]),
+        (["report", "."], ["RUN = .", "the folder of a training run"]),
         (["report", ".", "--out", "report.pdf"], ["report.pdf", ".html"]),
         (["slice", "nobody", "--opponent", "5", "5"], ["nobody", "P_curriculum", ".safetensors"]),
         (["slice", "random", "--opponent", "5", "5"], ["random", "P_curriculum"]),
