@@ -100,7 +100,7 @@ EXTRAS = {
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
     "video": {"imageio_ffmpeg": "imageio-ffmpeg"},
     "ray": {"ray": "ray"},
-    "export": {"onnx": "onnx", "onnxruntime": "onnxruntime"},
+    "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},
 }  # fmt: skip
 """Modules of each extra, and what pip calls them."""

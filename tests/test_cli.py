@@ -293,7 +293,6 @@ SEVERAL = "suite-v1/maze-00,maze-01"
         f"export P_pool --to c --out a.c --game {SEVERAL}",
         f"pursuers {SEVERAL}",
         f"arena check {SEVERAL}",
-        f"arena chart {SEVERAL} --out a.npz",
     ],
 )
 def test_what_needs_one_arena_refuses_several_before_it_works(capsys, words):

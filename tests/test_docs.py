@@ -219,7 +219,7 @@ ELSEWHERE = {
     "make": "the workflow calls its targets",
     "pip": "a test changes no installation",
     "source": "a test is in its environment",
-    "gcc": "tests/adapters/export compiles what is exported",
+    "gcc": "tests/export compiles what is exported",
     "python3": "tests/examples runs the node with stand-ins for ROS",
     "python": "tests/examples",
     "reproduce": "tests/reproduce/test_reproduce.py",

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.adapters.export.blueprint import make_blueprint
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
@@ -19,6 +18,9 @@ from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.errors import InvalidInput
+from apollonius.export.c import header
+from apollonius.export.player import find_exportable
+from apollonius.export.writing import program_of
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
@@ -114,8 +116,8 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
     read = load_agent(tmp_path / "agent.safetensors").network
     assert read.observation == BEARING
     assert read.layers[0].in_features == 6
-    with pytest.raises(InvalidInput, match=r"observation = bearing .* exported policies can make: paper, encoded"):
-        make_blueprint("small", load_agent(tmp_path / "agent.safetensors"), game)
+    exported = find_exportable(str(tmp_path / "agent.safetensors"), Role.PURSUER, game)
+    assert "void bearing(" in header(program_of(exported, "bearing"))
     starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 4)
     player = Greedy(make_network("encoded", 8, 2, jax.random.key(1)))
     results = play_at_once(game, BySide(solo(Greedy(read)), solo(player)), starts, jax.random.key(1))

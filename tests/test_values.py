@@ -108,7 +108,6 @@ ENOUGH = {
     "arena list": {},
     "arena check": {"game": ["paper"]},
     "arena suite": {},
-    "arena chart": {"game": ["paper"], "--out": ["new.npz"]},
     "arena random": {"--out": ["new.toml"]},
     "export": {"agent": ["P_pool"], "--to": ["c"], "--out": ["a.c"]},
     "reproduce": {},

@@ -1,4 +1,4 @@
-"""`apollonius arena`: the arenas there are, the check of one's own, charts, the suite, and random ones."""
+"""`apollonius arena`: the arenas there are, the check of one's own, the suite, and random ones."""
 
 import argparse
 from dataclasses import asdict
@@ -25,7 +25,7 @@ SHOWN = 8
 
 def add_arena(subparsers: Any) -> None:
     parser = subparsers.add_parser(
-        "arena", help="list arenas, check or chart one of your own, verify the suite, or make a random one"
+        "arena", help="list arenas, check one of your own, verify the suite, or make a random one"
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
@@ -46,12 +46,6 @@ def add_arena(subparsers: Any) -> None:
     )
     add_json(suite)
     suite.set_defaults(run=run_suite)
-    chart = actions.add_parser("chart", help="write a game's chart, which an exported agent that plays anywhere reads")
-    chart.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
-    chart.add_argument(
-        "--out", type=new_file(".npz", ".chart"), required=True, help="file to write: .npz, or .chart for C"
-    )
-    chart.set_defaults(run=run_chart)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
     draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
@@ -151,23 +145,6 @@ def run_suite(options: argparse.Namespace) -> int:
         save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
         play = command("show", "P_any", "E_any", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
         finish(options.out, then=play, json=options.json)
-    return 0
-
-
-def run_chart(options: argparse.Namespace) -> int:
-    """Write the chart of a game's arena, for the larger of its robots."""
-    from apollonius.adapters.export.chart_file import chart_bytes, chart_parts
-    from apollonius.arenas.file import game_in_one_arena
-    from apollonius.document import write_atomically
-
-    game = game_in_one_arena(options.game, "arena chart")
-    options.display.begin("drawing the chart", compiles=True)
-    parts = chart_parts(game)
-    write_atomically(options.out, chart_bytes(parts, options.out.suffix))
-    options.display.end()
-    x, y, side = (float(parts[name]) for name in ("x", "y", "side"))
-    print(f"a square of {side:g} m from ({x:g}, {y:g}) on")
-    finish(options.out)
     return 0
 
 

@@ -4,7 +4,7 @@ It allocates nothing and keeps no state. Compiled by the standard (`-std=c99`), 
 by one, as in Python.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,11 +16,19 @@ from apollonius.export.sweep import parts
 _PER_LINE = 8
 
 
-def header(program: Program) -> str:
-    """Return the header: the structs and the function."""
+def header(program: Program, about: Sequence[str] = ()) -> str:
+    """Return the header: lines that say what it is, the structs and the function."""
     guard = f"{program.name.upper()}_H"
-    structs = "\n\n".join(_struct(program, record) for record in _structs(program))
-    return f"#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n\n{structs}\n\n{_signature(program)};\n\n#endif\n"
+    opening, closing = '#ifdef __cplusplus\nextern "C" {\n#endif', "#ifdef __cplusplus\n}\n#endif"
+    blocks = [f"#ifndef {guard}\n#define {guard}", "#include <stdint.h>", opening]
+    blocks += [
+        *(_struct(program, record) for record in _structs(program)),
+        f"{_signature(program)};",
+        closing,
+        "#endif",
+    ]
+    said = ["\n".join(["/*", *(f"   {line}".rstrip() for line in about), "*/"])] if about else []
+    return "\n\n".join([*said, *blocks]) + "\n"
 
 
 def source(program: Program) -> str:
@@ -29,8 +37,7 @@ def source(program: Program) -> str:
     *functions, entry = program.functions
     bodies = [f"{printer.signature(function)}\n{printer.block(function.body)}" for function in functions]
     used = {part.leaf[0] for part in parts(entry.body) if isinstance(part, Buffer) and part.leaf}
-    given = [record.name for record in program.arguments if record.leaves]
-    ignored = [f"    (void){name};" for name in given if name not in used]
+    ignored = [f"    (void){record.name};" for record in program.records if record.name not in used]
     opened, *lines = printer.block(entry.body).splitlines()
     bodies.append("\n".join([_signature(program), opened, *ignored, *lines]))
     constants = [

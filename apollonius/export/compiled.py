@@ -64,8 +64,8 @@ class Compiled:
         known, packed = self._packed.get(place, (None, None))
         if known is not argument or known is None:
             if record.lone and record.leaves[0].size == 1:
-                packed = _BY_VALUE[record.leaves[0].kind](np.asarray(argument).item())
+                packed = _BY_VALUE[record.leaves[0].kind](np.asarray(jax.tree.leaves(argument)[0]).item())
             else:
-                packed = ctypes.create_string_buffer(record.pack(jax.tree.leaves(argument)), max(record.length, 1))
+                packed = ctypes.create_string_buffer(record.pack(argument), max(record.length, 1))
             self._packed[place] = argument, packed
         return packed

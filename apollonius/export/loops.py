@@ -86,7 +86,7 @@ def _reduce(operation: str) -> Rule:
         def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
             return [Apply(operation, kind, (now[0], value.read(index)))]
 
-        axes = sorted(axis % len(value.shape) for axis in params["axes"])
+        axes = sorted(int(axis) % len(value.shape) for axis in params["axes"])
         return _folded(block, value.shape, axes, [Number(_FIRSTS[operation](kind), kind)], fold, out)
 
     return rule
@@ -94,7 +94,7 @@ def _reduce(operation: str) -> Rule:
 
 def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        (value,), kind, (axis,) = operands, str(out.dtype), params["axes"]
+        (value,), kind, (axis,) = operands, str(out.dtype), map(int, params["axes"])
 
         def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
             best, where = now
@@ -111,7 +111,7 @@ def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rul
 
 def _cumulative(operation: str) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        (value,), kind, axis = operands, str(out.dtype), params["axis"]
+        (value,), kind, axis = operands, str(out.dtype), int(params["axis"])
         target, length = block.empty(kind, out.shape), out.shape[axis]
         others = tuple(1 if here == axis else size for here, size in enumerate(out.shape))
         index, outer = block.loops(others)

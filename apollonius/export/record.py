@@ -2,7 +2,8 @@
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -23,13 +24,15 @@ class Leaf:
         name: an identifier, from its place in the pytree.
         kind: the name of its NumPy type.
         shape: its shape, `()` for a scalar.
-        offset: where it begins in the argument's record [bytes].
+        offset: where it begins in its record [bytes].
+        place: which of the pytree's leaves it is.
     """
 
     name: str
     kind: str
     shape: tuple[int, ...]
-    offset: int
+    offset: int = 0
+    place: int = 0
 
     @property
     def size(self) -> int:
@@ -63,25 +66,25 @@ class Record:
         return end + -end % widest
 
     @classmethod
-    def of(cls, name: str, leaves: list[tuple[str, str, tuple[int, ...]]]) -> "Record":
-        """Return the record of leaves, each given by its name, kind and shape."""
+    def of(cls, name: str, leaves: Iterable[Leaf]) -> "Record":
+        """Return the record of leaves, whose offsets follow from those before them."""
         placed, end = [], 0
-        for leaf, kind, shape in leaves:
-            width = np.dtype(kind).itemsize
+        for leaf in leaves:
+            width = np.dtype(leaf.kind).itemsize
             start = end + -end % width
-            placed.append(Leaf(leaf, kind, shape, start))
-            end = start + placed[-1].size * width
+            placed.append(replace(leaf, offset=start))
+            end = start + leaf.size * width
         return cls(name, tuple(placed))
 
-    def pack(self, values: list[Any]) -> bytes:
-        """Return the block of memory that holds these arrays.
+    def only(self, names: Collection[str]) -> "Record":
+        """Return the record of some of the leaves."""
+        return Record.of(self.name, [leaf for leaf in self.leaves if leaf.name in names])
 
-        Args:
-            values: an array for each leaf.
-        """
-        block = bytearray(self.length)
-        for leaf, value in zip(self.leaves, values, strict=True):
-            content = np.ascontiguousarray(np.asarray(value), leaf.kind).tobytes()
+    def pack(self, tree: Any) -> bytes:
+        """Return the block of memory that holds what a program reads of a pytree."""
+        block, values = bytearray(self.length), jax.tree.leaves(tree)
+        for leaf in self.leaves:
+            content = np.ascontiguousarray(np.asarray(values[leaf.place]), leaf.kind).tobytes()
             block[leaf.offset : leaf.offset + len(content)] = content
         return bytes(block)
 
@@ -94,14 +97,14 @@ class Record:
 
 def record_of(name: str, tree: Any) -> Record:
     """Return the record of a pytree of arrays; its leaves are called after their places in it."""
-    found, leaves = Counter[str](), []
+    found, leaves = Counter[str](), list[Leaf]()
     for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
         words = "_".join(re.findall(r"[^\W_]+", jax.tree_util.keystr(path))).lower()
         called = _named(f"value_{words}" if words[:1].isdigit() else words)
         found[called] += 1
         kind = str(jax.dtypes.canonicalize_dtype(jax.numpy.result_type(leaf)))
         unique = called if found[called] == 1 else f"{called}_{found[called]}"
-        leaves.append((unique, kind, tuple(np.shape(leaf))))
+        leaves.append(Leaf(unique, kind, tuple(np.shape(leaf)), place=len(leaves)))
     return Record.of(_named(name), leaves)
 
 

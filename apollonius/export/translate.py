@@ -29,6 +29,9 @@ _STAYS = 24
 def translated(function: Callable[..., Any], *arguments: Any, name: str = "program") -> Program:
     """Return a JAX function as a program.
 
+    Arguments become records, of what the program reads of them; those that have a result of their name, in a dict of
+    results, whole, so that what comes out as `next_...` can be put in again.
+
     Args:
         arguments: pytrees of arrays or numbers of the shapes that the program shall take.
         name: what the program is called.
@@ -67,7 +70,15 @@ class _Translator:
         entry = Function(self.name, (), (), swept(block.statements))
         used = {part.name for function in [*self.functions.values(), entry] for part in parts(function.body)}
         constants = tuple(one for one in self.constants.values() if one[0].name in used)
-        return Program(self.name, (*self.functions.values(), entry), constants, tuple(arguments), tuple(results))
+        read = {part.leaf for part in parts(entry.body) if isinstance(part, Buffer)}
+        comes_back = {record.name.removeprefix("next_") for record in results}
+        needed = [
+            record
+            if record.name in comes_back
+            else record.only({leaf for name, leaf in filter(None, read) if name == record.name})
+            for record in arguments
+        ]
+        return Program(self.name, (*self.functions.values(), entry), constants, tuple(needed), tuple(results))
 
     def run(self, block: Block, jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[Value]) -> list[Value]:
         """Return the results of a function's equations, written to a block."""

@@ -46,7 +46,6 @@ class Egocentric(AbstractObservation):
     name = "egocentric"
     size = 23 + RAYS + 5 + 2 * COURSES
     charted = True
-    exported = True
 
     def __call__(self, view: View) -> Float[Array, " size"]:
         """The numbers for a view.

@@ -24,7 +24,6 @@ class Encoded(AbstractObservation):
 
     name = "encoded"
     size = 17
-    exported = True
 
     def __call__(self, view: View) -> Float[Array, "17"]:
         """The seventeen numbers."""

@@ -39,8 +39,6 @@ class AbstractObservation(Whole):
     """What files call it."""
     size: ClassVar[int]
     """How many numbers they are."""
-    exported: ClassVar[bool] = False
-    """Whether exported policies can make them: there is a file for each format."""
     measures: ClassVar[bool] = True
     """Whether the arena is in them by more than its walls."""
     extends: ClassVar[str | None] = None

@@ -18,7 +18,6 @@ class Paper(AbstractObservation):
 
     name = "paper"
     size = 8
-    exported = True
     measures = False
 
     def __call__(self, view: View) -> Float[Array, "8"]:

@@ -1,6 +1,6 @@
 """A ROS 2 node that drives one robot by an exported policy: a template to copy, with `pilot.py` beside it.
 
-    python3 pursuit_node.py --ros-args -p policy:=P_pool.onnx -r own/odom:=/robot1/odom \
+    python3 pursuit_node.py --ros-args -p policy:=P_smooth.onnx -r own/odom:=/robot1/odom \
         -r opponent/odom:=/robot2/odom -r cmd_vel:=/robot1/cmd_vel
 
 docs/deploy.md of Apollonius goes through it line by line.

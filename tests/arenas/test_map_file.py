@@ -7,8 +7,6 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image, ImageColor
 
-from apollonius.adapters.export.blueprint import make_blueprint
-from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import from_dict, to_dict
@@ -195,8 +193,3 @@ def test_a_game_is_written_as_json_with_its_map_named_from_there(hall, tmp_path,
     assert main(["arena", "check", "paper", "--out", str(out)]) == 2
     assert "a new file" in capsys.readouterr().err
     assert out.read_bytes() == said
-
-
-def test_exports_refuse_maps(hall):
-    with pytest.raises(InvalidInput, match="obstacles = OccupancyMap"):
-        make_blueprint("P", find_trained("P_pool")[0], find_game(str(hall)))

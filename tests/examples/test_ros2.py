@@ -7,14 +7,11 @@ import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
-import jax
 import numpy as np
 import pytest
 
-from apollonius.adapters.export import onnx
-from apollonius.adapters.export.blueprint import make_blueprint
-from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.store import describe
+from apollonius.export.player import find_exportable
+from apollonius.export.writing import write_onnx
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 
@@ -109,18 +106,16 @@ def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(p
     assert (again.speed, again.turn_rate, again.trouble) == (pytest.approx(0.03), 0.8, "")
 
 
-@pytest.mark.parametrize(("make", "brake"), [(make_network, (1, -0.3, 0.0)), (make_actor, (-0.3, 0.0))])
-def test_it_loads_what_is_exported(pilot_module, tmp_path, make, brake):
-    game = make_game("paper")
-    agent = describe(make("encoded", 8, 1, jax.random.key(0)), Role.PURSUER, {}, {})
-    blueprint = make_blueprint("small", agent, game)
-    out = tmp_path / f"small{onnx.SUFFIX}"
-    for path, content in onnx.make_files(blueprint, out).items():
-        path.write_bytes(content)
-    decide = pilot_module.load_policy(out)
-    state = [*OWN, *OPPONENT]
-    assert decide(state) == pytest.approx(onnx.load(out)(np.array(state, np.float32)))
-    assert decide([math.nan] * 8) == pytest.approx(brake)
+@pytest.mark.slow
+def test_it_loads_what_is_exported(pilot_module, tmp_path):
+    pytest.importorskip("jax2onnx")
+    player = find_exportable("P_smooth", Role.PURSUER, make_game("paper"))
+    write_onnx(player, tmp_path / "robot.onnx", states=100)
+    decide = pilot_module.load_policy(tmp_path / "robot.onnx")
+    states = np.array([OWN, OPPONENT], np.float32)
+    made = player.decide(player.policy, player.game, states, None, (), np.uint32(0))
+    assert decide([*OWN, *OPPONENT])[-2:] == pytest.approx(np.asarray(made["controls"]).tolist(), abs=1e-5)
+    assert decide([math.nan] * 8)[-2:] == pytest.approx((-0.3, 0.0))
 
 
 class Node:

@@ -1,86 +1,41 @@
-"""Observations as programs that leave the package make them: each is the one of `apollonius.observe`, number by number.
+"""Observations as the page makes them: each is the one of `apollonius.observe`, number by number."""
 
-In C, ONNX and on the page; on many states in and around several arenas, from either side.
-"""
-
-import ctypes
 import shutil
-import subprocess
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from onnx import TensorProto, helper
 
-from apollonius.adapters.export import c
-from apollonius.adapters.export.blueprint import make_blueprint
-from apollonius.adapters.export.features import INPUTS, encoded, paper
-from apollonius.adapters.export.graph import Graph, matrix
-from apollonius.adapters.export.onnx import _model, _session
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.record import to_dict
-from apollonius.game.dynamics import wrap_angle
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
+from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.observe.view import look
-from tests.adapters.export.conftest import GAMES, some_states
 from tests.web.test_rules_in_javascript import ask
 
-EXPORTED = [name for name, one in OBSERVATIONS.items() if one.exported and not one.charted]
-SEE = """
-void see(const float *s, float *seen)
-{
-    const robot own = {s[0], s[1], s[2], s[3]}, opponent = {s[4], s[5], s[6], s[7]};
-    observe(own, opponent, seen);
-}
-"""
+UNEQUAL = Game(
+    pursuer=Unicycle(v_max=1.5, u1_max=0.4, u2_max=0.7, radius=0.1),
+    evader=Unicycle(v_max=1.0, u1_max=0.2, u2_max=0.9, radius=0.3),
+    arena=Arena(-4.0, 8.0, 1.0, 6.0, (Disc(0.0, 3.0, 0.4), Disc(5.5, 4.0, 0.7))),
+)
+"""Whoever takes one robot, one axis or one disc for the other is found out."""
+GAMES = {"paper": make_game("paper"), "unequal": UNEQUAL, "empty": Game(arena=Arena())}
 
 
-def in_c(blueprint, agent, states, folder):
-    (source, text), (header, said) = c.make_files(blueprint, folder / "policy.c").items()
-    source.write_bytes(text + SEE.encode())
-    header.write_bytes(said)
-    library = folder / "policy.so"
-    subprocess.run(["gcc", "-std=c99", "-shared", "-fPIC", str(source), "-lm", "-o", str(library)], check=True)
-    see, numbers = ctypes.CDLL(str(library)).see, np.zeros((len(states), blueprint.header.observation_size), np.float32)
-    for state, row in zip(states, numbers, strict=True):
-        see(ctypes.c_void_p(state.ctypes.data), ctypes.c_void_p(row.ctypes.data))
-    return numbers
-
-
-def in_onnx(blueprint, agent, states, folder):
-    graph = Graph(columns={"state": INPUTS})
-    features, rows = {"encoded": encoded, "paper": paper}[blueprint.header.observation](graph, blueprint)
-    factors, constants = matrix(graph.columns[features], rows)
-    output = helper.make_tensor_value_info(features, TensorProto.FLOAT, ["batch", len(factors[0])])
-    session = _session(_model(graph, "state", len(INPUTS), [output]).SerializeToString())
-    return session.run(None, {"state": states})[0] @ factors.T + constants
-
-
-def on_the_page(blueprint, agent, states, folder):
-    if shutil.which("node") is None:
-        pytest.skip("needs node")
-    save_agent(agent, folder / "agent.safetensors")
-    asked = {"path": str(folder / "agent.safetensors"), "game": to_dict(blueprint.game), "role": agent.header.role}
-    turned = states.copy()
-    turned[:, 3::4] = jax.vmap(jax.vmap(wrap_angle))(
-        jnp.asarray(states[:, 3::4])
-    )  # as the rules have them; the pursuer is first there
-    return ask(agent=asked, positions=np.roll(turned, 4, axis=1).tolist())["observed"]
-
-
-@pytest.mark.parametrize("elsewhere", [in_c, in_onnx, on_the_page])
-@pytest.mark.parametrize("name", EXPORTED)
-def test_each_version_of_an_observation_is_the_packages(elsewhere, name, tmp_path):
-    agent = describe(make_network(name, 4, 1, jax.random.key(0)), Role.EVADER, {}, {})
-    for where, game in GAMES.items():
-        folder, states = tmp_path / where, some_states(game, 1000)
-        folder.mkdir()
-        seen = elsewhere(make_blueprint("small", agent, game), agent, states, folder)
-        np.testing.assert_allclose(seen, packages(game, name, states), atol=2e-5, err_msg=where)
+def some_states(game: Game, count: int) -> np.ndarray:
+    """Places in and around the walls, a few speeds below 0."""
+    rng, arena = np.random.default_rng(1), game.arena
+    low = [arena.x_min - 1, arena.y_min - 1, -0.2, -10.0]
+    high = [arena.x_max + 1, arena.y_max + 1, 1.6, 10.0]
+    states = rng.uniform(low * 2, high * 2, (count, 8)).astype(np.float32)
+    states[:, 3::4] = jax.vmap(jax.vmap(wrap_angle))(jnp.asarray(states[:, 3::4]))
+    return states
 
 
 def packages(game: Game, name: str, states: np.ndarray) -> np.ndarray:
@@ -89,9 +44,19 @@ def packages(game: Game, name: str, states: np.ndarray) -> np.ndarray:
     @jax.jit
     @jax.vmap
     def see(row):
-        own, opponent = (
-            RobotState(x, y, v, wrap_angle(heading)) for x, y, v, heading in (tuple(row[:4]), tuple(row[4:]))
-        )
+        own, opponent = RobotState(*row[:4]), RobotState(*row[4:])
         return OBSERVATIONS[name](look(game, GameState.of_two(opponent, own, jnp.int32(0)), Role.EVADER))
 
     return np.asarray(see(jnp.asarray(states)))
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+@pytest.mark.parametrize("name", ["paper", "encoded"])
+def test_the_pages_observation_is_the_packages(name, tmp_path):
+    agent = describe(make_network(name, 4, 1, jax.random.key(0)), Role.EVADER, {}, {})
+    save_agent(agent, tmp_path / "agent.safetensors")
+    for where, game in GAMES.items():
+        states = some_states(game, 1000)
+        asked = {"path": str(tmp_path / "agent.safetensors"), "game": to_dict(game), "role": agent.header.role}
+        seen = ask(agent=asked, positions=np.roll(states, 4, axis=1).tolist())["observed"]  # the pursuer is first there
+        np.testing.assert_allclose(seen, packages(game, name, states), atol=2e-5, err_msg=where)

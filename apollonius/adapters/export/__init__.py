@@ -1,1 +1,0 @@
-"""Trained agents as files that need no JAX: ONNX and C99."""

@@ -1,0 +1,82 @@
+"""A player as an ONNX model, by jax2onnx over the very function that plays, and that model in onnxruntime."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+import onnxruntime
+from jax.extend.core import Jaxpr, Literal
+from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
+
+from apollonius.errors import InvalidInput
+from apollonius.export.equations import CALLED
+from apollonius.export.parity import Decide
+from apollonius.export.player import Player
+
+OPSET = 21
+"""Of 2024: onnxruntime 1.18 and later."""
+_ERRORS = 3
+"""What onnxruntime tells from: it else warns of every constant that is left over."""
+
+
+def model_of(player: Player) -> bytes:
+    """Return the model.
+
+    Inputs are the state, who is in play, the memory and the random bits, as far as there are any; outputs are the
+    action, the controls and the memory (`Player.decide`).
+
+    Raises:
+        InvalidInput: for what jax2onnx cannot take, with its reason.
+    """
+    policy, game, *rest = player.arguments
+    leaves, shape = jax.tree.flatten(tuple(rest))
+
+    def decide(*given: Any) -> list[Any]:
+        made = player.decide(policy, game, *jax.tree.unflatten(shape, given))
+        return [made["action"], made["controls"], *jax.tree.leaves(made["memory"])]
+
+    closed = jax.make_jaxpr(decide)(*leaves)
+    inputs = [jax.ShapeDtypeStruct(np.shape(leaf), jax.numpy.asarray(leaf).dtype) for leaf in leaves]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model: Any = to_onnx(
+                lambda *given: tuple(_run(closed.jaxpr, closed.consts, given)), inputs, model_name="player", opset=OPSET
+            )
+        return model.SerializeToString()
+    except Exception as reason:  # jax2onnx says in many ways what it cannot take
+        first = str(reason).strip().splitlines()[0] if str(reason).strip() else type(reason).__name__
+        raise InvalidInput(f"'{player.name}' cannot become ONNX, jax2onnx says: {first}; --to c takes it.") from reason
+
+
+def load(model: bytes) -> tuple[Decide, Callable[[], object]]:
+    """Return a model in onnxruntime, and a call of it with what it was given last."""
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level, options.intra_op_num_threads = _ERRORS, 1
+    session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    names, last = [one.name for one in session.get_inputs()], dict[str, Any]()
+
+    def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
+        given = dict(zip(("state", *names[1:]), jax.tree.leaves((state, active, memory, bits)), strict=False))
+        last.update({name: given[name] for name in names})
+        action, controls = session.run(None, last)[:2]
+        return np.asarray(action), np.asarray(controls)
+
+    return decide, lambda: session.run(None, last)
+
+
+def _run(jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[Any]) -> list[Any]:
+    """Run equations as they are, with called functions in their place, of which jax2onnx knows some only."""
+    known: dict[Any, Any] = dict(zip([*jaxpr.constvars, *jaxpr.invars], [*consts, *given], strict=True))
+    for equation in jaxpr.eqns:
+        read = [one.val if isinstance(one, Literal) else known[one] for one in equation.invars]
+        if equation.primitive.name in CALLED:
+            called = equation.params[CALLED[equation.primitive.name]]
+            made = _run(called.jaxpr, called.consts, read)
+        else:
+            made = equation.primitive.bind(*read, **equation.params)
+        many = made if equation.primitive.multiple_results or equation.primitive.name in CALLED else [made]
+        known |= dict(zip(equation.outvars, many, strict=True))
+    return [one.val if isinstance(one, Literal) else known[one] for one in jaxpr.outvars]

@@ -1,0 +1,165 @@
+"""Whether an exported policy decides as the package's player, in states of real games."""
+
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
+
+from apollonius.agents.policy import Memory
+from apollonius.agents.pool import Pool, solo
+from apollonius.agents.uniform import Uniform
+from apollonius.export.player import Player
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import ROLES, GameState, Role
+from apollonius.rollout import Games, begin, collect
+
+BREADTH = 1e-5
+"""How far around a state [m, m/s, rad] the package's player may do what an exported one does in it: single precision
+rounds as much, and what is seen of a chart, or a shield's consent, can jump there."""
+TOLERANCE = 1e-4
+"""By how much of its largest value a control may differ from the package's. Single precision makes 7e-6 of it."""
+_GAMES = 100
+_SPACING = 5
+"""Steps between two states that are kept: the ones between are much like them."""
+_CHUNK = 500
+_AROUND = 64
+
+Decide = Callable[[Float32[np.ndarray, "robots 4"], Any, Any, np.uint32], tuple[np.ndarray, np.ndarray]]
+"""From state, who is in play, memory and random bits to action and controls, as `Player.decide`."""
+
+
+@dataclass(frozen=True)
+class Cases:
+    """What a player is asked, leaves `[cases]`; see `Player.decide`."""
+
+    states: Float32[np.ndarray, "cases robots 4"]
+    active: Bool[np.ndarray, "cases robots"] | None
+    memory: Any
+    bits: UInt32[np.ndarray, " cases"]
+
+
+@dataclass(frozen=True)
+class Parity:
+    """In how many states an exported policy did what the package's player did not.
+
+    Attributes:
+        states: how many there were.
+        ties: differences within rounding: what the player does within `BREADTH` of the state.
+        errors: all others.
+        away: the largest difference of a control, in shares of its largest value.
+    """
+
+    states: int
+    ties: int
+    errors: int
+    away: float
+
+
+def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
+    """Return states of games against a random opponent, 100 at a time; a game that ends begins again.
+
+    Args:
+        count: how many; a multiple of 100 is played and cut.
+        seed: of starts and of everything random in the games.
+    """
+    policy = solo(player.package)
+    states, memory, bits = _play(player.game, policy, player.role, jax.random.key(seed), -(-count // _GAMES))
+    rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in _own_first(states.robots, player.role)]
+    active = None
+    if states.status is not None:
+        active = np.stack(jax.device_get(_own_first(states.active, player.role)), axis=-1)[:count]
+    first = jax.tree.map(lambda leaf: np.asarray(leaf)[:count, 0], memory)
+    return Cases(np.stack(rows, axis=1)[:count], active, first, np.asarray(bits)[:count])
+
+
+def _own_first(sides: Any, role: Role) -> list[Any]:
+    return [*sides[role], *sides[role.other]]
+
+
+@functools.partial(jax.jit, static_argnames=("role", "rows"))
+def _play(
+    game: Game, player: Pool, role: Role, key: PRNGKeyArray, rows: int
+) -> tuple[GameState, Memory, UInt32[Array, " cases"]]:
+    start_key, word_key, play_key, bits_key = jax.random.split(key, 4)
+    players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
+    first = jax.tree.map(lambda leaf: leaf[0], starts)
+    games = begin(first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
+
+    def step(games: Games, row: Array) -> tuple[Games, tuple[GameState, Memory]]:
+        fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)
+        after, _ = collect(game, players, games, fresh, jax.random.fold_in(play_key, row), _SPACING)
+        return after, (games.state, games.sides[role].memory)
+
+    kept = jax.lax.scan(step, games, jnp.arange(rows))[1]
+    states, memory = jax.tree.map(lambda leaf: leaf.reshape(rows * _GAMES, *leaf.shape[2:]), kept)
+    return states, memory, jax.random.bits(bits_key, (rows * _GAMES,), jnp.uint32)
+
+
+def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndarray, "cases 2"]]:
+    """Return the actions and the controls of the package's player."""
+    decide = jax.jit(jax.vmap(player.decide, in_axes=(None, None, 0, 0 if cases.active is not None else None, 0, 0)))
+    asked = (cases.states, cases.active, cases.memory, cases.bits)
+    found = []
+    for first in range(0, len(cases.states), _CHUNK):
+        index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)  # one compilation serves all
+        made = decide(player.policy, player.game, *jax.tree.map(functools.partial(_rows, index), asked))
+        found.append(jax.device_get((made["action"], made["controls"])))
+    actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*found, strict=True))
+    return actions, controls
+
+
+def _rows(index: np.ndarray, leaf: np.ndarray) -> np.ndarray:
+    return leaf[index]
+
+
+def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
+    """Return in how many cases an exported policy differs from the package's player."""
+    actions, controls = reference(player, cases)
+    body = player.game.bodies[player.role][0]
+    largest = np.maximum(np.array([body.u1_max, body.u2_max], np.float32), 1e-6)
+    said, driven = [], []
+    for place in range(len(cases.states)):
+        action, both = decide(*_case(cases, place))
+        said.append(action)
+        driven.append(both)
+    away = np.abs(np.array(driven) - controls) / largest
+    differ = ~(away <= TOLERANCE).all(axis=1)  # also where one is NaN
+    if not player.policy.continuous:
+        differ |= np.array(said).reshape(actions.shape) != actions
+    ties = sum(
+        _is_tie(player, cases, place, np.array(driven[place]), largest) for place in map(int, np.flatnonzero(differ))
+    )
+    return Parity(len(actions), ties, int(differ.sum()) - ties, float(away[~differ].max(initial=0)))
+
+
+def _case(cases: Cases, place: int) -> tuple[Any, ...]:
+    return jax.tree.map(lambda leaf: leaf[place], (cases.states, cases.active, cases.memory, cases.bits))
+
+
+def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray, largest: np.ndarray) -> bool:
+    """Whether the package's player drives so around a state; of continuous ones, whether it is in their range."""
+    state, *rest = _case(cases, place)
+    moved = np.random.default_rng(0).uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
+    many = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (_AROUND, *np.shape(leaf))), tuple(rest))
+    _, controls = reference(player, Cases(state + moved, *many))
+    if not player.policy.continuous:
+        return bool((np.abs(controls - driven) <= TOLERANCE * largest).all(axis=1).any())
+    within = np.clip(driven, controls.min(axis=0), controls.max(axis=0))
+    return bool((np.abs(within - driven) <= TOLERANCE * largest).all())
+
+
+def microseconds(call: Callable[[], object], calls: int = 10_000) -> float:
+    """Return the median time of a call."""
+    spent = []
+    for _ in range(calls):
+        began = time.perf_counter_ns()
+        call()
+        spent.append(time.perf_counter_ns() - began)
+    return float(np.median(spent)) / 1000

@@ -1,0 +1,175 @@
+"""A player as a function of arrays alone: what an exported policy computes, in every language."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt32
+
+from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.classical import BRAKE_STRAIGHT
+from apollonius.agents.names import SHIELDED
+from apollonius.agents.policy import AbstractPolicy, Memory, reads_chart
+from apollonius.agents.trained import find_trained
+from apollonius.arenas.charting import charted
+from apollonius.arenas.record import from_dict
+from apollonius.catalogue import find_player
+from apollonius.errors import require
+from apollonius.game.by_side import BySide
+from apollonius.game.chart import Chart
+from apollonius.game.game import Game
+from apollonius.game.presets import make_game
+from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.observe.view import look
+
+LARGEST = 1e6
+"""No number of a state is beyond this. Compared is the sum of their squares: one test, and a NaN fails it too."""
+_FALLBACK = -1.0, 0.0
+"""Full braking straight ahead, as shares of the largest controls."""
+
+
+@dataclass(frozen=True)
+class Player:
+    """A player of one robot in games of one size.
+
+    Attributes:
+        name: what it is called.
+        role: its side.
+        game: the game, with the arena's chart if the player reads one.
+        package: the player as the package plays it.
+        policy: the same without charts of its own, its layers' weights transposed: `[in, out]`.
+    """
+
+    name: str
+    role: Role
+    game: Game
+    package: AbstractPolicy
+    policy: AbstractPolicy
+
+    @property
+    def robots(self) -> int:
+        """How many there are on both sides."""
+        return sum(map(len, self.game.bodies))
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Arguments of `decide`, the last three but examples."""
+        active = jnp.ones(self.robots, bool) if self.robots > 2 else None
+        states = jnp.zeros((self.robots, 4), jnp.float32)
+        return self.policy, self.game, states, active, self.policy.memory, jnp.uint32(0)
+
+    @property
+    def decide(self) -> Callable[..., dict[str, Any]]:
+        """The function that plays.
+
+        Its arguments are the player and the game; x [m], y [m], speed [m/s] and heading [rad] of every robot, its own
+        first, then its mates', then its opponents'; in teams whether each is in play; the memory that it returned last,
+        or that of the policy where a game begins; and 32 random bits. It returns the action (`types.Action`), the
+        controls u1 [m/s^2] and u2 [rad/s], and the memory. A state with a number that is none, or beyond `LARGEST`, is
+        answered by full braking, straight ahead.
+        """
+        role, sides = self.role, self.game.bodies.map(len)
+
+        def decide(
+            player: AbstractPolicy,
+            game: Game,
+            state: Float[Array, "robots 4"],
+            active: Bool[Array, " robots"] | None,
+            memory: Memory,
+            bits: UInt32[Array, ""],
+        ) -> dict[str, Any]:
+            policy = transposed(player)
+            seen = policy.observation(look(game, state_of(state, active, role, sides), role))
+            action, memory = policy(seen, memory, bits)
+            sane = jnp.sum(state * state) <= LARGEST**2
+            brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
+            action = jnp.where(sane, action, brake)
+            controls = game.bodies[role][0].controls(action)
+            return {"action": action, "controls": jnp.stack(controls), "memory": memory}
+
+        return decide
+
+
+def side_of(name: str, given: str | None = None) -> Role:
+    """Return the side that a player plays.
+
+    Args:
+        given: the side that was asked for, for players that play either.
+
+    Raises:
+        InvalidInput: where it plays the other one only, or either and nobody said which.
+    """
+    bare = name.removeprefix(SHIELDED)
+    sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
+    named = [side.name.lower() for side in sides]
+    require(given is None or given in named, "--side", given, f"{' or '.join(named)}, which '{name}' plays")
+    require(given or len(sides) == 1, "--side", None, f"given, since '{name}' plays either: {' or '.join(named)}")
+    return Role[given.upper()] if given else sides[0]
+
+
+def home_of(name: str) -> Game:
+    """Return the game that a player was made for; `paper` for one that was made for none.
+
+    Raises:
+        InvalidInput: where it was made for many arenas, or its file does not say.
+    """
+    bare = name.removeprefix(SHIELDED)
+    if bare in PLAYERS:
+        return make_game("paper")
+    header = find_trained(bare)[0].header
+    require(header.game, "--game", None, f"given, since '{name}' does not say what it was made for")
+    game = from_dict(Game, header.game, f"'{name}'")
+    require(game.scenario is None, "--game", None, f"given, since '{name}' plays in any arena: as --game office")
+    return game
+
+
+def find_exportable(name: str, role: Role, game: Game) -> Player:
+    """Return the player of this name, to be exported.
+
+    Raises:
+        InvalidInput: as `find_player`, for games in several arenas, for networks with numbers that are none, and for
+            a robot whose braking, the answer to a broken state, does not end at rest.
+    """
+    game.require_one_arena("an exported policy")
+    policy = find_player(name, role, game).policy
+    finite = all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(policy, eqx.is_inexact_array)))
+    require(finite, "weights", "NaN or infinite", "finite; train the agent again")
+    body = game.bodies[role][0]
+    bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
+    require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
+    known = charted(game) if reads_chart(policy) else game
+    return Player(name, role, known, policy, transposed(_without_charts(policy)))
+
+
+def state_of(
+    state: Float[Array, "robots 4"], active: Bool[Array, " robots"] | None, role: Role, sides: BySide[int]
+) -> GameState:
+    """Return the state of a game from the robots' numbers, one side's first."""
+    ours, robots = sides[role], [RobotState(*row) for row in state]
+    both = BySide.of(role, tuple(robots[:ours]), tuple(robots[ours:]))
+    begun = GameState.at_start(both)
+    if active is None:
+        return begun
+    status = [jnp.where(one, RobotStatus.ACTIVE, RobotStatus.HIT_OBSTACLE).astype(jnp.int32) for one in active]
+    return replace(begun, status=BySide.of(role, tuple(status[:ours]), tuple(status[ours:])))
+
+
+def transposed(tree: Any) -> Any:
+    """Return a pytree with all layers' weights transposed: the inner loop of a product then reads them in a row."""
+
+    def turned(part: Any) -> Any:
+        is_layer = isinstance(part, eqx.nn.Linear)
+        return eqx.tree_at(lambda layer: layer.weight, part, part.weight.T) if is_layer else part
+
+    return jax.tree.map(turned, tree, is_leaf=lambda part: isinstance(part, eqx.nn.Linear))
+
+
+def _without_charts(policy: AbstractPolicy) -> AbstractPolicy:
+    def kept(part: Any) -> Any:
+        return None if isinstance(part, Chart) else part
+
+    return jax.tree.map(kept, policy, is_leaf=lambda part: isinstance(part, Chart))

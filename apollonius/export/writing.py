@@ -1,0 +1,170 @@
+"""A player written in another language, checked against the package's own before it is kept."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from apollonius.document import write_atomically
+from apollonius.errors import InvalidInput, require, require_extra
+from apollonius.export.c import header, source
+from apollonius.export.compiled import Compiled
+from apollonius.export.parity import Decide, cases_of, compare, microseconds
+from apollonius.export.player import LARGEST, Player
+from apollonius.export.program import Program
+from apollonius.export.translate import translated
+
+STATES = 10_000
+"""Decisions of real games that an exported player is compared on."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A player that was written: its files, and what it is and what checking it came to, a line each."""
+
+    files: tuple[Path, ...]
+    about: tuple[str, ...]
+
+
+def translate(function: Callable[..., Any], *arguments: Any, to: str = "c", name: str = "program") -> dict[str, str]:
+    """Return a JAX function as a program that needs no JAX: the texts of its files, by their names.
+
+    Args:
+        function: a function of pytrees of arrays, which JAX can trace.
+        arguments: pytrees of arrays or numbers, of the shapes that the program shall take.
+        to: the language, `c`: C99, a source and its header.
+        name: what the program and its files are called: a name of C.
+
+    Raises:
+        InvalidInput: for a language that is not known, and for a primitive or a number type that cannot be translated,
+            with the line that it comes from.
+    """
+    require(to == "c", "to", to, "c, the language that there is")
+    program = translated(function, *arguments, name=name)
+    return {f"{name}.h": header(program), f"{name}.c": source(program)}
+
+
+def write_c(player: Player, out: Path, constants: bool = False, states: int = STATES) -> Written:
+    """Write a player as C99: a source, its header, and files of what it reads. Nothing is written unless it decides as
+    the package's player does.
+
+    Args:
+        out: the source, a name of C that ends in `.c`; the other files lie beside it.
+        constants: whether the player's numbers are in the source instead of a file.
+        states: how many decisions are compared.
+
+    Raises:
+        InvalidInput: for a name that C does not allow, a player that cannot be translated, and one that decides
+            otherwise.
+    """
+    allowed = re.fullmatch("[A-Za-z][A-Za-z0-9_]*", out.stem)
+    require(allowed, "file", out, "a file whose name begins with a letter and goes on with letters, digits and _")
+    program = program_of(player, out.stem, constants)
+    checked = _check(program, player, constants, states)
+    files = {out: source(program).encode(), out.with_suffix(".h"): header(program, _about(program, player)).encode()}
+    for record, argument in zip(program.arguments, _given(player, constants), strict=False):
+        if record.name in ("player", "game", "memory") and record.leaves:
+            files[out.with_suffix(f".{record.name}")] = record.pack(argument)
+    for file, content in files.items():
+        write_atomically(file, content)
+    return Written(tuple(files), (f"The {player.role.name.lower()} {player.name}", *checked))
+
+
+def write_onnx(player: Player, out: Path, states: int = STATES) -> Written:
+    """Write a player as an ONNX model, by jax2onnx over the function that plays. Nothing is written unless it decides
+    as the package's player does.
+
+    Raises:
+        InvalidInput: where the libraries are not installed, for a player that jax2onnx cannot take, and for one that
+            decides otherwise.
+    """
+    require_extra("export", "writing ONNX")
+    from apollonius.export.onnx import load, model_of
+
+    model = model_of(player)
+    decide, again = load(model)
+    lines = check(decide, player, states)
+    write_atomically(out, model)
+    timed = f"one decision in onnxruntime, median of 10,000: {microseconds(again):.1f} us"
+    return Written((out,), (f"The {player.role.name.lower()} {player.name}", *lines, timed))
+
+
+def program_of(player: Player, name: str, constants: bool = False) -> Program:
+    """Return the program that plays, its own numbers as an argument or as constants."""
+    given = _given(player, constants)
+    return translated(partial(player.decide, player.policy) if constants else player.decide, *given, name=name)
+
+
+def _given(player: Player, constants: bool) -> tuple[Any, ...]:
+    return player.arguments[1:] if constants else player.arguments
+
+
+def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
+    """Lines that say whether the program decides as the package's player, and how quickly.
+
+    Raises:
+        InvalidInput: if it does not.
+    """
+    try:
+        compiled = Compiled(program)
+    except InvalidInput as reason:
+        return [f"not checked: {reason}"]
+    fixed = (player.game,) if constants else (player.policy, player.game)
+
+    def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
+        action, controls = compiled(*fixed, state, active, memory, bits)[:2]
+        return action, controls
+
+    lines = check(decide, player, states)
+    return [*lines, f"one decision, median of 10,000: {microseconds(compiled.again):.1f} us"]
+
+
+def check(decide: Decide, player: Player, states: int) -> list[str]:
+    """Return what comparing an exported player with the package's came to.
+
+    Raises:
+        InvalidInput: if one decision differs by more than rounding.
+    """
+    parity = compare(decide, player, cases_of(player, states))
+    if parity.errors:
+        raise InvalidInput(
+            f"{parity.errors:,} of {states:,} decisions differ from the package's: report this as an error."
+        )
+    ties = f", {parity.ties} of them within rounding of another" if parity.ties else ""
+    return [f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}"]
+
+
+def _about(program: Program, player: Player) -> list[str]:
+    """What the header says."""
+    game, role, names = player.game, player.role, {record.name for record in program.records}
+    (body, *mates), opponents, arena = game.bodies[role], game.bodies[role.other], game.arena
+    others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"
+    files = " and ".join(f"{program.name}.{name}" for name in ("player", "game") if name in names)
+    gears = "shares of the largest controls, in [-1, 1]"
+    nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
+    said = {
+        files: "the structs below as a little-endian machine has them: read them into memory",
+        "state": f"x [m], y [m], speed [m/s], heading [rad] of {player.robots} robots: its own, then {others}",
+        "active": "of the same robots, whether each is in play",
+        "memory": "where a game begins that of the file, later what the last call returned",
+        "bits": "32 random bits, fresh for every call",
+        "action": gears if player.policy.continuous else nine,
+        "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s",
+    }
+    limits = (
+        f"v from {body.v_min:g} to {body.v_max:g} m/s, |u1| to {body.u1_max:g} m/s^2, |u2| to {body.u2_max:g} rad/s"
+    )
+    return [
+        f"The {role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
+        f"Its robot: {limits}, radius {body.radius:g} m.",
+        f"The arena: x from {arena.x_min:g} to {arena.x_max:g} m, y from {arena.y_min:g} to {arena.y_max:g} m.",
+        "",
+        *(f"{name}: {words}." for name, words in said.items() if name == files != "" or name in names),
+        "",
+        f"A state with a NaN, an infinity or a number beyond {LARGEST:,.0f} gets full braking, straight ahead.",
+        "Nothing is allocated, and nothing is kept between calls.",
+    ]

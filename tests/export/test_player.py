@@ -1,0 +1,198 @@
+"""Players of all kinds in C, against the package's own; and the files that a robot's program reads."""
+
+import subprocess
+from shutil import which
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import apollonius
+from apollonius.agents.names import BUILT_IN, zoo_names
+from apollonius.arenas.file import find_game
+from apollonius.cli import main
+from apollonius.errors import InvalidInput
+from apollonius.export import writing
+from apollonius.export.compiled import FLAGS
+from apollonius.export.parity import cases_of, compare
+from apollonius.export.player import find_exportable, home_of, side_of
+from apollonius.export.writing import check, write_c
+from apollonius.game.types import Role
+from tests.export.test_translate import needs_gcc
+
+KINDS = [
+    ("paper", "shielded:P_smooth", "pursuer"),
+    pytest.param("team-2v1", "P_stage1", "pursuer", marks=pytest.mark.slow),
+    pytest.param("four-small", "random", "evader", marks=pytest.mark.slow),
+]
+"""Continuous actions and a shield, a team, chance."""
+ALL = [
+    (game, shield + name, side)
+    for game in ("paper", "office", "team-3v1")
+    for name in [*zoo_names(), "pure-pursuit", "intercept", "flee", "flee-aware"]
+    for side in [side_of(name).name.lower()]
+    for shield in ("", "shielded:")
+] + [("team-3v1", name, "pursuer") for name in ("voronoi-pursuit", "encirclement", "shielded:encirclement")]
+
+
+def exportable(game, name, side=None):
+    return find_exportable(name, side_of(name, side), find_game(game))
+
+
+@needs_gcc
+@pytest.mark.parametrize(("game", "name", "side"), KINDS)
+def test_players_in_c_decide_as_the_packages(game, name, side, tmp_path):
+    written = write_c(exportable(game, name, side), tmp_path / "robot.c", states=200)
+    assert "checked in 200 states of games: the package's decisions" in written.about[1]
+
+
+@pytest.mark.slow
+@needs_gcc
+@pytest.mark.parametrize(("game", "name", "side"), ALL)
+def test_every_player_in_c_decides_as_the_packages(game, name, side, tmp_path):
+    try:
+        player = exportable(game, name, side)
+    except InvalidInput as refusal:
+        pytest.skip(str(refusal))
+    write_c(player, tmp_path / "robot.c")
+
+
+def test_one_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
+    player = exportable("paper", "pure-pursuit")
+    cases = cases_of(player, 100)
+    own = jax.jit(player.decide)
+
+    def tampered(state, active, memory, bits):
+        made = own(player.policy, player.game, state, active, memory, bits)
+        controls = np.array(made["controls"])
+        controls[1] += 0.01 * (state[0, 0] > 5)
+        return np.asarray(made["action"]), controls
+
+    parity = compare(tampered, player, cases)
+    assert (parity.states, parity.errors) == (100, int((cases.states[:, 0, 0] > 5).sum()))
+    monkeypatch.setattr(writing, "cases_of", lambda *_: cases)
+    with pytest.raises(InvalidInput, match=r"of 100 decisions differ from the package's"):
+        check(tampered, player, 100)
+
+
+@needs_gcc
+@pytest.mark.parametrize("broken", [np.nan, np.inf, -2e6])
+def test_a_state_that_cannot_be_is_answered_by_braking(broken):
+    for name in ("P_smooth", "pure-pursuit"):
+        player = exportable("paper", name)
+        states = np.array([[2, 3, 0.5, 0], [7, 6, broken, 1]], np.float32)
+        made = player.decide(player.policy, player.game, jnp.asarray(states), None, (), jnp.uint32(0))
+        np.testing.assert_allclose(made["controls"], [-0.3, 0], atol=1e-6)
+
+
+MAIN = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "robot.h"
+
+static robot_player player;
+static robot_game game;
+
+int main(int count, char **words)
+{
+    FILE *one = fopen("robot.player", "rb"), *two = fopen("robot.game", "rb");
+    if (count != 9 || !one || !two)
+        return 1;
+    if (fread(&player, sizeof player, 1, one) != 1 || fread(&game, sizeof game, 1, two) != 1)
+        return 2;
+    fclose(one);
+    fclose(two);
+    float state[8], controls[2];
+    for (int i = 0; i < 8; i++)
+        state[i] = strtof(words[i + 1], NULL);
+    int32_t action;
+    robot(&player, &game, state, &action, controls);
+    printf("%d %.9g %.9g\\n", (int)action, controls[0], controls[1]);
+    return 0;
+}
+"""
+
+
+@needs_gcc
+def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, "_check", lambda *_: [])
+    (tmp_path / "main.c").write_text(MAIN)
+    states = np.array([[2, 3, 0.5, 0.1], [7, 6, 0, -1.5]], np.float32)
+    words = [str(number) for number in states.ravel()]
+    sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
+    seen = set()
+
+    def output(*program):
+        return subprocess.run([*program, *words], check=True, cwd=tmp_path, capture_output=True, text=True).stdout
+
+    for game in ("paper", "robot"):
+        player = exportable(game, "P_stage1")
+        write_c(player, tmp_path / "robot.c", states=100)
+        compiler = ["gcc", *FLAGS, "main.c", "robot.c", "-lm", "-o"]
+        subprocess.run([*compiler, "clean", *sanitizers], check=True, cwd=tmp_path)
+        said = output("./clean")
+        made = player.decide(player.policy, player.game, jnp.asarray(states), None, (), jnp.uint32(0))
+        assert [float(word) for word in said.split()] == pytest.approx(
+            [int(made["action"]), *map(float, made["controls"])]
+        )
+        if which("valgrind"):
+            subprocess.run([*compiler, "plain", "-g"], check=True, cwd=tmp_path)
+            assert output("valgrind", "-q", "--error-exitcode=9", "./plain") == said
+        seen.add((tmp_path / "robot.c").read_bytes())
+    assert len(seen) == 1  # the program is the same, the game's file is another
+
+
+def test_a_function_of_ones_own_becomes_c():
+    def law(limits, state):
+        """Turn towards the origin, at a share of the largest turn rate."""
+        bearing = jnp.arctan2(-state[1], -state[0]) - state[2]
+        return limits["turn"] * jnp.sin(bearing)
+
+    files = apollonius.translate(law, {"turn": 0.8}, jnp.zeros(3), name="home")
+    assert sorted(files) == ["home.c", "home.h"]
+    assert "void home(const home_limits *limits, const float *state, float *result);" in files["home.h"]
+    with pytest.raises(InvalidInput, match="to = rust"):
+        apollonius.translate(law, {"turn": 0.8}, jnp.zeros(3), to="rust")
+
+
+@needs_gcc
+def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(writing, "STATES", 100)
+    out = tmp_path / "chaser.c"
+    assert main(["export", "P_stage1", "--to", "c", "--out", str(out), "--constants"]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["chaser.c", "chaser.game", "chaser.h"]
+    said = capsys.readouterr()
+    assert "The pursuer P_stage1\nchecked in" in said.out
+    assert "us\n" in said.out
+    text = out.with_suffix(".h").read_text()
+    for words in ("The pursuer P_stage1 of a pursuit-evasion game, 1 v 1.", "state: x [m]", "chaser.game: the structs"):
+        assert words in text
+    assert "chaser_player" not in text
+
+
+REFUSED = {
+    "still --to c --out a.c": "--side = None is not possible: it must be given, since 'still' plays either",
+    "flee --to c --out a.c --side pursuer": "--side = pursuer",
+    "P_any --to c --out a.c": "plays in any arena: as --game office",
+    "P_stage1 --to c --out a.onnx": "a file that ends in .c",
+    "P_stage1 --to onnx --out a.onnx --constants": "--constants",
+    "P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
+    "P_stage1 --to c --out a.c --game suite-v1/held-out": "one arena, which export needs",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_cannot_be_exported_is_refused_in_one_line(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", *words.split()]) == 2
+    *_, last = capsys.readouterr().err.strip().splitlines()
+    assert REFUSED[words] in last
+    assert not list(tmp_path.iterdir())
+
+
+def test_players_know_their_side_and_their_game():
+    assert (side_of("E_scratch"), side_of("shielded:flee")) == (Role.EVADER, Role.EVADER)
+    assert side_of("random", "evader") == Role.EVADER
+    assert home_of("P_stage1").size == "1 v 1"
+    assert set(BUILT_IN) >= {"random", "still"}
