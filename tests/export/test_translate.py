@@ -163,7 +163,7 @@ A = np.array([[1.5, -2, 0, 4], [3, 0, -1, 2], [-4, 7, 5, -6]], np.float32)
         (flow, (X[:3], np.int32(7))),
         (calls, (X[:3],)),
     ],
-    ids=str,
+    ids=["real", "whole", "within", "before", "beyond", "flow", "calls"],
 )
 def test_programs_in_c_do_what_jax_does(function, arguments):
     same(function, *arguments)
