@@ -48,7 +48,7 @@ def model_of(player: Player) -> bytes:
         return model.SerializeToString()
     except Exception as reason:  # jax2onnx says in many ways what it cannot take
         first = str(reason).strip().splitlines()[0] if str(reason).strip() else type(reason).__name__
-        raise InvalidInput(f"'{player.name}' cannot become ONNX, jax2onnx says: {first}; --to c takes it.") from reason
+        raise InvalidInput(f"'{player.name}' cannot become ONNX, jax2onnx says: {first}; C takes it.") from reason
 
 
 def load(model: bytes) -> tuple[Decide, Callable[[], object]]:

@@ -172,9 +172,9 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
 
 
 REFUSED = {
-    "still --to c --out a.c": "--side = None is not possible: it must be given, since 'still' plays either",
-    "flee --to c --out a.c --side pursuer": "--side = pursuer",
-    "P_any --to c --out a.c": "plays in any arena: as --game office",
+    "still --to c --out a.c": "side = None is not possible: it must be given, since 'still' plays either",
+    "flee --to c --out a.c --side pursuer": "side = pursuer",
+    "P_any --to c --out a.c": "plays in any arena: as office",
     "P_stage1 --to c --out a.onnx": "a file that ends in .c",
     "P_stage1 --to onnx --out a.onnx --constants": "--constants",
     "P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
