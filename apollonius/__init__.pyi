@@ -36,7 +36,6 @@ from apollonius.game.types import RobotState as RobotState
 from apollonius.game.types import Role as Role
 from apollonius.observe.registry import find_observation as find_observation
 from apollonius.observe.view import look as look
-from apollonius.playout import play_at_once as play_at_once
 from apollonius.playout import play_out as play_out
 from apollonius.replay import load_replay as load_replay
 from apollonius.replay import save_replay as save_replay
@@ -46,7 +45,6 @@ from apollonius.solve.joint import solve_duel as solve_duel
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy
 from apollonius.solve.reach import make_chase as make_chase
 from apollonius.solve.reach import solve_reach as solve_reach
-from apollonius.solve.safety import kernel_shielded as kernel_shielded
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.solving import joint_grid as joint_grid
 from apollonius.solve.solving import reference_grid as reference_grid

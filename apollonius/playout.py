@@ -123,22 +123,6 @@ def play_out(
     return jax.device_put(results)
 
 
-def play_at_once(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray) -> Results:
-    """The same for a few games, all of them side by side, as a part of what is compiled.
-
-    Args:
-        players: who plays either side.
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-    """
-    games = starts.steps.shape[0]
-    places = _empty(game, players, key, None, starts)
-    numbers = (jnp.asarray(number) for number in (0, games, jnp.iinfo(jnp.int32).max, False))
-    ended = _play(game, players, key, None, places, starts, *numbers)[2]
-    order = jnp.argsort(ended.index[:games])
-    return jax.tree.map(lambda leaf: leaf[order], ended.results)
-
-
 def _empty(
     game: Game, players: BySide[Pool], key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
 ) -> _Places:
@@ -155,7 +139,8 @@ def _no_results(watcher: AbstractWatcher | None, games: int, starts: GameState) 
     return Results(nothing, nothing, unwatched, jax.tree.map(lambda _: nothing, starts.status))
 
 
-def _play(
+@jax.jit
+def _advance(
     game: Game,
     players: BySide[Pool],
     key: PRNGKeyArray,
@@ -214,9 +199,6 @@ def _play(
         return places, taken + jnp.sum(fresh, dtype=jnp.int32), ended, step + 1
 
     return jax.lax.while_loop(goes_on, one_step, carry)[:3]
-
-
-_advance = jax.jit(_play)
 
 
 def _default_slots() -> int:

@@ -14,14 +14,14 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, step_disturbed, with_sensor_noise
 from apollonius.agents.policy import Memory
-from apollonius.agents.pool import PersistentNoise, Pool, Read, Seated
+from apollonius.agents.pool import Apart, PersistentNoise, Pool, Read, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.random_bits import fold_in, random_bits
 
-Players = Pool | Seated | PersistentNoise
+Players = Pool | Seated | Apart | PersistentNoise
 """All who play one side of a batch of games."""
 
 
@@ -121,27 +121,13 @@ def step_games(
 ) -> tuple[Games, Transition]:
     """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
 
-    def act(role: Role, read: Read, rows: Any) -> tuple[tuple[Actions, ...], Memory]:
-        """Return the actions of each of a side's robots, and their memory."""
-        robots, playing, side = len(games.state.robots[role]), players[role], games.sides[role]
-        given = rows, to_rows(side.memory), bits_of_team(bits[role], robots)
-        if isinstance(playing, Pool):
-            actions, memory = playing.act(jnp.tile(side.member, robots), read, *given)
-            return tuple(jnp.split(actions, robots)), from_rows(memory, robots)
-        each = [
-            jax.tree.map(lambda leaf, robot=robot: jnp.split(leaf, robots)[robot], given) for robot in range(robots)
-        ]
-        acted = [playing.act(side.member, read, *own) for own in each]
-        memory = jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=1), *(memory for _, memory in acted))
-        return tuple(actions for actions, _ in acted), memory
-
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[tuple[Read, Any]]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
         noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
         return ROLES.map(lambda role: perceive(players[role].observation, game, noisy[role], role))
 
     seen = sees(games.state, bits)
-    acted = ROLES.map(lambda role: act(role, *seen[role]))
+    acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
@@ -167,14 +153,27 @@ def step_games(
     return Games(after.state, sides), transition
 
 
-def to_rows(memory: Memory) -> Memory:
-    """Return memory by rows, those of the first robots first, from leaves `[games, robots, ...]`."""
-    return jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), memory)
+def decide(
+    players: Players, side: Player, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
+) -> tuple[tuple[Actions, ...], Memory]:
+    """Return the actions of each of a side's robots in many games, and their next memory.
 
-
-def from_rows(memory: Memory, robots: int) -> Memory:
-    """Return memory by games and robots, from rows."""
-    return jax.tree.map(lambda leaf: jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1), memory)
+    Args:
+        seen: by its robots, from `apollonius.observe.observation.perceive`.
+    """
+    read, rows = seen
+    robots = side.episode_return[0].size
+    memory = jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), side.memory)
+    given, member = (rows, memory, bits_of_team(bits, robots)), jnp.tile(side.member, robots)
+    if isinstance(players, Pool) or robots == 1:
+        actions, after = players.act(member, read, *given)
+        actions = tuple(jnp.split(actions, robots))
+    else:  # who sits where is known by the game's place in the batch
+        each = [jax.tree.map(lambda leaf, part=part: jnp.split(leaf, robots)[part], given) for part in range(robots)]
+        acted = [players.act(side.member, read, *own) for own in each]
+        actions = tuple(action for action, _ in acted)
+        after = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *(memory for _, memory in acted))
+    return actions, jax.tree.map(lambda leaf: jnp.swapaxes(leaf.reshape(robots, -1, *leaf.shape[1:]), 0, 1), after)
 
 
 def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:

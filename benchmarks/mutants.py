@@ -31,8 +31,8 @@ LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.
 """Imported once, before the processes that run the tests are forked."""
 ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
 CHANGED = (
-    "game", "rollout.py", "playout.py", "learn/replay_buffer.py", "learn/dqn.py", "learn/opponents", "solve",
-    "agents/shield.py",
+    "game", "rollout.py", "playout.py", "learn/replay_buffer.py", "learn/dqn.py", "learn/archive.py",
+    "learn/opponents.py", "solve", "agents/shield.py",
 )  # fmt: skip
 """The files and folders of the package that are changed."""
 LEARNING = "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_train_step.py learn"

@@ -29,11 +29,9 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Role
-from apollonius.learn import dqn
-from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn import curriculum, dqn
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.replay_buffer import Batch
-from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
@@ -113,12 +111,8 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     """
     game, key = make_game("paper"), jax.random.key(0)
     fixed: Mapping[Role, Pool] = {} if stage == "self-play" else {Role.EVADER: solo(Still())}
-    if fixed:
-        plan = Plan(config, StageConfig(env_steps=10**9))
-        state = start_fixed_target(plan, game, key, fixed[Role.EVADER])
-    else:
-        plan = Plan(config, SelfPlayConfig(env_steps=10**9))
-        state = start_self_play(plan, game, key, BySide(None, None))
+    plan = Plan(config, StageConfig(env_steps=10**9) if fixed else SelfPlayConfig(env_steps=10**9))
+    state = curriculum.start(plan, game, key, fixed)
 
     def run(repeat: int) -> Any:
         nonlocal state

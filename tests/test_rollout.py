@@ -28,7 +28,7 @@ from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
-from apollonius.playout import play_at_once, play_out
+from apollonius.playout import play_out
 from apollonius.rollout import begin, collect
 from tests.acting import act_in_rows
 
@@ -278,14 +278,6 @@ def test_however_many_short_games_there_are_the_length_of_a_chunk_can_be_counted
     )
     assert len(told) > 40, "each chunk may take twice the steps of the one before"
     assert set(np.unique(results.steps)) == {1}
-
-
-def test_games_go_the_same_as_a_part_of_what_is_compiled():
-    players, starts = (
-        BySide(pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)),
-        row(random_starts(), (0, slice(PLAYED_OUT))),
-    )
-    assert identical(numpy(jax.jit(play_at_once)(GAME, players, starts, jax.random.key(0))), random_results())
 
 
 def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts():

@@ -11,13 +11,14 @@ import jax.numpy as jnp
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.disturbance import NONE
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Actions, GameState, Role, Timestep
 from apollonius.observe.observation import AbstractObservation, perceive
-from apollonius.rollout import bits_of_team, from_rows, of_robots, to_rows
+from apollonius.rollout import Player, decide, fresh_player, of_robots
 
 Tree = TypeVar("Tree")
 SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
@@ -57,33 +58,31 @@ class Sitting:
         _, seen = perceive(self.observation, self.game, state, self.role)
         return of_robots(jnp.split(seen, self.robots[self.role]))
 
-    def answer(self, now: "Standing", bits: UInt32[Array, ""]) -> tuple[list[Actions], Memory]:
-        """Return what each robot of the opponent does, and its next memory."""
-        side = self.role.other
-        robots, opponent = self.robots[side], solo(self.opponent)
-        bits = bits_of_team(jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32), robots)
-        read, rows = perceive(opponent.observation, self.game, now.state, side)
-        actions, memory = opponent.act(jnp.zeros(bits.shape, jnp.int32), read, rows, to_rows(now.memory), bits)
-        return jnp.split(actions, robots), from_rows(memory, robots)
+    def answer(self, now: "Standing", bits: UInt32[Array, ""]) -> tuple[tuple[Actions, ...], Player]:
+        """Return what each robot of the opponent does, and what it carries on."""
+        bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
+        seen = perceive(self.opponent.observation, self.game, now.state, self.role.other)
+        actions, memory = decide(solo(self.opponent), now.opponent, seen, bits)
+        return actions, replace(now.opponent, memory=memory)
 
     def begin(self, state: GameState) -> "Standing":
         """Return games as they stand at their starts."""
-        shape = (len(state.steps), self.robots[self.role.other])
-        memory = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *jnp.shape(leaf))), self.opponent.memory)
-        return Standing(state, self.see(state), memory)
+        bits, robots = jnp.zeros(len(state.steps), jnp.uint32), self.robots[self.role.other]
+        opponent = fresh_player(jnp.zeros(bits.shape, jnp.int32), bits, NONE, robots, self.opponent.memory)
+        return Standing(state, self.see(state), opponent)
 
-    def each(self, actions: SideActions) -> list[Actions]:
+    def each(self, actions: SideActions) -> tuple[Actions, ...]:
         """What each robot from outside does, of actions that have an axis of robots where there are several."""
         several = self.robots[self.role] > 1
-        return [actions[:, number] for number in range(actions.shape[1])] if several else [actions]
+        return tuple(actions[:, number] for number in range(actions.shape[1])) if several else (actions,)
 
 
 class Standing(eqx.Module):
-    """Games as they stand, what the side from outside sees of them, and the opponent's memory."""
+    """Games as they stand, what the side from outside sees of them, and what the opponent carries on."""
 
     state: GameState
     seen: Float[Array, "games *robots size"]
-    memory: Memory
+    opponent: Player
 
 
 class Told(eqx.Module):
@@ -113,10 +112,10 @@ def step_games(
     action: SideActions, bits: UInt32[Array, ""],
 ) -> tuple[Standing, Told]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
-    answer, memory = sitting.answer(now, bits)
+    answer, opponent = sitting.answer(now, bits)
     actions = BySide.of(sitting.role, sitting.each(action), answer)
     after = jax.vmap(sitting.game.step)(now.state, *actions.pair)
-    led_to = Standing(after.state, sitting.see(after.state), memory)
+    led_to = Standing(after.state, sitting.see(after.state), opponent)
     told = _told(sitting, led_to, after)
     match sitting.autoreset_mode:
         case AutoresetMode.SAME_STEP:

@@ -7,9 +7,9 @@ from typing import Any, overload
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from apollonius.agents.batching import batched_by
 from apollonius.game.types import NUM_ACTIONS
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
@@ -98,20 +98,9 @@ def inferred(network: Network, observation: Float[Array, " size"]) -> Any:
     return outputs if isinstance(network, QNetwork) else network.of_outputs(outputs)
 
 
-@custom_vmap
+@batched_by(lambda size, batched, layers, inputs: _apply_together(layers, inputs))
 def _inferred(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     return apply(layers, inputs)
-
-
-@_inferred.def_vmap
-def _inferred_together(
-    size: int, batched: Sequence[Any], layers: Layers, inputs: Float[Array, "..."]
-) -> tuple[Float[Array, "batch out"], bool]:
-    """Apply the same layers to a batch; `batched` says whether layers or inputs differ from row to row."""
-    if any(jax.tree.leaves(batched[0])):
-        axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
-        return jax.vmap(apply, in_axes=axes, axis_size=size)(layers, inputs), True
-    return _apply_together(layers, inputs), True
 
 
 def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:

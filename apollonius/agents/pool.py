@@ -1,4 +1,4 @@
-"""Who plays one side of a batch of games: one player, a pool of several, earlier versions in seats."""
+"""Who plays one side of a batch of games: one player, a pool of several, several next to one another."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,7 @@ from jaxtyping import Array, Int, UInt32
 
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.game.types import Actions
-from apollonius.observe.observation import Whole
+from apollonius.observe.observation import WHOLE, Whole
 
 Read = Callable[[Any], Any]
 """From a row of a batch to what players read."""
@@ -140,6 +140,50 @@ class Seated(eqx.Module):
         return jax.tree.map(in_order, own, others)
 
 
+class Apart(eqx.Module):
+    """Players of several kinds, each of whom has some games of a batch: the first those in front, and so on.
+
+    Attributes:
+        policies: the players; sides of one robot only.
+        games: how many games each of them has.
+    """
+
+    policies: tuple[AbstractPolicy, ...]
+    games: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def observation(self) -> Whole:
+        """The view, of which each makes what it reads."""
+        return WHOLE
+
+    @property
+    def samples(self) -> bool:
+        """Whether it takes random bits to say who plays a game: all have their own."""
+        return False
+
+    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """The member that each game meets."""
+        return jnp.concatenate([jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)])
+
+    @property
+    def memory(self) -> Memory:
+        """The memory with which every game begins: that of each of them, of which one is used."""
+        return tuple(policy.memory for policy in self.policies)
+
+    def act(
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+    ) -> tuple[Actions, Memory]:
+        """Return each row's action and next memory, by the player whose it is; arguments as those of `Pool.act`."""
+        actions, after = [], []
+        for number, policy in enumerate(self.policies):
+            own = slice(first := sum(self.games[:number]), first + self.games[number])
+            given = jax.tree.map(lambda leaf, own=own: leaf[own], (rows, memory[number], bits))
+            action, new = act_in_rows(policy, lambda row, policy=policy: policy.observation(read(row)), *given)
+            actions.append(action)
+            after.append(jax.tree.map(lambda all_, own_, own=own: all_.at[own].set(own_), memory[number], new))
+        return jnp.concatenate(actions), tuple(after)
+
+
 class PersistentNoise(eqx.Module):
     """Players who are given random bits of their own instead of every step's, so that what they try can last.
 
@@ -148,7 +192,7 @@ class PersistentNoise(eqx.Module):
         bits: some for each game.
     """
 
-    players: Pool | Seated
+    players: Pool | Seated | Apart
     bits: UInt32[Array, " games"]
 
     @property

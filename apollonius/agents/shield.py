@@ -1,6 +1,6 @@
 """A player that does not crash: another player's actions, unless they leave no way to stop in time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -9,9 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float, Int, UInt32
 
+from apollonius.agents.batching import batched_by, spread, where_needed
 from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.errors import require
 from apollonius.game.arena import Arena
@@ -170,48 +170,33 @@ class Shielded(AbstractPolicy):
         return jnp.stack(gears(safest)) if self.policy.continuous else safest
 
 
-@custom_vmap
+def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:
+    """Return the actions in many games.
+
+    Most of the time robots may do what they want: all nine actions are tried only for those that may not. Each action
+    is tried for all of these at once, rather than all actions for each: what is near to a robot is then read from
+    memory in a row.
+    """
+    axes, weighed = jax.tree.map(lambda has: 0 if has else None, batched[1]), spread(size, batched[2], weighed)
+    wanted = jax.vmap(player.wanted)(weighed)
+    room = jax.vmap(player.room_after, in_axes=(axes, 0), axis_size=size)(seen, wanted)
+
+    def some(games: Int[Array, " few"]) -> Actions:
+        theirs = jax.tree.map(lambda leaf, has: leaf[games] if has else leaf, seen, batched[1])
+        of_all = jax.vmap(player.room_after, in_axes=(axes, None), axis_size=_TRIED)
+        rooms = jax.vmap(of_all, in_axes=(None, 0))(theirs, jnp.arange(NUM_ACTIONS))
+        return jax.vmap(player.instead, in_axes=(0, 1))(jax.tree.map(lambda leaf: leaf[games], weighed), rooms)
+
+    return where_needed(~(room > MARGIN), some, wanted, _TRIED)
+
+
+@batched_by(_held_back_together)
 def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
     """Return the action that a player behind a shield takes, from what it thinks of the nine."""
     wanted = player.wanted(weighed)
     keeps = player.room_after(seen, wanted) > MARGIN
     room = jax.vmap(player.room_after, in_axes=(None, 0))(seen, jnp.arange(NUM_ACTIONS))
     return jnp.where(keeps, wanted, player.instead(weighed, room))
-
-
-@_held_back.def_vmap
-def _held_back_together(
-    size: int, batched: Sequence[Any], player: Shielded, seen: View, weighed: Any
-) -> tuple[Actions, bool]:
-    """Return the actions in many games; `batched` says what differs from game to game.
-
-    Most of the time robots may do what they want: all nine actions are tried only for those that may not, a few at
-    a time. Each action is tried for all of these at once, rather than all actions for each: what is near to a robot
-    is then read from memory in a row.
-    """
-    axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
-    if any(jax.tree.leaves(batched[0])):
-        return jax.vmap(_held_back.fun, in_axes=axes, axis_size=size)(player, seen, weighed), True
-    weighed = jax.tree.map(
-        lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), weighed, batched[2]
-    )
-    room_after = jax.vmap(player.room_after, in_axes=(axes[1], 0), axis_size=size)
-    wanted = jax.vmap(player.wanted)(weighed)
-    (which,) = jnp.nonzero(~(room_after(seen, wanted) > MARGIN), size=size + -size % _TRIED, fill_value=size)
-
-    def some(carry: tuple[Int[Array, ""], Actions]) -> tuple[Int[Array, ""], Actions]:
-        done, actions = carry
-        rows = jax.lax.dynamic_slice(which, (done,), (_TRIED,))
-        there = jnp.minimum(rows, size - 1)
-        theirs = jax.tree.map(lambda leaf, has: leaf[there] if has else leaf, seen, batched[1])
-        behind = jax.tree.map(lambda leaf: leaf[there], weighed)
-        of_all = jax.vmap(player.room_after, in_axes=(axes[1], None), axis_size=_TRIED)
-        rooms = jax.vmap(of_all, in_axes=(None, 0))(theirs, jnp.arange(NUM_ACTIONS))
-        instead = jax.vmap(player.instead, in_axes=(0, 1))(behind, rooms)
-        return done + _TRIED, actions.at[rows].set(instead, mode="drop")
-
-    count = jnp.sum(which < size, dtype=jnp.int32)
-    return jax.lax.while_loop(lambda carry: carry[0] < count, some, (jnp.zeros((), jnp.int32), wanted))[1], True
 
 
 def brakes(game: Game, role: Role) -> Backup:

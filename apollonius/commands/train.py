@@ -9,7 +9,7 @@ from apollonius.commands.solve import SOLVING, solved_game
 from apollonius.commands.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
 from apollonius.errors import require
 from apollonius.interrupts import asked_to_stop, go_on
-from apollonius.learn.opponents.schemes import SCHEMES
+from apollonius.learn.opponents import SCHEMES
 from apollonius.limits import SEED
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ def add_resume(subparsers: Any) -> None:
 def run_train(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
+    from apollonius.learn.curriculum import load_first
     from apollonius.learn.folder import create_run
-    from apollonius.learn.plans import load_first
 
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
@@ -133,7 +133,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
     from apollonius.arenas.suite import each_alone
     from apollonius.learn.run import Run
-    from apollonius.learn.school import TABLES
+    from apollonius.learn.teacher import TABLES
     from apollonius.terminal import training_notes
 
     def report(progress: "Progress") -> None:
@@ -171,8 +171,8 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     from apollonius.evaluate.pairings import evaluate_run, self_play_trend
-    from apollonius.learn.plans import SELF_PLAY
     from apollonius.learn.progress import evaluations_of, load_metrics
+    from apollonius.learn.train_state import SELF_PLAY
     from apollonius.terminal import match_table
 
     def tell(match: "Match", result: "MatchResult") -> None:

@@ -10,7 +10,6 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
-from apollonius.learn.opponents.seats import seat_games
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from apollonius.limits import SEED
 
@@ -64,7 +63,7 @@ class RunConfig:
         for role in (Role.PURSUER,) if self.stages == "fixed-target" else Role:
             require_pay_in_play(self.game, role)
         past, games = self.self_play.opponents, self.learner.games
-        seated = past.share == 0 or seat_games(past, games) > 0
+        seated = past.share == 0 or past.seat_games(games) > 0
         require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
         longest = games * self.game.max_steps
         require(

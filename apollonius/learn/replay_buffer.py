@@ -5,6 +5,8 @@ off at sampling time. Adding is one contiguous slice, written in place where the
 learn as one, have columns of their own, next to each other for every game.
 """
 
+from typing import Generic, TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,10 +31,13 @@ class Row(eqx.Module):
     """Of teams whether the robot was in play: what is there of one that was not is nothing to learn from."""
 
 
-class ReplayBuffer(eqx.Module):
-    """The ring. `head` is the row written next, `filled` how many rows hold transitions."""
+Rows = TypeVar("Rows")
 
-    rows: Row
+
+class ReplayBuffer(eqx.Module, Generic[Rows]):
+    """The ring. `head` is the row written next, `filled` how many rows hold something."""
+
+    rows: Rows
     head: Int[Array, ""]
     filled: Int[Array, ""]
 
@@ -53,7 +58,7 @@ class Batch(eqx.Module):
     active: Bool[Array, " batch"] | None = None
 
 
-def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer:
+def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer[Row]:
     """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one.
 
     Args:
@@ -78,16 +83,16 @@ def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_team
     return ReplayBuffer(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
 
-def add(buffer: ReplayBuffer, new: Row) -> ReplayBuffer:
-    """The ring with new rows `[steps, games]`, over the oldest ones. Its rows must be a multiple of `steps`."""
-    rows, steps = buffer.rows.reward.shape[0], new.reward.shape[0]
+def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
+    """Return the ring with new rows over the oldest ones. Its rows must be a multiple of theirs."""
+    rows, steps = (jax.tree.leaves(each)[0].shape[0] for each in (buffer.rows, new))
     written = jax.tree.map(
         lambda ring, part: jax.lax.dynamic_update_slice_in_dim(ring, part, buffer.head, axis=0), buffer.rows, new
     )
     return ReplayBuffer(written, (buffer.head + steps) % rows, jnp.minimum(buffer.filled + steps, rows))
 
 
-def cut(buffer: ReplayBuffer, games: Bool[Array, " games"]) -> ReplayBuffer:
+def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
     """The ring after some games were broken off: their latest transitions are truncated, unless they ended them."""
     rows, columns = buffer.rows.reward.shape
     latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
@@ -96,7 +101,7 @@ def cut(buffer: ReplayBuffer, games: Bool[Array, " games"]) -> ReplayBuffer:
 
 
 def sample(
-    buffer: ReplayBuffer,
+    buffer: ReplayBuffer[Row],
     key: PRNGKeyArray,
     batch: int,
     max_n_step: int,

@@ -13,31 +13,35 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from apollonius.agents.network import Network
-from apollonius.agents.pool import solo
+from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
+from apollonius.agents.trained import greedy
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
-from apollonius.game.types import ROLES, Role
+from apollonius.game.game import Game, sample_starts
+from apollonius.game.outcome import counts_by_name
+from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.learn import curriculum
 from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
 from apollonius.learn.config import RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
-from apollonius.learn.evaluation import greedy_outcomes
-from apollonius.learn.fixed_target import fixed_target, start_fixed_target
 from apollonius.learn.folder import agent_file, held
-from apollonius.learn.plans import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, load_first, plans_of
 from apollonius.learn.progress import Progress, append_metrics, begin_metrics, measure
-from apollonius.learn.school import TABLES, School, open_schools
-from apollonius.learn.self_play import self_play, start_self_play
-from apollonius.learn.train_state import Plan, TrainState
+from apollonius.learn.teacher import TABLES, Setting, make_settings
+from apollonius.learn.train_state import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, Plan, TrainState, plans_of
 from apollonius.observe.registry import find_observation
+from apollonius.playout import play_out
 
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
+_EVALUATION_SEED = 20_200
+"""Of the games of evaluations, the same for all runs; the judge uses others."""
 
 
 class Saved(eqx.Module):
@@ -76,9 +80,9 @@ class Run:
         self.plans = plans_of(config)
 
     @cached_property
-    def schools(self) -> list[School]:
-        """Who teaches in a distillation, and whom the student meets; games are solved for it that are not yet."""
-        return open_schools(self.config, self.game, self.folder / TABLES)
+    def settings(self) -> list[Setting]:
+        """The teachers of a distillation, and whom the student meets; games are solved for it that are not yet."""
+        return make_settings(self.config, self.game, self.folder / TABLES)
 
     @property
     def work(self) -> dict[str, int]:
@@ -109,7 +113,7 @@ class Run:
             if stand is None:
                 begin_metrics(self.metrics)
             if stand is None or stand.stage != stage:
-                first = ROLES.map(lambda role: load_first(self.config, role))
+                first = ROLES.map(lambda role: curriculum.load_first(self.config, role))
                 saved = self._start(stage, plan, BySide(first.pursuer or best, first.evader))
                 stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
@@ -124,22 +128,23 @@ class Run:
     def _start(self, stage: str, plan: Plan, networks: BySide[Network | None]) -> Saved:
         """What a stage begins with, whose networks go on from these."""
         game, key = self.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
-        if stage == SELF_PLAY:
-            return Saved(start_self_play(plan, game, key, networks), None)
         if stage == DISTILLATION:
-            return Saved(start_distillation(plan, self.schools, key, networks[self.config.distillation.side]), None)
-        train = start_fixed_target(plan, game, key, self.evaders, networks.pursuer)
-        return Saved(train, _copy(train.learners[Role.PURSUER].learner.average))
+            return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
+        train = curriculum.start(plan, game, key, self._fixed(stage), networks)
+        return Saved(train, _copy(train.learners[Role.PURSUER].learner.average) if stage == FIXED_TARGET else None)
+
+    def _fixed(self, stage: str) -> dict[Role, Pool]:
+        """Return the players of the side that does not learn in a stage of the curriculum."""
+        return {Role.EVADER: self.evaders} if stage == FIXED_TARGET else {}
 
     def _train_stage(self, plan: Plan, saved: Saved, stand: Stand) -> tuple[Saved, bool]:
         """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        train, best, game = saved.train, saved.best, plan.stage.rewarded(self.game)
-        if stand.stage == FIXED_TARGET:
-            chunks = fixed_target(plan, game, train, self.evaders, stand.chunks)
-        elif stand.stage == DISTILLATION:
-            chunks = distillation(plan, train, self.schools, stand.chunks)
+        train, best = saved.train, saved.best
+        if stand.stage == DISTILLATION:
+            chunks = distillation(plan, train, self.settings, stand.chunks)
         else:
-            chunks = self_play(plan, game, train, stand.chunks)
+            game = plan.stage.rewarded(self.game)
+            chunks = curriculum.chunks(plan, game, train, self._fixed(stand.stage), stand.chunks)
         began, last_save = time.monotonic() - stand.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:
@@ -174,10 +179,9 @@ class Run:
         """
         networks = {role: side.learner.average for role, side in train.learners.items()}
         taught = stand.stage == DISTILLATION
-        fixed = solo(self.schools[0].opponents[0]) if taught else self.evaders
-        outcomes = greedy_outcomes(
-            self.schools[0].game if taught else self.game, networks, fixed, plan.stage.evaluation_games
-        )
+        fixed = solo(self.settings[0].opponents[0]) if taught else self.evaders
+        game = self.settings[0].game if taught else self.game
+        outcomes = _greedy_outcomes(game, networks, fixed, plan.stage.evaluation_games)
         found = Evaluation(int(train.env_steps), int(train.episodes), outcomes)
         stand = replace(stand, evaluation=found)
         if stand.stage != FIXED_TARGET:
@@ -209,6 +213,14 @@ class Run:
         training = {"command": command, "seed": self.config.seed, "stage": stand.stage, **record, "config": config}
         agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, agent_file(self.folder, name, percent))
+
+
+def _greedy_outcomes(game: Game, networks: Mapping[Role, Network], fixed: Pool, games: int) -> dict[str, int]:
+    """Return how many games ended how: networks play at their best, and a fixed player for a side without one."""
+    start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
+    players = ROLES.map(lambda role: solo(greedy(networks[role])) if role in networks else fixed)
+    results = play_out(game, players, sample_starts(game, start_key, games), play_key)
+    return counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
 
 
 def _stage1_name(evaders: tuple[str, ...]) -> str:

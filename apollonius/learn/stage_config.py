@@ -10,7 +10,7 @@ from apollonius.errors import require, require_positive
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents import OpponentConfig
 from apollonius.limits import GAMES
 
 

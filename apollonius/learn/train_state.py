@@ -2,27 +2,24 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import ROLES, Role, Scalar
-from apollonius.learn import replay_buffer
+from apollonius.game.types import Role, Scalar
+from apollonius.learn import archive
 from apollonius.learn.algorithm import Learner, algorithm_of
+from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import LearnerConfig
-from apollonius.learn.lessons import Lessons
-from apollonius.learn.opponents import archive
-from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.observe.registry import find_observation
-from apollonius.rollout import Games, begin
+from apollonius.rollout import Games
 
 _CHUNK_ENV_STEPS = 8192
 """Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
@@ -70,11 +67,23 @@ class Plan:
         return -(-self.stage.env_steps // self.env_steps_per_chunk)
 
 
+FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
+
+
+def plans_of(config: RunConfig) -> dict[str, Plan]:
+    """Return the plans of a run's stages in their order, by name."""
+    stages: dict[str, StageConfig] = dict(
+        zip(STAGES, (config.fixed_target, config.self_play, config.distillation), strict=True)
+    )
+    asked = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
+    return {stage: Plan(config.learner, stages[stage]) for stage in asked}
+
+
 class LearnerState(eqx.Module):
     """One learning side: its networks and its memory, of what it has played or of what it has been told."""
 
     learner: Learner
-    buffer: replay_buffer.ReplayBuffer | Lessons
+    buffer: ReplayBuffer[Any]
 
 
 class TrainState(eqx.Module):
@@ -93,43 +102,8 @@ class TrainState(eqx.Module):
     archives: BySide[archive.Archive] | None = None
 
 
-def start(
-    plan: Plan, game: Game, key: PRNGKeyArray, learners: Mapping[Role, Learner], fixed: Mapping[Role, Pool]
-) -> TrainState:
-    """The state before the first step. The key is consumed.
-
-    Args:
-        learners: the sides that learn.
-        fixed: who plays the others.
-    """
-    start_key, member_key, train_key = jax.random.split(key, 3)
-    games = plan.learner.games
-    bits = jax.random.bits(member_key, (2, games), jnp.uint32)
-    algorithm = algorithm_of(plan.learner)
-
-    def memory(role: Role) -> replay_buffer.ReplayBuffer:
-        size, robots = find_observation(plan.learner.observation).size, len(game.bodies[role])
-        of_teams = game.teams is not None
-        return replay_buffer.init(plan.learner.rows, games * robots, size, algorithm.action, of_teams)
-
-    archives = None
-    if plan.opponents.share > 0:
-        archives = ROLES.map(lambda role: archive.init(learners[role].network, plan.opponents))
-    networks = {role: learner.network for role, learner in learners.items()}
-    playing = ROLES.map(lambda role: players(plan, role, networks, fixed, archives, jnp.ones(())))
-    return TrainState(
-        games=begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance),
-        learners={role: LearnerState(learner, memory(role)) for role, learner in learners.items()},
-        key=train_key,
-        iterations=jnp.zeros((), jnp.int32),
-        env_steps=jnp.zeros((), jnp.int32),
-        episodes=jnp.zeros((), jnp.int32),
-        archives=archives,
-    )
-
-
 def first_learner(plan: Plan, role: Role, key: PRNGKeyArray, network: Network | None = None) -> Learner:
-    """One side's learner that goes on from a network, or from scratch. The key is consumed."""
+    """Return one side's learner that goes on from a network, or from scratch. The key is consumed."""
     algorithm = algorithm_of(plan.learner)
     if network is None:
         return algorithm.init(plan.learner, key)

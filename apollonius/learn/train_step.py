@@ -17,9 +17,8 @@ from apollonius.agents.pool import PersistentNoise, Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
-from apollonius.learn import replay_buffer
+from apollonius.learn import archive, replay_buffer
 from apollonius.learn.algorithm import Learner, UpdateContext, algorithm_of
-from apollonius.learn.opponents import archive
 from apollonius.learn.train_state import LearnerState, Plan, TrainState, players
 from apollonius.rollout import Players, Transition, collect
 
@@ -117,7 +116,6 @@ def _learn(
 ) -> tuple[LearnerState, Scalar]:
     """Store one side's transitions and make its updates; their losses, added up."""
     config, algorithm = plan.learner, algorithm_of(plan.learner)
-    assert isinstance(side.buffer, replay_buffer.ReplayBuffer)
     buffer = replay_buffer.add(side.buffer, _row(transitions, role))
     context = UpdateContext(env_steps, plan.stage.env_steps)
     n_step = jnp.round(context.between(config.n_step, config.final_n_step)).astype(jnp.int32)

@@ -9,20 +9,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius.agents.policy import Memory
+from apollonius import rollout
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
+from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import together
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.types import GameState, Outcome, Role
+from apollonius.game.types import GameState, Outcome
 from apollonius.limits import SIMULATED_GAMES
-from apollonius.observe.observation import perceive
 from apollonius.playout import Report, Results
 from apollonius.replay import Replay, as_rows, as_state
-from apollonius.rollout import random_bits_of
+from apollonius.rollout import Games, Player, random_bits_of, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import SIDES, Physics
 
@@ -63,7 +63,7 @@ class Choice(eqx.Module):
 
 
 def simulate(
-    game: Game, pursuer: Pool, evader: Pool, starts: GameState, key: PRNGKeyArray, drive: Drive,
+    game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, drive: Drive,
     report: Report = lambda done, total: None,
 ) -> Simulated:  # fmt: skip
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
@@ -86,17 +86,12 @@ def simulate(
     rows = as_rows(starts)
     bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
     count = len(rows)
-    drawn = random_bits_of(key, jnp.arange(count), jnp.full(count, -1))
-    members = jnp.stack([pool.sample(drawn[role]) for role, pool in enumerate((pursuer, evader))])
-    memories = tuple(
-        jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), pool.memory)
-        for pool in (pursuer, evader)
-    )
+    sides = rollout.begin(starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1))).sides
     outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
     log: list[tuple[np.ndarray, ...]] = []
     alive = np.arange(count)
     while alive.size:
-        choice, memories = _choose(game, pursuer, evader, members, rows, length, key, memories)
+        choice, sides = _choose(game, players, sides, rows, length, key)
         controls = np.asarray(choice.controls, float)
         asked = references.follow(drive, controls, limits, physics.steps, physics.step)
         bodies[alive] = physics.advance(bodies[alive], asked[alive])
@@ -119,7 +114,7 @@ def simulate_match(match: Match, drive: Drive, report: Report = lambda done, tot
         InvalidInput: as `simulate`, and for more games than memory has room for.
     """
     SIMULATED_GAMES.require("games", match.games)
-    return simulate(match.game, *match.pools.pair, *begin(match), drive, report)
+    return simulate(match.game, match.pools, *begin(match), drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
@@ -136,29 +131,22 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 @jax.jit
 def _choose(
     game: Game,
-    pursuer: Pool,
-    evader: Pool,
-    members: Int[Array, "2 games"],
+    players: BySide[Pool],
+    sides: BySide[Player],
     rows: Float32[Array, "games 8"],
     length: Int[Array, " games"],
     key: PRNGKeyArray,
-    memories: tuple[Memory, Memory],
-) -> tuple[Choice, tuple[Memory, Memory]]:
-    state = jax.vmap(as_state)(rows, length)
-    bits = random_bits_of(key, jnp.arange(rows.shape[0]), length)
-    acted = [
-        pool.act(members[role], *perceive(pool.observation, game, state, role), memories[role], bits[role])
-        for role, pool in ((Role.PURSUER, pursuer), (Role.EVADER, evader))
-    ]
-    actions, memories = zip(*acted, strict=True)
+) -> tuple[Choice, BySide[Player]]:
+    state, bits = jax.vmap(as_state)(rows, length), random_bits_of(key, jnp.arange(rows.shape[0]), length)
+    ideal, moves = step_games(game, players, Games(state, sides), bits)
+    actions = moves.sides.map(lambda side: side.action)
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
-    ideal = jax.vmap(game.step)(state, *actions).state
     choice = Choice(
         actions=jax.vmap(together)(*actions),
         controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
-        ideal=jnp.stack(jax.tree.leaves((ideal.pursuer, ideal.evader)), axis=-1),
+        ideal=jnp.stack(jax.tree.leaves(ideal.state.robots), axis=-1),
     )
-    return choice, memories
+    return choice, ideal.sides
 
 
 @jax.jit

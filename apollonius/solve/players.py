@@ -1,15 +1,14 @@
 """The players of the two-robot game that act by a solved table: they look one hold ahead, anew in every step."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Bool, Float, Shaped, UInt32
 
+from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.observe.view import View
@@ -50,27 +49,17 @@ class AbstractLookahead(AbstractActionValuePolicy):
         """
 
 
-@custom_vmap
+def _values_in_many(size: int, batched: Any, player: AbstractLookahead, *seen: Any) -> Float[Array, "games 9"]:
+    return player.action_values(*spread(size, tuple(batched[1:]), seen)).T
+
+
+@batched_by(_values_in_many)
 def _values_in_one(
     player: AbstractLookahead, own: RobotState, other: RobotState, bits: UInt32[Array, ""]
 ) -> Float[Array, "9"]:
-    """What the nine actions are worth in one game; for a batch of games all are looked at together."""
+    """Return what the nine actions are worth in one game; for a batch of games all are looked at together."""
     alone = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
     return player.action_values(*alone)[:, 0]
-
-
-@_values_in_one.def_vmap
-def _values_in_many(
-    size: int, batched: Sequence[Any], player: AbstractLookahead, *seen: Any
-) -> tuple[Float[Array, "games 9"], bool]:
-    """The rule by which a `vmap` over games asks for all of them at once; `batched` says what is one for each game."""
-    if any(jax.tree.leaves(batched[0])):
-        axes = jax.tree.map(lambda has: 0 if has else None, tuple(batched))
-        return jax.vmap(_values_in_one.fun, in_axes=axes, axis_size=size)(player, *seen), True
-    everywhere = jax.tree.map(
-        lambda leaf, has: leaf if has else jnp.broadcast_to(leaf, (size, *jnp.shape(leaf))), seen, tuple(batched[1:])
-    )
-    return player.action_values(*everywhere).T, True
 
 
 class SaddlePolicy(AbstractLookahead):

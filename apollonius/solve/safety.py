@@ -24,8 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.shield import BRAKING, Backup, Shielded, brakes
+from apollonius.agents.shield import BRAKING, Backup, brakes
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.limits import require_memory
@@ -104,10 +103,3 @@ def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v he
     backup = brakes(game, role)
     steering = Steering(motion_of(game, role, 1), grid, table)
     return replace(backup, manoeuvres=(*backup.manoeuvres, steering))
-
-
-def kernel_shielded(
-    policy: AbstractPolicy, game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]
-) -> Shielded:
-    """A player behind a shield that also steers by the kernel; errors as those of `steered_brakes`."""
-    return Shielded(policy, steered_brakes(game, role, grid, table))

@@ -16,16 +16,13 @@ from apollonius.catalogue import find_player
 from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.exploit.attack import best_response
-from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.curriculum import load_first, start
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.plans import load_first
+from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import Run
-from apollonius.learn.self_play import start_self_play
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
@@ -60,7 +57,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
 @pytest.mark.slow
 def test_a_side_remembers_gears_and_learns_from_them():
     plan = Plan(SAC, SelfPlayConfig(env_steps=4 * CHUNK, opponents=OpponentConfig(scheme="uniform", seats=4)))
-    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
+    state = start(plan, GAME, jax.random.key(0), {})
     before = jax.tree.map(np.array, state.learners[Role.PURSUER].learner.network)
     state, metrics = play_and_learn(plan, GAME, state, {})
     gears = np.asarray(state.learners[Role.PURSUER].buffer.rows.action)
@@ -79,7 +76,7 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
     """Actors that know nothing and say the same everywhere: what is left is the noise."""
     config = replace(SAC, noise_steps=16, learning_starts=10 * CHUNK)
     plan = Plan(config, SelfPlayConfig(env_steps=4 * CHUNK))
-    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
+    state = start(plan, GAME, jax.random.key(0), {})
     state = eqx.tree_at(
         lambda this: [side.learner.network for side in this.learners.values()],
         state,
@@ -128,7 +125,7 @@ def test_a_pursuer_learns_to_catch_a_standing_evader():
 
 def test_opponents_of_both_kinds_meet():
     plan = Plan(SAC, StageConfig(env_steps=4 * CHUNK))
-    evader = solo(Uniform())
-    state = start_fixed_target(plan, GAME, jax.random.key(0), evader)
-    state, metrics = play_and_learn(plan, GAME, state, {Role.EVADER: evader})
+    evader = {Role.EVADER: solo(Uniform())}
+    state = start(plan, GAME, jax.random.key(0), evader)
+    state, metrics = play_and_learn(plan, GAME, state, evader)
     assert metrics.outcomes.sum() > 0

@@ -18,13 +18,11 @@ from apollonius.game.game import reset_batch
 from apollonius.game.scenario import in_arenas
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.learn.config import DISTILLATIONS, RunConfig
+from apollonius.learn.distillation import asked_states, fresh_starts
 from apollonius.learn.learner_config import DQNConfig, SACConfig
-from apollonius.learn.lessons import Lessons
 from apollonius.learn.run import Run
-from apollonius.learn.school import open_schools
-from apollonius.learn.situations import fresh_starts, situations
 from apollonius.learn.stage_config import DistillationConfig
-from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher
+from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Room, Teacher, make_settings
 from apollonius.solve.motion import motion_of
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import reference_grid
@@ -45,8 +43,8 @@ RUN = RunConfig(stages="distillation", game=GAME, dqn=FITTING, distillation=STAG
 
 
 @pytest.fixture(scope="module")
-def school():
-    return open_schools(RUN, GAME, None)[0]
+def setting():
+    return make_settings(RUN, GAME, None)[0]
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +52,8 @@ def visited():
     return jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), games=400)
 
 
-def test_situations_are_those_visited_and_others_around_close_and_anywhere(visited):
-    asked = jax.jit(situations)(GAME, visited, jax.random.key(1))
+def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(visited):
+    asked = jax.jit(asked_states)(GAME, visited, jax.random.key(1))
     same, around, close, anywhere = np.split(np.arange(len(asked.steps)), [400, 800, 900])
     assert len(anywhere) == 100
     for before, after in zip(jax.tree.leaves(visited), jax.tree.leaves(asked), strict=True):
@@ -106,7 +104,7 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     grid, hold = reference_grid(GAME, Role.EVADER)
     table = solve_safety(GAME, Role.EVADER, grid, hold).table
     room = Room(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
-    moving = jax.jit(situations)(GAME, visited, jax.random.key(1))
+    moving = jax.jit(asked_states)(GAME, visited, jax.random.key(1))
     left = np.asarray(of_views(lambda view: room.after(view.own.state), GAME, moving, Role.EVADER))
     most = left.max(axis=1, keepdims=True)
     wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
@@ -124,14 +122,6 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     assert np.all(worths[short, -1] < 4), "whatever the player says, not on towards the wall"
 
 
-def test_lessons_are_a_ring():
-    ring = Lessons(jnp.zeros((6, 2)), jnp.zeros((6, 9)), jnp.int32(0), jnp.int32(0))
-    for number in range(1, 5):
-        ring = ring.add(jnp.full((2, 2), float(number)), jnp.full((2, 9), float(number)))
-        assert int(ring.filled) == min(2 * number, 6)
-    assert ring.observation[:, 0].tolist() == [4, 4, 2, 2, 3, 3] == ring.worths[:, 0].tolist()
-
-
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted", RUN)
@@ -140,22 +130,24 @@ def uninterrupted(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_each_of_several_arenas_has_a_school_that_teaches_what_it_would_alone(school, visited, monkeypatch):
+def test_each_of_several_arenas_has_a_teacher_that_says_what_it_would_alone(setting, visited, monkeypatch):
     """All have one shape, so that compiled steps serve all; what is taught is the arena's own."""
     arenas = [GAME.arena, Arena(x_min=-1.0, x_max=2.0, y_max=4.0)]
-    monkeypatch.setattr("apollonius.learn.school.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas])
-    schools = open_schools(RUN, in_arenas(GAME, arenas), None)
-    assert len(schools) == 2
-    assert len({jax.tree.structure(one) for one in schools}) == 1
-    assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in schools}) == 1
-    here, there = (one.teacher.worths(one.game, visited, Role.EVADER) for one in schools)
-    alone = school.teacher.worths(GAME, visited, Role.EVADER)
+    monkeypatch.setattr(
+        "apollonius.learn.teacher.each_alone", lambda game: [replace(GAME, arena=one) for one in arenas]
+    )
+    settings = make_settings(RUN, in_arenas(GAME, arenas), None)
+    assert len(settings) == 2
+    assert len({jax.tree.structure(one) for one in settings}) == 1
+    assert len({tuple(map(np.shape, jax.tree.leaves(one))) for one in settings}) == 1
+    here, there = (one.teacher.worths(one.game, visited, Role.EVADER) for one in settings)
+    alone = setting.teacher.worths(GAME, visited, Role.EVADER)
     np.testing.assert_allclose(here, alone, atol=1e-4)
     assert np.abs(there - here).max() > 0.01
 
 
 @pytest.mark.slow
-def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, school, visited):
+def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupted, setting, visited):
     assert list(agents(uninterrupted)) == ["E_optimal"]
     assert len(list((uninterrupted / "tables").iterdir())) == 2
     agent = load_agent(uninterrupted / "agents" / "E_optimal.safetensors")
@@ -163,8 +155,8 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     assert agent.header.training["config"]["distillation"]["teacher"] == "table"
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
-    asked = jax.jit(situations)(GAME, visited, jax.random.key(5))
-    worths = np.asarray(school.teacher.worths(GAME, asked, Role.EVADER))
+    asked = jax.jit(asked_states)(GAME, visited, jax.random.key(5))
+    worths = np.asarray(setting.teacher.worths(GAME, asked, Role.EVADER))
 
     def lost(network):
         """What the best action by a network costs by what the teacher says."""
@@ -190,7 +182,7 @@ def test_the_shipped_recipes_can_be_begun(role):
     config = DISTILLATIONS[f"{name}-by-table"]
     assert (config.stages, config.distillation.role) == ("distillation", name)
     few = replace(config, game=GAME, distillation=replace(config.distillation, grid=FEW, room=0.0))
-    (found,) = open_schools(few, GAME, None)
+    (found,) = make_settings(few, GAME, None)
     assert len(found.opponents) == len(few.distillation.opponents)
     assert found.table.zero_sum_game.role == role.other
     assert found.teacher.room is None
@@ -210,7 +202,7 @@ def test_the_shipped_recipes_can_be_begun(role):
 )
 def test_what_cannot_be_distilled_is_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
-        open_schools(replace(RUN, **change), GAME, None)
+        make_settings(replace(RUN, **change), GAME, None)
 
 
 @pytest.mark.parametrize(

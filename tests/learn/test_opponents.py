@@ -15,12 +15,11 @@ from apollonius.agents.network import make_network
 from apollonius.agents.pool import Seated, solo, stack
 from apollonius.arenas.record import from_dict
 from apollonius.errors import InvalidInput
-from apollonius.game.by_side import BySide
 from apollonius.game.game import reset_batch
 from apollonius.game.types import ROLES, Outcome, Role
-from apollonius.learn.opponents import archive as archives
-from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.self_play import renew_opponents, start_self_play
+from apollonius.learn import archive as archives
+from apollonius.learn.curriculum import renew_opponents, start
+from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan, players
 from apollonius.learn.train_step import play_and_learn
@@ -189,7 +188,7 @@ def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
 def play(config, chunks, seed=0, renewed=(), disturbance=NONE):
     """States after each chunk, copied; before those named, opponents change."""
     plan = plan_of(config, disturbance)
-    state = start_self_play(plan, GAME, jax.random.key(seed), BySide(None, None))
+    state = start(plan, GAME, jax.random.key(seed), {})
     states = [jax.tree.map(jnp.copy, state)]
     for chunk in range(chunks):
         if chunk in renewed:
@@ -303,7 +302,7 @@ def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
     """Every chunk and a half; seats are renewed after each chunk, though less is asked for."""
     plan = plan_of(replace(CONFIG, renewal=1))
     plan = replace(plan, stage=replace(plan.stage, env_steps=6 * CHUNK))
-    state = start_self_play(plan, GAME, jax.random.key(0), BySide(None, None))
+    state = start(plan, GAME, jax.random.key(0), {})
     counts = []
     for chunks in (1, 2, 3):
         state = renew_opponents(plan, GAME, replace(state, env_steps=jnp.asarray(chunks * CHUNK)))

@@ -20,11 +20,11 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
-from apollonius.learn import evaluation, fixed_target, self_play
+from apollonius.learn import curriculum
 from apollonius.learn import run as run_module
 from apollonius.learn.checkpoint import FORMAT, load_stand
 from apollonius.learn.folder import create_run, held, load_config
-from apollonius.learn.opponents.opponent_config import OpponentConfig
+from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import Run
 from apollonius.playout import Results
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
@@ -262,13 +262,14 @@ def test_a_full_disk_spares_the_last_checkpoint(uninterrupted, tmp_path, monkeyp
 def self_play_starts(monkeypatch):
     """The pursuer's and the evader's network with which each self-play began."""
     networks = []
-    start_self_play = run_module.start_self_play
+    start = curriculum.start
 
-    def recorded(plan, game, key, first):
-        networks.append(jax.tree.map(jnp.copy, tuple(first)))
-        return start_self_play(plan, game, key, first)
+    def recorded(plan, game, key, fixed, first):
+        if not fixed:
+            networks.append(jax.tree.map(jnp.copy, tuple(first)))
+        return start(plan, game, key, fixed, first)
 
-    monkeypatch.setattr(run_module, "start_self_play", recorded)
+    monkeypatch.setattr(curriculum, "start", recorded)
     return networks
 
 
@@ -282,7 +283,7 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
         captured = jnp.arange(64) < next(captures)
         return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
 
-    monkeypatch.setattr(evaluation, "play_out", scripted_evaluation)
+    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
     folder = begin(tmp_path / "run")
     assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
 
@@ -307,7 +308,7 @@ def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkey
         outcome = jnp.where(games < captured + failed, Outcome.EVADER_OUT_OF_RANGE, Outcome.NO_RESULT)
         return Results(jnp.where(games < captured, Outcome.CAPTURED, outcome), jnp.ones(64, jnp.int32))
 
-    monkeypatch.setattr(evaluation, "play_out", scripted_evaluation)
+    monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
     config = replace(RUN, stages="fixed-target", evaders=("random",))
     folder = begin(tmp_path / "run", config)
     assert Run(config, folder).execute()
@@ -391,7 +392,7 @@ def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_p
     path = tmp_path / "P.safetensors"
     save_agent(describe(make_network(*network, jax.random.key(0)), Role.PURSUER, {}, {}), path)
     with pytest.raises(InvalidInput, match=f"{path}.*{named}"):
-        run_module.load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
+        curriculum.load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
@@ -405,14 +406,13 @@ def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_p
 
 def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
     weights = []
-    play_and_learn = self_play.play_and_learn
+    play_and_learn = curriculum.play_and_learn
 
     def recorded(plan, game, *rest):
         weights.append(game.reward.progress)
         return play_and_learn(plan, game, *rest)
 
-    for stage in (fixed_target, self_play):
-        monkeypatch.setattr(stage, "play_and_learn", recorded)
+    monkeypatch.setattr(curriculum, "play_and_learn", recorded)
     Run(RUN, begin(tmp_path / "run"), should_stop=stop_after(5)).execute()
     assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
 

@@ -12,15 +12,12 @@ from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
 from apollonius.errors import InvalidInput
-from apollonius.game.by_side import BySide
 from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.curriculum import load_first, renew_opponents, start
 from apollonius.learn.learner_config import SACConfig
-from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.plans import load_first
-from apollonius.learn.self_play import renew_opponents, start_self_play
+from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
@@ -28,16 +25,16 @@ from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, SMALL, STAGE
 
 PURSUERS = 2
 TEAM = in_teams(GAME, PURSUERS, 1)
-EVADER = solo(Still())
+EVADER = {Role.EVADER: solo(Still())}
 
 
 @pytest.fixture(scope="module")
 def memory():
     """What two pursuers remember of a chunk, columns `[games, robots]`, and the chunk's metrics."""
     plan = replace(PLAN, learner=replace(DQN, learning_starts=CHUNK // 2))
-    first = start_fixed_target(plan, TEAM, jax.random.key(0), EVADER)
+    first = start(plan, TEAM, jax.random.key(0), EVADER)
     before = jax.tree.map(np.array, first.learners[Role.PURSUER].learner.network)
-    state, metrics = play_and_learn(plan, TEAM, first, {Role.EVADER: EVADER})
+    state, metrics = play_and_learn(plan, TEAM, first, EVADER)
     learner = state.learners[Role.PURSUER]
     assert not jax.tree.all(jax.tree.map(np.array_equal, before, learner.learner.network))
     rows = jax.tree.map(
@@ -104,7 +101,7 @@ def test_both_sides_learn_in_teams_against_earlier_versions():
     opponents = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
     plan = Plan(DQN, SelfPlayConfig(**vars(STAGE) | {"opponents": opponents}))
     game = in_teams(GAME, 2, 2)
-    state = start_self_play(plan, game, jax.random.key(0), BySide(None, None))
+    state = start(plan, game, jax.random.key(0), {})
     for chunk in range(4):
         if chunk == 3:
             state = renew_opponents(plan, game, state)

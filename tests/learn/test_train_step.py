@@ -19,12 +19,12 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
-from apollonius.learn.fixed_target import start_fixed_target
+from apollonius.learn.curriculum import start
 from apollonius.learn.train_state import TrainState
 from apollonius.learn.train_step import Metrics, play_and_learn
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
-EVADER = solo(Still())
+EVADER = {Role.EVADER: solo(Still())}
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ def copy(tree):
 
 
 def play_stage(seed, chunks, game=GAME, plan=PLAN):
-    state = start_fixed_target(plan, game, jax.random.key(seed), EVADER)
+    state = start(plan, game, jax.random.key(seed), EVADER)
     moments = [Snapshot(copy(state), None)]
     for _ in range(chunks):
-        state, metrics = play_and_learn(plan, game, state, {Role.EVADER: EVADER})
+        state, metrics = play_and_learn(plan, game, state, EVADER)
         moments.append(Snapshot(copy(state), copy(metrics)))
     return moments
 
@@ -105,11 +105,11 @@ def test_disturbed_robots_play_the_same_game_otherwise(stage):
 
 def play_from(env_steps, key=0, game=GAME):
     """A chunk that begins with this count of env steps, but with an empty replay and an untrained network."""
-    start = start_fixed_target(PLAN, game, jax.random.key(0), EVADER)
-    start = eqx.tree_at(
-        lambda state: (state.env_steps, state.key), start, (jnp.asarray(env_steps, jnp.int32), jax.random.key(key))
+    begun = start(PLAN, game, jax.random.key(0), EVADER)
+    begun = eqx.tree_at(
+        lambda state: (state.env_steps, state.key), begun, (jnp.asarray(env_steps, jnp.int32), jax.random.key(key))
     )
-    state, metrics = play_and_learn(PLAN, game, start, {Role.EVADER: EVADER})
+    state, metrics = play_and_learn(PLAN, game, begun, EVADER)
     return Snapshot(copy(state), copy(metrics))
 
 
@@ -221,8 +221,8 @@ def test_a_stage_is_traced_once():
 
 def test_the_state_is_donated():
     """So that the replay is updated in place."""
-    before = start_fixed_target(PLAN, GAME, jax.random.key(0), EVADER)
+    before = start(PLAN, GAME, jax.random.key(0), EVADER)
     address = before.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer()
-    after, _ = play_and_learn(PLAN, GAME, before, {Role.EVADER: EVADER})
+    after, _ = play_and_learn(PLAN, GAME, before, EVADER)
     assert before.learners[Role.PURSUER].buffer.rows.observation.is_deleted()
     assert after.learners[Role.PURSUER].buffer.rows.observation.unsafe_buffer_pointer() == address

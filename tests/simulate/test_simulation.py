@@ -12,6 +12,7 @@ from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import begin, play_games
+from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.observe.paper import PAPER
@@ -23,7 +24,7 @@ from tests.simulate.test_drive import IDEAL
 
 pytest.importorskip("mujoco")
 GAME = replace(make_game("paper"), max_steps=40)
-PLAYERS = solo(Uniform()), solo(Uniform())
+PLAYERS = BySide(solo(Uniform()), solo(Uniform()))
 GAMES = 6
 MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 
@@ -31,13 +32,13 @@ MATCH = a_match(GAME, Uniform(), Uniform(), GAMES)
 @pytest.fixture(scope="module")
 def simulated():
     starts, key = begin(MATCH)
-    return simulate(GAME, *PLAYERS, starts, key, Drive())
+    return simulate(GAME, PLAYERS, starts, key, Drive())
 
 
 @pytest.fixture(scope="module")
 def ideal():
     starts, key = begin(MATCH)
-    return simulate(GAME, *PLAYERS, starts, key, IDEAL)
+    return simulate(GAME, PLAYERS, starts, key, IDEAL)
 
 
 def test_every_step_of_every_game_is_there(simulated):
@@ -60,7 +61,7 @@ def test_a_robot_without_its_imperfections_moves_as_the_rules_say(ideal, simulat
 
 def test_a_game_does_not_depend_on_those_beside_it(simulated):
     starts, key = begin(MATCH)
-    alone = simulate(GAME, *PLAYERS, jax.tree.map(lambda leaf: leaf[:2], starts), key, Drive())
+    alone = simulate(GAME, PLAYERS, jax.tree.map(lambda leaf: leaf[:2], starts), key, Drive())
     for game in range(2):
         for part, whole in zip(alone.course(game), simulated.course(game), strict=True):
             assert np.array_equal(part, whole)
@@ -73,7 +74,7 @@ def begun(*row):
 
 def test_who_drives_into_a_wall_has_failed_and_a_replay_shows_it(tmp_path):
     start = begun(5.0, 1.0, 0.0, 0.0, 9.8, 5.0, 1.0, 0.0)
-    game = simulate(GAME, solo(Still()), solo(Still()), start, jax.random.key(0), Drive())
+    game = simulate(GAME, BySide(solo(Still()), solo(Still())), start, jax.random.key(0), Drive())
     assert int(game.results.outcome[0]) == Outcome.EVADER_OUT_OF_RANGE
     assert int(game.results.steps[0]) == 3
     save_replay(record_course(game, a_match(GAME, Still(), Still(), 1), 0), tmp_path / "game.json")
@@ -94,7 +95,7 @@ class FullSpeedInACurve(AbstractContinuous):
 
 def test_players_with_continuous_actions_drive_too(tmp_path):
     start, key = begun(9.0, 9.0, 0.0, 0.0, 1.5, 5.0, 0.0, 0.0), jax.random.key(0)
-    game = simulate(GAME, solo(Still()), solo(FullSpeedInACurve()), start, key, IDEAL)
+    game = simulate(GAME, BySide(solo(Still()), solo(FullSpeedInACurve())), start, key, IDEAL)
     states, actions = game.course(0)
     assert actions.shape == (40, 2, 2)
     assert np.all(actions[:, 1] == [1.0, 0.5])

@@ -18,7 +18,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
 from apollonius.solve.grid import iterate, make_grid
 from apollonius.solve.motion import last, motion_of
-from apollonius.solve.safety import kernel_shielded, solve_safety, steered_brakes
+from apollonius.solve.safety import solve_safety, steered_brakes
 from apollonius.solve.transition_map import rooms, transition_map_of
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 from tests.matches import a_match
@@ -115,7 +115,7 @@ def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, 
 @pytest.mark.slow
 def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
     game = replace(MOVING, max_steps=100)
-    players = [kernel_shielded(Uniform(), game, role, GRID, solved.table) for role in Role]
+    players = [Shielded(Uniform(), steered_brakes(game, role, GRID, solved.table)) for role in Role]
     result = play_match(a_match(game, *players, games=100, seed=1, starts=StartFilter.VIABLE))
     assert result.outcomes["captured"] + result.outcomes["no_result"] == 100
     assert result.doomed_start_rate == 0

@@ -17,8 +17,7 @@ from apollonius.agents.pool import Seated
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role, Scalar
-from apollonius.learn.opponents.opponent_config import OpponentConfig
-from apollonius.learn.opponents.seats import first_game, seat_games
+from apollonius.learn.opponents import OpponentConfig
 
 FORGETTING = 0.5
 """What games before a renewal count after it: versions are judged by how today's learner fares against them."""
@@ -130,7 +129,7 @@ def record(
     Args:
         over: where games end that are to be counted (`counted`).
     """
-    first, games = first_game(config, role, outcome.shape[1]), seat_games(config, outcome.shape[1])
+    first, games = config.first_game(role, outcome.shape[1]), config.seat_games(outcome.shape[1])
     theirs = slice(first, first + config.seats * games)
     lost = pursuer_wins(outcome[:, theirs]) ^ (role == Role.PURSUER)
 
@@ -154,6 +153,6 @@ def seat(archive: Archive, config: OpponentConfig, role: Role, learner: Network,
         at_large=exploring(learner, amount),
         seated=greedy(archive.seated),
         seats=config.seats,
-        first=first_game(config, role, games),
-        games=seat_games(config, games),
+        first=config.first_game(role, games),
+        games=config.seat_games(games),
     )

@@ -1,0 +1,75 @@
+"""A player that decides once in a while, and holds its action in between: for one that looks ahead, which is dear."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, UInt32
+
+from apollonius.agents.batching import batched_by, spread, where_needed
+from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.game.types import Action
+from apollonius.observe.observation import Whole
+
+_DECIDE = 16
+"""Rows of a batch that decide at a time."""
+
+
+class Holding(AbstractPolicy):
+    """Another player, which is asked in the first of every so many steps of a game.
+
+    Attributes:
+        policy: the player that decides.
+        steps: how many steps it holds an action for.
+    """
+
+    policy: AbstractPolicy
+    steps: int = eqx.field(static=True)
+
+    @property
+    def observation(self) -> Whole:
+        """What the player that decides reads."""
+        return self.policy.observation
+
+    @property
+    def charted(self) -> bool:
+        """Whether the player that decides plays by a chart."""
+        return self.policy.charted
+
+    @property
+    def continuous(self) -> bool:
+        """Whether the actions of the player that decides are pairs of gears."""
+        return self.policy.continuous
+
+    @property
+    def memory(self) -> Memory:
+        """That of the player that decides, its action, and the steps for which that is held yet."""
+        action = jnp.zeros(2) if self.continuous else jnp.int32(0)
+        return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
+
+    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+        action, own = _decided(self.policy, seen, memory, bits)
+        left = jnp.where(memory["left"] == 0, self.steps, memory["left"]) - 1
+        return action, {"own": own, "action": action, "left": left}
+
+
+def _decided_together(
+    size: int, batched: Any, policy: AbstractPolicy, seen: Any, memory: Memory, bits: Array
+) -> tuple[Array, Memory]:
+    memory, bits = (spread(size, *each) for each in zip(batched[2:], (memory, bits), strict=True))
+
+    def some(rows: Array) -> tuple[Array, Memory]:
+        theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        axes = jax.tree.map(lambda has: 0 if has else None, batched[1])
+        own, drawn = jax.tree.map(lambda leaf: leaf[rows], (memory["own"], bits))
+        return jax.vmap(policy, in_axes=(axes, 0, 0))(theirs, own, drawn)
+
+    return where_needed(memory["left"] == 0, some, (memory["action"], memory["own"]), _DECIDE)
+
+
+@batched_by(_decided_together)
+def _decided(policy: AbstractPolicy, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+    """Return the action that is held, decided now if that is due, and the memory of the player that decides."""
+    held = memory["action"], memory["own"]
+    return jax.lax.cond(memory["left"] == 0, lambda: policy(seen, memory["own"], bits), lambda: held)

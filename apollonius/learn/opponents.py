@@ -1,0 +1,75 @@
+"""Whom the sides of self-play meet: each other's learners, and earlier versions by a scheme."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from apollonius.errors import require, require_positive
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A choice of the earlier versions of the other side with which a learner plays.
+
+    Attributes:
+        weigh: returns how likely versions are to play, up to a factor, from the share of its recent games that each
+            lost to the other side's learner. It is compiled.
+        keeps_records: whether `weigh` looks at these shares.
+        share: share of the games with an earlier version, half of them of either side; None leaves it to the config.
+    """
+
+    weigh: Callable[[Any], Any] = lambda lost: lost**0
+    keeps_records: bool = False
+    share: float | None = None
+
+
+SCHEMES = {
+    "latest": Scheme(share=0.0),
+    "uniform": Scheme(),
+    "prioritised-hard": Scheme(lambda lost: (1 - lost) ** 2, keeps_records=True),
+}
+"""By name. `latest`: each other and nobody else, Algorithm 2 of the paper. `uniform`: all versions equally likely,
+fictitious self-play (Heinrich, Lanctot, Silver, 2015). `prioritised-hard`: the more likely, the harder to beat,
+AlphaStar's f_hard (Vinyals et al., 2019)."""
+
+
+@dataclass(frozen=True)
+class OpponentConfig:
+    """Whom the sides of self-play meet."""
+
+    scheme: str = "latest"
+    """`latest`: each other, as in Algorithm 2. The rest: in a share of the games an earlier version, drawn by the
+    scheme."""
+    past_share: float = 0.5
+    """Share of the games with an earlier version, half of them of either side, where the scheme does not say it."""
+    versions: int = 16
+    """Earlier versions kept of each side, taken evenly over the stage."""
+    seats: int = 8
+    """Earlier versions of each side that play at a time."""
+    renewal: int = 524_288
+    """Env steps between two draws of who plays. Versions are judged by games that can last to the time limit before the
+    next draw, so it must leave that time."""
+
+    def __post_init__(self) -> None:
+        require(self.scheme in SCHEMES, "scheme", self.scheme, f"one of {', '.join(SCHEMES)}")
+        require_positive(self, "versions", "seats", "renewal")
+        require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
+
+    @property
+    def rule(self) -> Scheme:
+        """The scheme itself."""
+        return SCHEMES[self.scheme]
+
+    @property
+    def share(self) -> float:
+        """Share of the games with an earlier version."""
+        said = self.rule.share
+        return self.past_share if said is None else said
+
+    def seat_games(self, games: int) -> int:
+        """Return how many games of a batch belong to one seat."""
+        return int(self.share * games) // (2 * self.seats)
+
+    def first_game(self, role: int, games: int) -> int:
+        """Return the first game of a batch that belongs to a seat of a side: earlier pursuers sit before evaders."""
+        return role * self.seats * self.seat_games(games)
