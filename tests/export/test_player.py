@@ -1,5 +1,6 @@
 """Players of all kinds in C, against the package's own; and the files that a robot's program reads."""
 
+import os
 import subprocess
 from shutil import which
 
@@ -14,11 +15,13 @@ from apollonius.arenas.file import find_game
 from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.export import writing
-from apollonius.export.compiled import FLAGS
+from apollonius.export.compiled import FLAGS, Compiled
 from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable, home_of, side_of
+from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
-from apollonius.game.types import Role
+from apollonius.game.game import reset_batch
+from apollonius.game.types import Outcome, Role
 from tests.export.test_translate import needs_gcc
 
 KINDS = [
@@ -196,3 +199,39 @@ def test_players_know_their_side_and_their_game():
     assert side_of("random", "evader") == Role.EVADER
     assert home_of("P_stage1").size == "1 v 1"
     assert set(BUILT_IN) >= {"random", "still"}
+
+
+@pytest.mark.slow
+@needs_gcc
+def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
+    games = int(os.environ.get("GAMES", "300"))
+    pursuer, evader = exportable("paper", "shielded:P_pool"), exportable("paper", "E_optimal")
+
+    def play(pursuer_policy, evader_policy, game, start):
+        """Return how a whole game ends, and after how many steps."""
+
+        def step(now):
+            state, _ = now
+            robots = [jnp.stack(jax.tree.leaves(robot)) for robot in (state.pursuer, state.evader)]
+            given = game, jnp.stack(robots), None, (), jnp.uint32(0)
+            own = pursuer.decide(pursuer_policy, *given)["action"]
+            given = game, jnp.stack(robots[::-1]), None, (), jnp.uint32(0)
+            other = evader.decide(evader_policy, *given)["action"]
+            after = game.step(state, own, other)
+            return after.state, after.outcome
+
+        state, outcome = jax.lax.while_loop(lambda now: now[1] == Outcome.ONGOING, step, (start, jnp.int32(0)))
+        return {"outcome": outcome, "steps": state.steps}
+
+    given = pursuer.policy, evader.policy, pursuer.game
+    starts = jax.device_get(reset_batch(pursuer.game, jax.random.key(0), games))
+    first = jax.tree.map(lambda leaf: leaf[0], starts)
+    compiled = Compiled(translated(play, *given, first, name="played"))
+    ends = [compiled(*given, jax.tree.map(lambda leaf: leaf[place], starts)) for place in range(games)]  # noqa: B023
+    outcomes = np.array([int(outcome) for outcome, _ in ends])
+    crashes = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED}
+    assert not crashes.intersection(outcomes.tolist())
+    print({Outcome(one).name: int((outcomes == one).sum()) for one in np.unique(outcomes)})
+    batch = jax.jit(jax.vmap(play, in_axes=(None, None, None, 0)))
+    same = np.asarray(batch(*given, jax.tree.map(lambda leaf: leaf[:50], starts))["outcome"]) == outcomes[:50]
+    assert same.mean() >= 0.9  # rounding parts long games
