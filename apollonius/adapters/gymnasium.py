@@ -26,7 +26,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         opponent: player of the other side, as `find_player` knows it.
         game: the game, the name of one, or its `.toml` or `.json` file.
         observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, or None.
+        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
         actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1]. The opponent
             acts as it does.
 

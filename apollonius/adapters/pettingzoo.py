@@ -28,7 +28,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     Args:
         game: the game, the name of one, or its `.toml` or `.json` file.
         observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, or None.
+        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
         actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
 
     Raises:

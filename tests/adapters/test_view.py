@@ -1,12 +1,13 @@
-"""What an interface shows: pictures, without a display."""
+"""What an interface shows: pictures without a display, drawings in the terminal."""
+
+import re
 
 import numpy as np
-import pytest
+from PIL import Image
 
 import apollonius
 from apollonius.adapters.gymnasium import OneSide
-from apollonius.adapters.live import LiveGame, View
-from apollonius.errors import InvalidInput
+from apollonius.adapters.live import LiveGame, View, in_letters
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -49,9 +50,23 @@ def test_the_picture_shows_the_robots_where_they_are_and_the_trails_behind_them(
     assert len(pixels_of(view.render(), PURSUER)) < len(pixels_of(after, PURSUER)) - 150
 
 
-def test_without_a_mode_there_is_no_picture_and_other_modes_are_refused():
+def test_in_letters_each_letter_is_two_pixels_of_the_picture():
+    picture = Image.new("RGB", (40, 20), (255, 255, 255))
+    picture.paste((200, 10, 30), (20, 0, 40, 10))
+    lines = in_letters(picture, columns=4).splitlines()
+    assert len(lines) == 1
+    colours = re.findall(r"38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m.", lines[0])
+    white, red = ("255",) * 3, ("200", "10", "30")
+    assert colours == [white + white, white + white, red + white, red + white]
+
+
+def test_a_person_sees_every_step_and_nobody_else_anything(capsys):
+    env = OneSide(Role.PURSUER, opponent="still", render_mode="human")
+    env.reset(seed=0)
+    env.step(4)
+    assert env.render() is None
+    assert capsys.readouterr().out.count("ongoing") == 2
     silent = apollonius.parallel_env()
     silent.reset(seed=0)
     assert silent.render() is None
-    with pytest.raises(InvalidInput, match=r"render_mode = human .* rgb_array"):
-        OneSide(Role.PURSUER, opponent="still", render_mode="human")
+    assert capsys.readouterr().out == ""
