@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo site paper check test test-all mutants wheel bench lock clean
+.PHONY: demo site page paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
 # Trains a pursuer and an evader from scratch, in two minutes of a core, then plays the agents that ship with the package.
@@ -17,6 +17,12 @@ demo: $(VENV)/installed
 # build/site: home, documents, reference, gallery, a report and the playground, for any web host.
 site: $(VENV)/installed-site
 	$(BIN)/python -m website --out build/site
+
+# apollonius/web/page/compiled.js: what the page runs of the package (apollonius/web/programs.py), as WebAssembly. The
+# compiler comes from ziglang, 85 MB that nothing else needs.
+page: $(VENV)/installed-dev
+	$(INSTALL) ziglang==0.17.1
+	$(BIN)/python -m website.compiled
 
 # Style and types.
 check: $(VENV)/installed-dev

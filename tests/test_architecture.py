@@ -40,7 +40,7 @@ ARROWS = {
     "show": "learn evaluate",
     "export": "catalogue rollout",
     "adapters": "show",
-    "web": "catalogue",
+    "web": "catalogue export",
     "apollonius": "learn adapters export",
     "reproduce": "apollonius",
     "display": "errors interrupts",

@@ -16,6 +16,9 @@ from apollonius.observe.view import Robot, View
 _HORIZON = 4.0
 """How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
 
+_Way = tuple[RobotState, Scalar, Scalar]
+"""Where a robot has come to, the least room on its way [m], and for how many steps there was enough."""
+
 
 class Flee(AbstractSteering):
     """Moves in the direction furthest from the pursuer: the heuristic evader of the paper's reference [13].
@@ -40,7 +43,7 @@ class FleeAware(AbstractClassical):
         caution: what a metre of room is worth, in metres of distance; room beyond 1 m is worth nothing.
     """
 
-    steps: int = eqx.field(static=True, default=40)
+    steps: int | Array = eqx.field(static=True, default=40)
     margin: Real = 0.1
     caution: Real = 1.0
 
@@ -55,14 +58,16 @@ class FleeAware(AbstractClassical):
         pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
 
         def value(action: Int[Array, ""]) -> Scalar:
-            def one_step(robot: RobotState, _: None) -> tuple[RobotState, Scalar]:
+            def one_step(_: Int[Array, ""], way: _Way) -> _Way:
+                robot, room, clear = way
                 after = self.hold(Robot(body, robot), action)
-                return after, seen.arena.clearance_along(robot, after) - body.radius
+                room = jnp.minimum(room, seen.arena.clearance_along(robot, after) - body.radius)
+                return after, room, clear + (room > self.margin).astype(jnp.float32)
 
-            end, rooms = jax.lax.scan(one_step, seen.own.state, None, self.steps)
-            room = jnp.min(rooms)
+            start = seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(())
+            end, room, clear = jax.lax.fori_loop(0, self.steps, one_step, start)
             lasts = separation(end, pursuer) + self.caution * jnp.minimum(room, 1.0)
-            runs_out = jnp.argmax(rooms <= self.margin).astype(jnp.float32) - self.steps
+            runs_out = clear - self.steps
             return jnp.where(room > self.margin, lasts, runs_out)
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))

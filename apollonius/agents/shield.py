@@ -84,17 +84,17 @@ class Backup(eqx.Module):
         return jnp.minimum(clearance - self.body.radius, jnp.max(self._rooms(after, near)))
 
     def _rooms(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(carry: list[tuple[RobotState, Scalar]], _: None) -> tuple[list[tuple[RobotState, Scalar]], None]:
+        def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
             before = [robot for robot, _ in carry]
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
             clearances = self._along(before, after, near)
             moved = zip(after, carry, clearances, strict=True)
-            return [(to, jnp.minimum(least, clearance)) for to, (_, least), clearance in moved], None
+            return [(to, jnp.minimum(least, clearance)) for to, (_, least), clearance in moved]
 
         here = self._arena(near).clearance(robot.x, robot.y)
         if near is not None:
             here = jnp.minimum(here, near.clearance_from(robot.x, robot.y))
-        ends, _ = jax.lax.scan(one_step, [(robot, here)] * len(self.manoeuvres), None, self.steps)
+        ends = jax.lax.fori_loop(0, self.steps, one_step, [(robot, here)] * len(self.manoeuvres))
         return jnp.stack([least for _, least in ends]) - self.body.radius
 
     def _near(self, robot: RobotState) -> Edges | None:

@@ -26,7 +26,7 @@ _STAYS = 24
 """Equations that a called function must have at least to stay one."""
 
 
-def translated(function: Callable[..., Any], *arguments: Any, name: str = "program") -> Program:
+def translated(function: Callable[..., Any], *arguments: Any, name: str = "program", whole: bool = False) -> Program:
     """Return a JAX function as a program.
 
     Arguments become records, of what the program reads of them; those that have a result of their name, in a dict of
@@ -35,6 +35,7 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     Args:
         arguments: pytrees of arrays or numbers of the shapes that the program shall take.
         name: what the program is called.
+        whole: whether all records are whole, so that programs with the same arguments can share them.
 
     Raises:
         InvalidInput: for a primitive or a number type that cannot be translated, with the line that it comes from.
@@ -44,14 +45,14 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     records = [record_of(name, one) for name, one in zip(names, arguments, strict=True)]
     made = shape if isinstance(shape, dict) else {"result": shape}
     results = [record_of(f"next_{key}" if key in names else key, made[key]) for key in sorted(made)]
-    return _Translator(name).program(closed, records, results)
+    return _Translator(name, whole).program(closed, records, results)
 
 
 class _Translator:
     """Functions and constants found so far."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, whole: bool) -> None:
+        self.name, self.whole = name, whole
         self.line = "line unknown"
         self.functions: dict[tuple[Any, ...], Function] = {}
         self.names = Counter[str]()
@@ -74,7 +75,7 @@ class _Translator:
         comes_back = {record.name.removeprefix("next_") for record in results}
         needed = [
             record
-            if record.name in comes_back
+            if self.whole or record.name in comes_back
             else record.only({leaf for name, leaf in filter(None, read) if name == record.name})
             for record in arguments
         ]

@@ -52,11 +52,22 @@ class OccupancyMap(AbstractObstacle):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest occupied cell, rather too short than too long; negative inside."""
-        column, right = beside((x - self.x) / self.cell, self.field.shape[1])
-        row, up = beside((y - self.y) / self.cell, self.field.shape[0])
-        below = (1 - right) * self.field[row, column] + right * self.field[row, column + 1]
-        above = (1 - right) * self.field[row + 1, column] + right * self.field[row + 1, column + 1]
+        rows, columns = self._corners
+        column, right = beside((x - self.x) / self.cell, columns)
+        row, up = beside((y - self.y) / self.cell, rows)
+        below = (1 - right) * self._at(row, column) + right * self._at(row, column + 1)
+        above = (1 - right) * self._at(row + 1, column) + right * self._at(row + 1, column + 1)
         return (1 - up) * below + up * above - _ROUNDING * self.cell
+
+    @property
+    def _corners(self) -> tuple[int | Int[Array, ""], int | Int[Array, ""]]:
+        """Rows and columns of corners."""
+        rows, columns = self.field.shape
+        return rows, columns
+
+    def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
+        """The distance at a corner [m]."""
+        return self.field[row, column]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """No more than the least clearance [m] on the segment between two states.
@@ -76,7 +87,7 @@ class OccupancyMap(AbstractObstacle):
         return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) <= 0
 
 
-def beside(position: Scalar, corners: int) -> tuple[Int[Array, ""], Scalar]:
+def beside(position: Scalar, corners: int | Int[Array, ""]) -> tuple[Int[Array, ""], Scalar]:
     """The corner before a place along one axis, and how far the place is on the way to the next; at most the ends."""
     inside = jnp.clip(position, 0.0, corners - 1.0)
     before = jnp.clip(jnp.floor(inside), 0.0, corners - 2.0)

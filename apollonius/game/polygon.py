@@ -1,7 +1,7 @@
 """Polygonal obstacles: how far away they are, and how near a straight step comes to them."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import equinox as eqx
 import jax
@@ -16,6 +16,7 @@ from apollonius.game.types import Real, RobotState, Scalar
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena
 
+T = TypeVar("T")
 MOST_CORNERS = 1_000
 """Most corners of a polygon: every step looks at all of them."""
 _APART = 1e-6
@@ -126,9 +127,7 @@ class Polygons(AbstractObstacle):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Distance [m] from a point to the nearest edge; negative inside a polygon."""
-        edges = edges_of(self.polygons)
-        place, _ = jax.lax.scan(lambda place, edge: (place.beside(edge), None), _nowhere(x, y), edges)
-        return place.clearance
+        return self._over_edges(lambda place, edge: place.beside(edge), _nowhere(x, y)).clearance
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Least clearance [m] on the segment between two states.
@@ -138,15 +137,19 @@ class Polygons(AbstractObstacle):
         """
         dx, dy = after.x - before.x, after.y - before.y
 
-        def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[tuple[Place, Place, Scalar], None]:
+        def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[Place, Place, Scalar]:
             start, end, between = seen
             corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
             here = jnp.where(edge.is_crossed(before, after), PASSED_THROUGH, jnp.sqrt(corner))
-            return (start.beside(edge), end.beside(edge), jnp.minimum(between, here)), None
+            return start.beside(edge), end.beside(edge), jnp.minimum(between, here)
 
         nothing = (_nowhere(before.x, before.y), _nowhere(after.x, after.y), jnp.asarray(jnp.inf, jnp.float32))
-        (start, end, between), _ = jax.lax.scan(look, nothing, edges_of(self.polygons))
+        start, end, between = self._over_edges(look, nothing)
         return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
+
+    def _over_edges(self, look: Callable[[T, Edge], T], seen: T) -> T:
+        """Return what is seen when one edge after another has been looked at."""
+        return jax.lax.scan(lambda seen, edge: (look(seen, edge), None), seen, edges_of(self.polygons))[0]
 
 
 def edges_of(polygons: Sequence[Polygon]) -> Edge:

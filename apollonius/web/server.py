@@ -43,7 +43,8 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
     def end_headers(self) -> None:
         """Nothing from elsewhere, nothing guessed, nothing kept."""
-        self.send_header("Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'")
+        allowed = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; base-uri 'none'"
+        self.send_header("Content-Security-Policy", allowed)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-store")
         super().end_headers()

@@ -38,7 +38,9 @@ AS_TEAM = {Role.PURSUER: "P_team", Role.EVADER: "E_any"}
 ANY_ARENA = ("egocentric", "team")
 """Observations of agents that play in any arena."""
 READS = ("paper", "encoded", *ANY_ARENA)
-"""Observations that the page makes: of the others there is no JavaScript."""
+"""Observations that the page makes: of the others it has no program."""
+ROBOTS = 6
+"""Most robots of a side in the page, whose programs look at as many whether they are there or not."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
@@ -77,6 +79,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     rules = game_in_one_arena(game, "the page")
     bound = f"discs, polygons and a map, as in the page, and the game '{game}' has others"
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
+    for side, bodies in zip(("pursuers", "evaders"), rules.bodies, strict=True):
+        require(len(bodies) <= ROBOTS, side, len(bodies), f"at most {ROBOTS} in the page; simulate larger teams")
     team, of_two = split_team(game)
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other

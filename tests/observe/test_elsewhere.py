@@ -17,7 +17,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.observe.view import look
-from tests.web.test_rules_in_javascript import ask
+from tests.web.test_parity import ask
 
 UNEQUAL = Game(
     pursuer=Unicycle(v_max=1.5, u1_max=0.4, u2_max=0.7, radius=0.1),

@@ -3,7 +3,7 @@
 import { readFileSync } from "node:fs";
 import { pathToFileURL } from "node:url";
 
-const { page, games = [], agent, observations = [], positions = [], match, charts = [], rules: asked, chases, sights } = JSON.parse(readFileSync(0, "utf8"));
+const { page, games = [], agent, observations = [], positions = [], match, charts = [], views, chases, sights } = JSON.parse(readFileSync(0, "utf8"));
 const rules = await import(pathToFileURL(`${page}/rules.js`));
 const agents = await import(pathToFileURL(`${page}/agents.js`));
 const { observe } = await import(pathToFileURL(`${page}/observation.js`));
@@ -11,7 +11,8 @@ const { chartOf } = await import(pathToFileURL(`${page}/charting.js`));
 const { CLASSICAL, fits } = await import(pathToFileURL(`${page}/classical.js`));
 const { asHardAs } = await import(pathToFileURL(`${page}/difficulty.js`));
 const { Match } = await import(pathToFileURL(`${page}/match.js`));
-const { countsOf } = await import(pathToFileURL(`${page}/teams.js`));
+const { roomAfter } = await import(pathToFileURL(`${page}/braking.js`));
+const { bodyOf, countsOf, robotOf } = await import(pathToFileURL(`${page}/teams.js`));
 
 /** What all robots have in a row, as either side has it. */
 const bySide = (game, all) => {
@@ -60,7 +61,7 @@ function drawChart({ game, stops }) {
 /** Outcomes of games of a shielded trained pursuer, as hard as asked for, against a shielded evader. */
 function chase({ game, agents: folder, pursuer, evader, difficulty, seed, count }) {
   const network = read(`${folder}/${pursuer}.safetensors`);
-  const hard = agents.shielded(asHardAs(agents.atBest(network), difficulty, agents.worthTo(network)));
+  const hard = agents.shielded(asHardAs(agents.atBest(network), difficulty, (...seen) => Math.max(...agents.valuesOf(network)(...seen))));
   const rule = CLASSICAL.evader[evader];
   const flees = agents.shielded(rule ? agents.byValues(rule) : agents.atBest(read(`${folder}/${evader}.safetensors`)));
   const player = (rank, isTold) => ({ isTold, act: (...seen) => rank(...seen)[0] });
@@ -108,12 +109,13 @@ if (match) {
   while (!played.isOver) played.step();
   answer.replay = played.replay();
 }
-if (asked) {
-  const players = Object.entries(CLASSICAL[asked.role]).filter(([name]) => fits(name, asked.game));
-  const { game, role, number = 0, statuses = [] } = asked;
-  const seen = asked.positions.map((row, index) => [game, asState(game, row, statuses[index]), { role, number }]);
-  const valued = ([name, rule]) => [name, seen.map((one) => rule(...one))];
-  answer.rules = Object.fromEntries(players.map(valued));
+if (views) {
+  const { game, role, number, statuses, rows, observations: names } = views;
+  const seen = rows.map((row, index) => [game, asState(game, row, statuses[index]), { role, number }]);
+  const each = (pairs) => Object.fromEntries(pairs.map(([name, ask]) => [name, seen.map((one) => ask(...one))]));
+  answer.seen = each(names.map((name) => [name, (...one) => observe(name, ...one)]));
+  answer.values = each(Object.entries(CLASSICAL[role]).filter(([name]) => fits(name, game)));
+  answer.rooms = seen.map(([, state, who]) => [...Array(9).keys()].map((action) => roomAfter(game, bodyOf(game, who), robotOf(state, who), action)));
 }
 if (chases) answer.chases = chase(chases);
 if (sights) answer.sights = look();

@@ -23,7 +23,7 @@ from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.observe.registry import observe
 from apollonius.replay import as_rows, as_state
-from tests.web.test_rules_in_javascript import as_on_the_page, ask, on_a_floor
+from tests.web.test_parity import as_on_the_page, ask, on_a_floor
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 SOME_STOPS = [*range(0, STOPS**2, 97)]

@@ -29,8 +29,8 @@ from apollonius.game.types import Outcome, Role
 from apollonius.observe.registry import observe
 from apollonius.replay import as_rows, as_state, play_actions
 from apollonius.web.site import PAGE
-from tests.web.test_rules_in_javascript import TOLERANCE, any_actions, apart
-from tests.web.test_rules_in_javascript import ask as ask_rules
+from tests.web.test_parity import TOLERANCE, any_actions, apart
+from tests.web.test_parity import ask as ask_rules
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 STEPS = 10

@@ -167,6 +167,7 @@ def test_an_agent_with_continuous_actions_is_served_too(tmp_path):
         ((Role.EVADER, "nobody", "paper", 0), "no agent is called 'nobody'"),
         ((Role.EVADER, None, "chess", 0), "no game is called 'chess'"),
         ((Role.EVADER, None, "paper", -1), "seed = -1"),
+        ((Role.EVADER, None, "team-7v1", 0), "pursuers = 7 .* at most 6 in the page"),
     ],
 )
 def test_what_there_is_not_is_refused(arguments, complaint):

@@ -192,7 +192,8 @@ def bundled(entry: Path) -> str:
     """A module with all that it imports before it, each as an object of what it exports; comments are left out.
 
     Args:
-        entry: the module's file; its imports name files relative to it, and form no circle.
+        entry: the module's file; its imports name files relative to it, and form no circle. A file beside it is taken
+            in place of one of the same name elsewhere.
     """
     objects: dict[Path, str] = {}
 
@@ -205,7 +206,8 @@ def bundled(entry: Path) -> str:
     def obtained(path: Path) -> str:
         name = f"{path.stem}Module"
         if path.resolve() not in objects:
-            text = imported(path)
+            beside = entry.parent / path.name
+            text = imported(beside if beside.exists() else path)
             exports = ", ".join(_EXPORT.findall(text))
             inner = re.sub("^export ", "", text, flags=re.MULTILINE)
             objects[path.resolve()] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"

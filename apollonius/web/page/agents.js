@@ -3,12 +3,14 @@
 
 import { leavesRoom, roomAfter } from "./braking.js";
 import { observe } from "./observation.js";
+import { addresses, given, kept, run } from "./programs.js";
 import { gears } from "./rules.js";
 import { bodyOf, robotOf } from "./teams.js";
 
 const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+const UNITS = 64; // of a layer that are worked out together, whose weights lie together
 
-/** A trained network from the bytes of its safetensors file: {header, layers}. */
+/** A trained network from the bytes of its safetensors file: {header, sizes, weights}, of each layer and all of them. */
 export function readAgent(buffer) {
   const view = new DataView(buffer);
   const length = Number(view.getBigUint64(0, true));
@@ -23,42 +25,30 @@ export function readAgent(buffer) {
     // A copy, since the bytes in the file need not lie at a multiple of four.
     return new Float32Array(buffer.slice(8 + length + offsets[0], 8 + length + offsets[1]));
   };
-  const layers = [];
-  for (let index = 0; index <= header.depth; index++) {
-    layers.push({ weight: array(`layers/${index}/weight`), bias: array(`layers/${index}/bias`) });
-  }
-  return { header, layers };
+  const layers = Array.from({ length: header.depth + 1 }, (_, index) => [array(`layers/${index}/weight`), array(`layers/${index}/bias`)]);
+  const sizes = [layers[0][0].length / layers[0][1].length, ...layers.map(([, bias]) => bias.length)];
+  return { header, sizes, weights: kept(layers.map(inBlocks)) };
+}
+
+/** A layer as `network` of `apollonius/web/programs.py` reads it: for some units at a time biases, then weights by inputs. */
+function inBlocks([weight, bias]) {
+  const inputs = weight.length / bias.length;
+  const block = (inputs + 1) * UNITS;
+  const found = new Float32Array(Math.ceil(bias.length / UNITS) * block);
+  bias.forEach((value, unit) => {
+    const first = Math.floor(unit / UNITS) * block + (unit % UNITS);
+    found[first] = value;
+    for (let input = 0; input < inputs; input++) found[first + (input + 1) * UNITS] = weight[unit * inputs + input];
+  });
+  return found;
 }
 
 /** What a network says: fully connected layers with ReLU between them (Fig. 3). */
-export function outputs(agent, observation) {
-  const last = agent.layers.length - 1;
-  return agent.layers.reduce((hidden, layer, index) => through(layer, hidden, index === last), Float32Array.from(observation));
-}
-
-/** One layer. Four rows at a time, as their sums do not wait for one another: it takes half as long. */
-function through({ weight, bias }, hidden, isLast) {
-  const width = hidden.length;
-  const next = new Float32Array(bias.length);
-  let row = 0;
-  for (; row + 4 <= bias.length; row += 4) {
-    const [one, two, three, four] = [row * width, (row + 1) * width, (row + 2) * width, (row + 3) * width];
-    let [a, b, c, d] = [bias[row], bias[row + 1], bias[row + 2], bias[row + 3]];
-    for (let column = 0; column < width; column++) {
-      const value = hidden[column];
-      a += weight[one + column] * value;
-      b += weight[two + column] * value;
-      c += weight[three + column] * value;
-      d += weight[four + column] * value;
-    }
-    [next[row], next[row + 1], next[row + 2], next[row + 3]] = [a, b, c, d];
-  }
-  for (; row < bias.length; row++) {
-    let sum = bias[row];
-    for (let column = 0; column < width; column++) sum += weight[row * width + column] * hidden[column];
-    next[row] = sum;
-  }
-  return isLast ? next : next.map((sum) => Math.max(sum, 0));
+export function outputs({ sizes, weights }, observation) {
+  addresses.weights = weights;
+  given.sizes().set(sizes);
+  given.inputs().set(observation);
+  return run.network(sizes.length - 1).slice(0, sizes.at(-1));
 }
 
 /** Actions by falling value; among equals, the lowest comes first. */

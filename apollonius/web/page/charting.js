@@ -1,6 +1,6 @@
 // Charts drawn, once for a game before anyone plays it: function by function `apollonius/arenas/charting.py`.
 
-import { Chart, SIDE, STOPS, STOP_BITS, roomBetween, stopBefore } from "./chart.js";
+import { SIDE, STOPS, STOP_BITS, roomBetween, stopBefore } from "./chart.js";
 import { clearance } from "./clearance.js";
 import { ROLES } from "./rules.js";
 import { bodiesOf } from "./teams.js";
@@ -19,6 +19,10 @@ export function chartOf(game) {
 /** Use some time [ms] in which nothing else is to be done for a game's chart, if it has one. */
 export const prepareChart = (game, milliseconds) => charts.get(game)?.ways.prepare(performance.now() + milliseconds);
 
+/**
+ * A chart: the lower left corner x, y [m], its longer side [m], clearances [m] at the corners of cells, row by row from the
+ * bottom, for each cell the stop nearest to it, and which of the four around it can be seen, and the ways between stops.
+ */
 function drawn(arena, radius) {
   const { x_min: x, y_min: y } = arena;
   const side = Math.max(arena.x_max - x, arena.y_max - y);
@@ -29,7 +33,7 @@ function drawn(arena, radius) {
   });
   const ways = new Ways({ field, places, isOpen, side, radius });
   const isReached = isOpen.map((open, stop) => open && ways.leads(stop));
-  return new Chart({ x, y, side, field, beside: seenBeside(field, places, isReached), ways });
+  return { x, y, side, field, beside: seenBeside(field, places, isReached), ways };
 }
 
 /** The field, in single precision as the package has it. */

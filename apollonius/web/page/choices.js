@@ -3,6 +3,7 @@
 
 import { bestOf } from "./best.js";
 import { DIFFICULTIES } from "./difficulty.js";
+import { MOST_ROBOTS } from "./handing.js";
 import { LEVELS, levelOf } from "./levels.js";
 import { SHIELDED, YOU, bare, inWords, isPerson, leadAndMates, leading } from "./names.js";
 import { ruleNames } from "./players.js";
@@ -13,7 +14,6 @@ const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents we
 const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
 const MATES = { [PURSUER]: "P_team", [EVADER]: "E_any" }; // whom a person leads
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
-const MOST = 16; // robots of a side
 
 const group = (label, options) => {
   const made = document.createElement("optgroup");
@@ -108,7 +108,7 @@ export class Choices {
   fill(values) {
     const wanted = { ...this.chosen, ...values };
     const [arena, counts] = partsOf(String(wanted.game), this.games);
-    const isFew = !counts || counts.every((count) => count >= 1 && count <= MOST);
+    const isFew = !counts || counts.every((count) => count >= 1 && count <= MOST_ROBOTS);
     const known = { game: this.#set("game", arena) && isFew };
     this.#offerSizes((isFew && counts) || [1, 1]);
     this.refit();

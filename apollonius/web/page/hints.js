@@ -2,8 +2,7 @@
 
 import { clearanceAlong } from "./clearance.js";
 import { EVADER } from "./rules.js";
-import { bodyOf } from "./teams.js";
-import { look } from "./view.js";
+import { bodyOf, opponentOf, robotOf } from "./teams.js";
 
 const ALARMED = 3; // distance [m] from the reach of a capture at which an evader begins to hear its pursuer
 const [LOW, HIGH] = [220, 660]; // Hz
@@ -26,8 +25,8 @@ export function isTooFast(game, who, robot) {
 /** How near a capture by the nearest opponent is, from 0 to 1; who hunts has nothing to fear. */
 export function nearness(game, state, who) {
   if (who.role !== EVADER) return 0;
-  const { own, opponent } = look(game, state, who);
-  const away = Math.hypot(own.state.x - opponent.state.x, own.state.y - opponent.state.y) - game.capture_distance;
+  const [own, opponent] = [robotOf(state, who), opponentOf(state, who)];
+  const away = Math.hypot(own.x - opponent.x, own.y - opponent.y) - game.capture_distance;
   return Math.min(1, Math.max(0, 1 - away / ALARMED));
 }
 

@@ -2,7 +2,7 @@
 // first where. Each is a layer that can be shown.
 
 import { leavesRoom } from "./braking.js";
-import { STOPS } from "./chart.js";
+import { STOPS, placesOf } from "./chart.js";
 import { chartOf } from "./charting.js";
 import { ROLES, move } from "./rules.js";
 import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
@@ -50,7 +50,7 @@ export function leads(game, state) {
   const runners = (role) => {
     return robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who))).map((who) => {
       const { x, y, v } = robotOf(state, who);
-      const { stops, weights } = chart.places(x, y);
+      const { stops, weights } = placesOf(chart, x, y);
       const from = stops.map((stop, index) => ({ lengths: weights[index] ? chart.ways.from(stop) : null, weight: weights[index] }));
       return { body: bodyOf(game, who), v, from };
     });

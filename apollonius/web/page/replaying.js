@@ -3,8 +3,7 @@
 import { clip } from "./clearance.js";
 import { between, draw } from "./draw.js";
 import { ROLES, other } from "./rules.js";
-import { isActive, robotOf, robotsOf } from "./teams.js";
-import { look } from "./view.js";
+import { isActive, opponentOf, robotOf, robotsOf } from "./teams.js";
 
 const LASTS = 3; // seconds of a person's time
 const SLOWER = 2; // times slower than it was
@@ -58,8 +57,8 @@ export class SlowReplay {
     const robots = robotsOf(last, ROLES);
     const gone = robots.filter((who) => isActive(robotOf(before, who)) && !isActive(robotOf(last, who)));
     const shown = (gone.length ? gone : robots).flatMap((who) => {
-      const { opponent } = look(this.match.game, before, who);
-      const hunter = robotsOf(before, [other(who.role)]).find((one) => robotOf(before, one) === opponent.state);
+      const opponent = opponentOf(before, who);
+      const hunter = robotsOf(before, [other(who.role)]).find((one) => robotOf(before, one) === opponent);
       return robotOf(last, who).status === "captured" ? [who, hunter] : [who];
     });
     const places = this.states.flatMap((state) => shown.map((who) => robotOf(state, who)));

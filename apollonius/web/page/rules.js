@@ -1,11 +1,12 @@
-// The rules of the game, function by function those of `apollonius/game/`, in plain JavaScript.
+// The rules of the game as the page has them.
 //
 // A robot is {x [m], y [m], v [m/s], heading [rad, in (-pi, pi]], status}; a state is {pursuer, evader, steps}, a list of
 // robots for either side, one in a game of two; a game is what `apollonius.arenas.record.to_dict` writes, a map with its field
-// (`files.js`). Numbers of a state are rounded to single precision after each step, as those of the Python rules are, so that
-// whole games agree and not steps alone.
+// (`files.js`). Where robots go and what befalls them the package's own functions say (`programs.js`).
 
-import { clearance, clip, closestApproach, hitsObstacle, isOutOfRange, reachesTerritory } from "./clearance.js";
+import { clearance, clip } from "./clearance.js";
+import { MOST_ROBOTS, STATUSES, handArena, handRobot, handRobots } from "./handing.js";
+import { given, run } from "./programs.js";
 import { bodiesOf, countsOf, isActive } from "./teams.js";
 
 export const PURSUER = "pursuer";
@@ -45,77 +46,15 @@ export function gears(action) {
   return [Math.floor(action / 3) - 1, (action % 3) - 1];
 }
 
-/** Acceleration [m/s^2] and turn rate [rad/s] of an action (Eq. 4, 5). */
-export function controls(body, action) {
-  const [gearU1, gearU2] = gears(action);
-  return [gearU1 * body.u1_max, gearU2 * body.u2_max];
-}
-
-// The mean speed of a step whose change [m/s] is below this is the speed at its end. A rounded speed can be beyond its
-// limit by more than a tinier change, for which the formula of the ramp would be far off.
-const LEAST_CHANGE = 1e-6;
-
 /** The robot after holding an action for `dt` [s] (Eq. 1). */
 export function move(body, robot, action, dt) {
-  const [u1, u2] = controls(body, action);
-  const dv = u1 * dt;
-  const v = clip(robot.v + dv, body.v_min, body.v_max);
-  const meanV = Math.abs(dv) < LEAST_CHANGE ? v : v - (v - robot.v) ** 2 / (2 * dv);
-  const halfTurn = (u2 * dt) / 2;
-  const chord = meanV * dt * (halfTurn === 0 ? 1 : Math.sin(halfTurn) / halfTurn);
-  const middle = robot.heading + halfTurn;
-  return {
-    x: Math.fround(robot.x + chord * Math.cos(middle)),
-    y: Math.fround(robot.y + chord * Math.sin(middle)),
-    v: Math.fround(v),
-    heading: Math.fround(wrapAngle(robot.heading + 2 * halfTurn)),
-  };
+  handRobot(body, robot);
+  given.gears().set(gears(action));
+  const { x, y, v, heading } = run.move(dt);
+  return { x: x[0], y: y[0], v: v[0], heading: heading[0] };
 }
 
-// ---- outcome.py, judge.py, game.py
-
-/** Whether two robots, each {before, after}, come closer than a distance [m] to each other anywhere along a step. */
-function comeWithin(one, two, distance) {
-  const [x, y] = [two.before.x - one.before.x, two.before.y - one.before.y];
-  return closestApproach(x, y, two.after.x - one.after.x - x, two.after.y - one.after.y - y) < distance;
-}
-
-/** The status of a robot after a step, from the states at its two ends: what befalls it, if it was in play. */
-function statusAfter(game, before, after, role, number) {
-  const way = (side, index) => ({ before: before[side][index], after: after[side][index] });
-  const own = way(role, number);
-  if (!isActive(own.before)) return own.before.status;
-  const meets = (side, distance) => before[side].some((robot, index) => {
-    const isOther = side !== role || index !== number;
-    return isOther && isActive(robot) && comeWithin(way(side, index), own, distance(index));
-  });
-  if (role === EVADER && meets(PURSUER, () => game.capture_distance)) return "captured";
-  const bodies = bodiesOf(game, role);
-  const { radius } = bodies[number];
-  if (hitsObstacle(game.arena, own.before, own.after, radius)) return "hit_obstacle";
-  if (isOutOfRange(game.arena, own.after, radius)) return "out_of_range";
-  const isHit = game.teams?.mates_collide && meets(role, (index) => radius + bodies[index].radius);
-  return isHit ? "hit_mate" : "active";
-}
-
-/**
- * How the game stands after a step, from the states at its two ends: one of `OUTCOMES`. A side is beaten when none of its
- * robots is in play any more; the outcome is then that of the last of them.
- */
-function judge(game, before, after) {
-  const isBeaten = (role) => !after[role].some(isActive);
-  const befell = (role, ...statuses) => {
-    return after[role].some(({ status }, number) => statuses.includes(status) && isActive(before[role][number]));
-  };
-  if (isBeaten(EVADER) && befell(EVADER, "captured")) return "captured";
-  const failures = ROLES.filter(isBeaten).map((role) => {
-    return befell(role, "hit_obstacle", "hit_mate") ? `${role}_hit_obstacle` : `${role}_out_of_range`;
-  });
-  if (failures.length) return failures.length > 1 ? "both_failed" : failures[0];
-  const reaches = (robot, number) => isActive(robot) && reachesTerritory(game.arena, before.evader[number], robot);
-  if (game.arena.territory && after.evader.some(reaches)) return "territory_reached";
-  return after.steps >= game.max_steps ? "no_result" : "ongoing";
-}
+// ---- game.py
 
 /**
  * One transition: all robots hold their actions for `dt`, and those that are not in play stand still.
@@ -124,15 +63,21 @@ function judge(game, before, after) {
  * @returns {state, outcome}
  */
 export function step(game, state, actions) {
-  const moved = (role) => {
-    const bodies = bodiesOf(game, role);
-    const end = (robot, number) => (isActive(robot) ? move(bodies[number], robot, actions[role][number], game.dt) : { ...robot, v: 0 });
-    return state[role].map(end);
-  };
-  const after = { pursuer: moved(PURSUER), evader: moved(EVADER), steps: state.steps + 1 };
-  const judged = (role) => after[role].map((robot, number) => ({ ...robot, status: statusAfter(game, state, after, role, number) }));
-  const next = { ...after, pursuer: judged(PURSUER), evader: judged(EVADER) };
-  return { state: next, outcome: judge(game, state, next) };
+  handArena(game.arena);
+  handRobots(game, state, ROLES);
+  ROLES.forEach((role, side) => {
+    state[role].forEach((robot, index) => given.gears().set(isActive(robot) ? gears(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
+  });
+  const judged = game.teams?.mates_collide ? run.step_of_bodies : run.step;
+  const found = judged(game.capture_distance, game.dt, game.max_steps - state.steps);
+  const { x, y, v, heading } = found.states();
+  const [status, [outcome]] = [found.status(), found.outcome()];
+  const after = (role, side) => state[role].map((_, index) => {
+    const at = side * MOST_ROBOTS + index;
+    return { x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] };
+  });
+  const [pursuer, evader] = ROLES.map(after);
+  return { state: { pursuer, evader, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
 }
 
 /** Who won: "pursuer", "evader" or null (outlived the time limit, or both failed). */

@@ -42,8 +42,11 @@ export function partsOf(name, games) {
   return pursuers ? [arena, [Number(pursuers), Number(evaders)]] : [name, null];
 }
 
-/** Those of some robots, {state}, that are in play, from the nearest to the farthest; of two as near the first one first. */
-export function byDistance({ x, y }, robots) {
-  const away = ({ state }) => (state.x - x) ** 2 + (state.y - y) ** 2;
-  return robots.filter(({ state }) => isActive(state)).toSorted((one, two) => away(one) - away(two));
+/** The opponent of a robot that is nearest of those in play; the first one where none is. */
+export function opponentOf(state, { role, number }) {
+  const { x, y } = state[role][number];
+  const opponents = state[role === "pursuer" ? "evader" : "pursuer"];
+  const away = (robot) => (robot.x - x) ** 2 + (robot.y - y) ** 2;
+  const [nearest = opponents[0]] = opponents.filter(isActive).toSorted((one, two) => away(one) - away(two));
+  return nearest;
 }

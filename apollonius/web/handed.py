@@ -1,0 +1,152 @@
+"""Games as the page hands them over: how many robots, obstacles and cells there are is data."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.chart import Chart
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.obstacle import AbstractObstacle
+from apollonius.game.occupancy import OccupancyMap
+from apollonius.game.polygon import Edge, Polygons
+from apollonius.game.types import Real, RobotState, RobotStatus, Scalar
+from apollonius.observe.view import Robot, View
+from apollonius.web.site import ROBOTS
+
+Field = Float[Array, " corners"]
+"""Distances of an occupancy map's corners, row by row from the bottom [m]."""
+
+
+class Discs(AbstractObstacle):
+    """Some discs, leaves `[most]`, the first `count` of them there."""
+
+    discs: Disc
+    count: Int[Array, ""]
+
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point; negative inside."""
+        return self._least(lambda disc: disc.clearance(x, y))
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
+        return self._least(lambda disc: disc.clearance_along(before, after))
+
+    def _least(self, clearance: Callable[[Disc], Scalar]) -> Scalar:
+        def look(number: Int[Array, ""], least: Scalar) -> Scalar:
+            return jnp.minimum(least, clearance(at(self.discs, number)))
+
+        return jax.lax.fori_loop(0, self.count, look, jnp.asarray(jnp.inf, jnp.float32))
+
+
+class Edges(Polygons):
+    """Polygons by their edges, leaves `[most]`, the first `count` of them there."""
+
+    edges: Edge
+    count: Int[Array, ""]
+
+    def _over_edges(self, look: Callable[[Any, Edge], Any], seen: Any) -> Any:
+        return jax.lax.fori_loop(0, self.count, lambda number, seen: look(seen, at(self.edges, number)), seen)
+
+
+class Cells(OccupancyMap):
+    """An occupancy map of any size, its field in a row; endlessly far away where it has no columns."""
+
+    field: Field
+    rows: Int[Array, ""]
+    columns: Int[Array, ""]
+
+    @property
+    def _corners(self) -> tuple[Int[Array, ""], Int[Array, ""]]:
+        return self.rows, self.columns
+
+    def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
+        return self.field[row * self.columns + column]
+
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point, as that of `OccupancyMap`."""
+        return self._if_there(lambda: OccupancyMap.clearance(self, x, y))
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states, as that of `OccupancyMap`."""
+        return self._if_there(lambda: OccupancyMap.clearance_along(self, before, after))
+
+    def _if_there(self, clearance: Callable[[], Scalar]) -> Scalar:
+        return jax.lax.cond(self.columns > 0, clearance, lambda: jnp.asarray(jnp.inf, jnp.float32))
+
+
+class Drawn(Arena):
+    """An arena whose obstacles are data. What is asked often is one function each, however often it is asked."""
+
+    drawn: tuple[AbstractObstacle, ...] = ()
+
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point to the nearest wall or obstacle."""
+        return jax.jit(Arena.clearance)(self, x, y)
+
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
+        return jax.jit(Arena.clearance_along)(self, before, after)
+
+    def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+        """Whether a body touches an obstacle on the segment between two states."""
+        return jax.jit(Arena.hits_obstacle)(self, before, after, radius)
+
+
+class Floor(eqx.Module):
+    """An arena as the page hands it over, but for the field of its map and its chart.
+
+    Attributes:
+        walls: x_min, x_max, y_min, y_max [m].
+        territory: of radius 0 where there is none.
+        map: x, y and side of a cell [m].
+        counts: of discs, edges, rows and columns of the map.
+    """
+
+    walls: Float[Array, "4"]
+    territory: Disc
+    discs: Disc
+    edges: Edge
+    map: Float[Array, "3"]
+    counts: Int[Array, "4"]
+
+    def arena(self, field: Float[Array, " corners"], chart: Chart | None = None) -> Drawn:
+        """Return the arena with the field of its map."""
+        discs, edges, rows, columns = self.counts
+        (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
+        cells = Cells(field, x, y, cell, "", "", rows, columns)
+        drawn = Discs(self.discs, discs), Edges((), self.edges, edges), cells
+        return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, drawn=drawn)
+
+
+class Robots(eqx.Module):
+    """Robots, leaves `[2 * ROBOTS]`: those of one side, then those of the other. Who is not there is not active."""
+
+    bodies: Unicycle
+    states: RobotState
+    status: Int[Array, " robots"]
+
+    def side(self, values: Any, second: bool) -> tuple[Any, ...]:
+        """Return the bodies, states or statuses of one side."""
+        return tuple(at(values, number + second * ROBOTS) for number in range(ROBOTS))
+
+    def seen(self, arena: Arena, capture_distance: Scalar) -> View:
+        """Return what the first of them sees."""
+
+        def side(second: bool) -> tuple[Robot, ...]:
+            parts = (self.side(values, second) for values in (self.bodies, self.states, self.status))
+            return tuple(
+                Robot(body, state, status == RobotStatus.ACTIVE) for body, state, status in zip(*parts, strict=True)
+            )
+
+        own, *mates = side(False)
+        return View(arena, own, tuple(mates), side(True), capture_distance)
+
+
+def at(values: Any, number: int | Int[Array, ""]) -> Any:
+    """Return one of some values, of each leaf one row."""
+    return jax.tree.map(lambda leaf: leaf[number], values)

@@ -1,0 +1,77 @@
+// The functions of `compiled.js`, which are those of the package, and the memory that they read and write.
+//
+// An argument has one place in memory under its name, whichever function it is for. `given.robots()` are typed arrays of
+// its leaves, or one of an array, to be filled in before a call; numbers are arguments of the call itself. They are asked for
+// each time, as what they show moves when memory grows.
+
+import { LAYOUTS, MODULE } from "./compiled.js";
+
+const KINDS = { float32: Float32Array, int32: Int32Array, uint16: Uint16Array };
+const PAGE = 2 ** 16; // unit in which memory grows [bytes]
+
+const module = new WebAssembly.Module(Uint8Array.from(atob(MODULE), (letter) => letter.charCodeAt(0)));
+const { exports } = new WebAssembly.Instance(module, {});
+const { memory } = exports;
+let end = exports.__heap_base.value;
+
+/** The address of so many bytes more. */
+function allocate(bytes) {
+  const at = Math.ceil(end / 16) * 16;
+  end = at + bytes;
+  if (end > memory.buffer.byteLength) memory.grow(Math.ceil((end - memory.buffer.byteLength) / PAGE));
+  return at;
+}
+
+/** Where arguments are; those of arrays of no certain length, a map's field and weights, the page sets itself. */
+export const addresses = { field: 0, weights: 0 };
+
+/** The address of a copy of some arrays of numbers, one after the other. */
+export function kept(arrays) {
+  const count = arrays.reduce((sum, array) => sum + array.length, 0);
+  const at = allocate(4 * count);
+  const into = new Float32Array(memory.buffer, at, count);
+  let done = 0;
+  for (const array of arrays) {
+    into.set(array, done);
+    done += array.length;
+  }
+  return at;
+}
+
+/** Typed arrays of the leaves of a record that lies at an address, or the one of an array. */
+function viewsOf(leaves, at) {
+  let [views, buffer] = [null, null];
+  const view = ([, kind, size, offset]) => new KINDS[kind](memory.buffer, at + offset, size);
+  return () => {
+    if (buffer !== memory.buffer) {
+      views = leaves[0][0] ? Object.fromEntries(leaves.map((leaf) => [leaf[0], view(leaf)])) : view(leaves[0]);
+      ({ buffer } = memory);
+    }
+    return views;
+  };
+}
+
+export const given = {};
+const isNumber = (name) => {
+  const [, [[leaf, , size], ...others]] = LAYOUTS.given[name];
+  return !leaf && size === 1 && !others.length;
+};
+for (const [name, [bytes, leaves]] of Object.entries(LAYOUTS.given)) {
+  if (name in addresses || isNumber(name)) continue;
+  addresses[name] = allocate(bytes);
+  given[name] = viewsOf(leaves, addresses[name]);
+}
+
+/** A function of the module: from the numbers among its arguments to its result, or to its results by their names. */
+function bound(name, [takes, results]) {
+  const ends = Object.values(results).map(([bytes]) => allocate(bytes));
+  const views = Object.entries(results).map(([key, [, leaves]], index) => [key, viewsOf(leaves, ends[index])]);
+  const found = Object.fromEntries(views);
+  return (...numbers) => {
+    let next = 0;
+    exports[name](...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
+    return found.result?.() ?? found;
+  };
+}
+
+export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(([name, layout]) => [name, bound(name, layout)]));
