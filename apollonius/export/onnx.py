@@ -24,14 +24,15 @@ _ERRORS = 3
 def model_of(player: Player) -> bytes:
     """Return the model.
 
-    Inputs are the state, who is in play, the memory and the random bits, as far as there are any; outputs are the
-    action, the controls and the memory (`Player.decide`).
+    Inputs are `state`, in teams `active`, the arrays of a memory, `memory_0` and so on, and `bits`; outputs `action`,
+    `controls`, and `next_memory_0` and so on: see `Player.decide`.
 
     Raises:
         InvalidInput: for what jax2onnx cannot take, with its reason.
     """
     policy, game, *rest = player.arguments
     leaves, shape = jax.tree.flatten(tuple(rest))
+    names = _names(*rest)
 
     def decide(*given: Any) -> list[Any]:
         made = player.decide(policy, game, *jax.tree.unflatten(shape, given))
@@ -43,7 +44,12 @@ def model_of(player: Player) -> bytes:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model: Any = to_onnx(
-                lambda *given: tuple(_run(closed.jaxpr, closed.consts, given)), inputs, model_name="player", opset=OPSET
+                lambda *given: tuple(_run(closed.jaxpr, closed.consts, given)),
+                inputs,
+                model_name="player",
+                opset=OPSET,
+                input_names=names,
+                output_names=["action", "controls", *(f"next_{name}" for name in names if name.startswith("memory"))],
             )
         return model.SerializeToString()
     except Exception as reason:  # jax2onnx says in many ways what it cannot take
@@ -56,15 +62,22 @@ def load(model: bytes) -> tuple[Decide, Callable[[], object]]:
     options = onnxruntime.SessionOptions()
     options.log_severity_level, options.intra_op_num_threads = _ERRORS, 1
     session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-    names, last = [one.name for one in session.get_inputs()], dict[str, Any]()
+    read, last = {one.name for one in session.get_inputs()}, dict[str, Any]()
 
     def decide(state: np.ndarray, active: Any, memory: Any, bits: np.uint32) -> tuple[np.ndarray, np.ndarray]:
-        given = dict(zip(("state", *names[1:]), jax.tree.leaves((state, active, memory, bits)), strict=False))
-        last.update({name: given[name] for name in names})
-        action, controls = session.run(None, last)[:2]
+        asked = state, active, memory, bits
+        given = dict(zip(_names(*asked), jax.tree.leaves(asked), strict=True))
+        last.update({name: np.asarray(given[name]) for name in read})
+        action, controls = session.run(["action", "controls"], last)
         return np.asarray(action), np.asarray(controls)
 
     return decide, lambda: session.run(None, last)
+
+
+def _names(state: Any, active: Any, memory: Any, bits: Any) -> list[str]:
+    """Return the inputs' names: those of several arrays are numbered."""
+    several = [f"memory_{number}" for number in range(len(jax.tree.leaves(memory)))]
+    return ["state", *(["active"] if active is not None else []), *several, "bits"]
 
 
 def _run(jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[Any]) -> list[Any]:

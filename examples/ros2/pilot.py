@@ -93,10 +93,10 @@ def load_policy(file: Path) -> Decide:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     session = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    name = session.get_inputs()[0].name
+
+    bits = {one.name: np.uint32(0) for one in session.get_inputs() if one.name == "bits"}
 
     def decide(state: Sequence[float]) -> Sequence[float]:
-        outputs = session.run(None, {name: np.array(state, np.float32).reshape(2, 4)})
-        return [number for output in outputs[:2] for number in output.ravel().tolist()][-2:]
+        return session.run(["controls"], {"state": np.array(state, np.float32).reshape(2, 4), **bits})[0].tolist()
 
     return decide
