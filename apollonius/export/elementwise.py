@@ -104,7 +104,7 @@ def _clamp(block: Block, operands: list[Value], params: Params, out: Any) -> Val
 def _broadcast(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,) = operands
     both = zip(params["broadcast_dimensions"], value.shape, strict=True)
-    return moved(value, out.shape, [None if length == 1 else axis for axis, length in both])
+    return moved(value, out.shape, [None if length == 1 else int(axis) for axis, length in both])
 
 
 def _squeeze(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
