@@ -1,4 +1,4 @@
-"""`python -m website`: the site as a static folder for any web host."""
+"""`python -m website`: the site as a static folder, which works on any web host and opened as files."""
 
 import argparse
 import shutil
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from apollonius.cli import main as apollonius
 from apollonius.show import palette
-from apollonius.web.site import write_site
+from website.playground import write_playground
 from website.sources import HERE, REPOSITORY, write_sources
 
 
@@ -28,7 +28,7 @@ def main() -> int:
     subprocess.run([sys.executable, "-m", "sphinx", *options, *folders, str(work), str(out)], check=True)
     (out / "_static" / "webpack-macros.html").unlink(missing_ok=True)  # a template that the theme leaves there
     print("the playground", flush=True)
-    write_site(out / "playground")
+    write_playground(out / "playground")
     print("the report", flush=True)
     apollonius(["report", str(REPOSITORY / "docs/results/demo"), "--out", str(out / "reports" / "demo.html")])
     return 0

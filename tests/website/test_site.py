@@ -1,4 +1,4 @@
-"""The whole site, built and opened in a real browser, below a path of a web host."""
+"""The whole site, built and opened in a real browser: from a folder, and below a path of a web host."""
 
 import subprocess
 import sys
@@ -29,8 +29,11 @@ class Silent(SimpleHTTPRequestHandler):
         pass
 
 
-@pytest.fixture(scope="module")
-def address(site):
+@pytest.fixture(scope="module", params=["file", "http"])
+def address(request, site):
+    if request.param == "file":
+        yield site.as_uri()
+        return
     handler = partial(Silent, directory=site.parents[1])
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
