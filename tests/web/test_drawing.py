@@ -73,7 +73,7 @@ def play_alike(pairs, seed):
     """Random play in drawn arenas from starts close to obstacles comes out the same."""
     random, told, expected = np.random.default_rng(seed), [], []
     for number, (record, game) in enumerate(pairs):
-        actions = any_actions(random, (2,)).repeat(STEPS // 2, axis=0)
+        actions = any_actions(random, (2, 2)).repeat(STEPS // 2, axis=0)
         (row,) = starts_close_by(game, jax.random.key(number), 1)
         states, outcomes = jax.tree.map(np.asarray, play(game, jnp.asarray(row), jnp.asarray(actions)))
         told.append({"game": record, "states": [np.asarray(row).tolist()], "actions": actions.tolist()})
