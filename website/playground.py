@@ -39,7 +39,7 @@ def write_playground(folder: Path) -> None:
         shutil.copy(script, folder / script.name)
     (folder / "index.html").write_text(page.replace("<head>", '<head>\n    <script src="from_folder.js"></script>'))
     # Of a page that comes from a folder `'self'` is no address, and its modules are blobs.
-    allowed = page.replace("default-src 'self'", "default-src 'self' file: blob:")
+    allowed = page.replace("-src 'self'", "-src 'self' file: blob:")
     (folder / "offline.html").write_text(_MODULE.sub('<script src="offline.js"></script>', allowed))
 
 
