@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
-import onnxruntime
+import onnxruntime  # pyright: ignore[reportMissingImports]
 from jax.extend.core import Jaxpr, Literal
 from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
 
