@@ -11,12 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
-from apollonius.agents.policy import Memory
+from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.agents.pool import Pool, solo
+from apollonius.agents.shield import MARGIN, Shielded
 from apollonius.agents.uniform import Uniform
-from apollonius.export.player import Player
+from apollonius.export.player import Player, state_of
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Role
+from apollonius.observe.view import look
 from apollonius.rollout import Games, begin, collect
 
 BREADTH = 1e-5
@@ -50,7 +52,8 @@ class Parity:
 
     Attributes:
         states: how many there were.
-        ties: differences within rounding: what the player does within `BREADTH` of the state.
+        ties: differences within rounding: an action of the same value, or what the player does within `BREADTH` of
+            the state.
         errors: all others.
         away: the largest difference of a control, in shares of its largest value.
     """
@@ -133,14 +136,35 @@ def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
     differ = ~(away <= TOLERANCE).all(axis=1)  # also where one is NaN
     if not player.policy.continuous:
         differ |= np.array(said).reshape(actions.shape) != actions
-    ties = sum(
-        _is_tie(player, cases, place, np.array(driven[place]), largest) for place in map(int, np.flatnonzero(differ))
-    )
+    ties = 0
+    for place in map(int, np.flatnonzero(differ)):
+        alike = False
+        if not player.policy.continuous and int(said[place]) != int(actions[place]):
+            held = np.array(body.controls(jnp.int32(said[place])))
+            alike = bool((np.abs(driven[place] - held) <= TOLERANCE * largest).all())
+            alike = alike and _is_as_good(player, cases, place, int(said[place]), int(actions[place]))
+        ties += alike or _is_tie(player, cases, place, np.array(driven[place]), largest)
     return Parity(len(actions), ties, int(differ.sum()) - ties, float(away[~differ].max(initial=0)))
 
 
 def _case(cases: Cases, place: int) -> tuple[Any, ...]:
     return jax.tree.map(lambda leaf: leaf[place], (cases.states, cases.active, cases.memory, cases.bits))
+
+
+def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int) -> bool:
+    """Whether a player that values all actions values this one as its own, to `TOLERANCE`, and a shield allows it."""
+    policy, (state, active, memory, bits) = player.package, _case(cases, place)
+    sides = player.game.bodies.map(len)
+    view = look(player.game, state_of(jnp.asarray(state), active, player.role, sides), player.role)
+    if isinstance(policy, Shielded):
+        left = policy.backup.of(view).room_after(view.own.state, jnp.int32(action))
+        if left <= MARGIN - BREADTH:
+            return False
+        policy = policy.policy
+    if not isinstance(policy, AbstractActionValuePolicy):
+        return False
+    values = np.asarray(policy.weigh(policy.observation(view), memory, jnp.uint32(bits))[0])
+    return bool(abs(values[action] - values[own]) <= TOLERANCE * np.abs(values).max())
 
 
 def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray, largest: np.ndarray) -> bool:

@@ -16,7 +16,7 @@ from apollonius.cli import main
 from apollonius.errors import InvalidInput
 from apollonius.export import writing
 from apollonius.export.compiled import FLAGS, Compiled
-from apollonius.export.parity import cases_of, compare
+from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
 from apollonius.export.player import find_exportable, home_of, side_of
 from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
@@ -77,6 +77,19 @@ def test_one_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
     monkeypatch.setattr(writing, "cases_of", lambda *_: cases)
     with pytest.raises(InvalidInput, match=r"of 100 decisions differ from the package's"):
         check(tampered, player, 100)
+
+
+def test_an_action_of_the_same_value_is_a_tie_unless_a_shield_forbids_it():
+    states = np.zeros((2, 2, 4), np.float32)
+    states[:, 0] = [[8.643525, 0.00503955, 0.84, 3.1252346], [9.1, 5.0, 1.2, 0.0]]  # beside a wall; before one
+    states[:, 1] = [[1.9171979, 3.6233010, 0.21, -1.6052612], [7.0, 5.0, 0.0, 0.0]]
+    cases = Cases(states, None, (), np.zeros(2, np.uint32))
+    player = exportable("paper", "shielded:flee")
+    (own, other), _ = reference(player, cases)
+    equal = _is_as_good(player, cases, 0, 12 - int(own), int(own))  # 5 or 7: a step of speed or a step of turning
+    assert (int(own) in (5, 7), equal) == (True, True)
+    assert not _is_as_good(player, cases, 0, 0, int(own))
+    assert not _is_as_good(player, cases, 1, 7, int(other))
 
 
 @needs_gcc
