@@ -89,7 +89,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
-            InvalidInput: for an action that is none, or is missing.
+            InvalidInput: for an invalid or missing action.
         """
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")

@@ -45,7 +45,7 @@ def spread(size: int, batched: Any, tree: Any) -> Any:
 def where_needed(
     needed: Bool[Array, " rows"], some: Callable[[Int[Array, " few"]], PyTree[Array]], others: PyTree[Array], few: int
 ) -> PyTree[Array]:
-    """Return what a function makes of the rows that need it, so many at a time, and what is given for all others."""
+    """Return the results of a function for the rows that need it, `few` at a time, and given values for all others."""
     rows = needed.shape[0]
     (which,) = jnp.nonzero(needed, size=rows + -rows % few, fill_value=rows)
 

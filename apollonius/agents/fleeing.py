@@ -17,7 +17,7 @@ _HORIZON = 4.0
 """How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
 
 _Way = tuple[RobotState, Scalar, Scalar]
-"""Where a robot has come to, the least room on its way [m], and for how many steps there was enough."""
+"""State that a robot has reached, least clearance on its way [m], and number of steps with clearance enough."""
 
 
 class Flee(AbstractSteering):

@@ -1,4 +1,4 @@
-"""A player that decides once in a while, and holds its action in between: for one that looks ahead, which is dear."""
+"""A player that decides once in a while and holds its action in between, for one whose decisions are expensive."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, UInt32
 
 from apollonius.agents.batching import batched_by, spread, where_needed
-from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.types import Action
 from apollonius.observe.observation import Whole
 
@@ -16,35 +16,24 @@ _DECIDE = 16
 """Rows of a batch that decide at a time."""
 
 
-class Holding(AbstractPolicy):
-    """Another player, which is asked in the first of every so many steps of a game.
+class Holding(AbstractWrapper):
+    """A player that is asked in every n-th step of a game, and whose action is held in between.
 
     Attributes:
         policy: the player that decides.
-        steps: how many steps it holds an action for.
+        steps: number of steps for which an action is held.
     """
 
-    policy: AbstractPolicy
     steps: int = eqx.field(static=True)
 
     @property
     def observation(self) -> Whole:
-        """What the player that decides reads."""
+        """The observation of the player inside."""
         return self.policy.observation
 
     @property
-    def charted(self) -> bool:
-        """Whether the player that decides plays by a chart."""
-        return self.policy.charted
-
-    @property
-    def continuous(self) -> bool:
-        """Whether the actions of the player that decides are pairs of gears."""
-        return self.policy.continuous
-
-    @property
     def memory(self) -> Memory:
-        """That of the player that decides, its action, and the steps for which that is held yet."""
+        """The memory of the player inside, its action, and the number of steps for which that is still held."""
         action = jnp.zeros(2) if self.continuous else jnp.int32(0)
         return {"own": self.policy.memory, "action": action, "left": jnp.int32(0)}
 

@@ -1,4 +1,4 @@
-"""What every player is: an observation, a memory and random bits in, an action and the next memory out."""
+"""The interface of all players: an observation, a memory and random bits in, an action and the next memory out."""
 
 from abc import abstractmethod
 from typing import Any
@@ -79,6 +79,27 @@ class AbstractActionValuePolicy(AbstractPolicy):
     def choose(self, weighed: Float[Array, "9"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed action of highest value."""
         return jnp.argmax(jnp.where(allowed, weighed, -jnp.inf)).astype(jnp.int32)
+
+
+class AbstractWrapper(AbstractPolicy):
+    """A player around another one, with its memory and its kind of actions."""
+
+    policy: AbstractPolicy
+
+    @property
+    def charted(self) -> bool:
+        """Whether the player inside plays by a chart."""
+        return self.policy.charted
+
+    @property
+    def continuous(self) -> bool:
+        """Whether the actions of the player inside are pairs of gears."""
+        return self.policy.continuous
+
+    @property
+    def memory(self) -> Memory:
+        """The memory with which the player inside begins every game."""
+        return self.policy.memory
 
 
 class AbstractContinuous(AbstractPolicy):

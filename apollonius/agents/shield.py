@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.batching import batched_by, spread, where_needed
-from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, gears
@@ -116,7 +116,7 @@ class Backup(eqx.Module):
         return self.body.move(robot, *self.body.controls(action), self.dt)
 
 
-class Shielded(AbstractPolicy):
+class Shielded(AbstractWrapper):
     """Another player, held back from actions after which the robot could not brake to rest without touching anything.
 
     An action is allowed where, after it, one of the backup manoeuvres comes to rest with room to spare. The rest of
@@ -132,23 +132,7 @@ class Shielded(AbstractPolicy):
         backup: the manoeuvres.
     """
 
-    policy: AbstractPolicy
     backup: Backup
-
-    @property
-    def charted(self) -> bool:
-        """Whether the player behind the shield does."""
-        return self.policy.charted
-
-    @property
-    def continuous(self) -> bool:
-        """Whether those of the player behind the shield are."""
-        return self.policy.continuous
-
-    @property
-    def memory(self) -> Memory:
-        """That of the player behind the shield."""
-        return self.policy.memory
 
     def __call__(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
         weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)

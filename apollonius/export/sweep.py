@@ -1,52 +1,50 @@
 """What statements name, and statements without those that nothing needs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 from apollonius.export.program import Allocate, Branch, Buffer, Let, Loop, Name, Statement, Store, While
 
 
-def parts(part: Any) -> Iterator[Name | Buffer]:
-    """Yield all names and buffers in statements."""
+def parts(part: Any, inside: Callable[[Any], Any] = lambda part: part) -> Iterator[Name | Buffer]:
+    """Yield the names and buffers in statements.
+
+    Args:
+        inside: returns what counts of a statement or an expression; all of it unless given.
+    """
+    part = inside(part)
     if isinstance(part, Name | Buffer):
         yield part
     elif isinstance(part, tuple | list):
         for one in part:
-            yield from parts(one)
+            yield from parts(one, inside)
     elif is_dataclass(part) and not isinstance(part, type):
         for field in fields(part):
-            yield from parts(getattr(part, field.name))
+            yield from parts(getattr(part, field.name), inside)
 
 
 def swept(statements: Sequence[Statement]) -> tuple[Statement, ...]:
     """Return statements without those that compute what nothing reads."""
     while True:
-        read = {part.name for part in _read(statements)}
+        read = {part.name for part in parts(statements, _read)}
         kept = _kept(statements, read)
         if kept == tuple(statements):
             return kept
         statements = kept
 
 
-def _read(part: Any) -> Iterator[Name | Buffer]:
-    """Yield the names and buffers that statements read, and those that are not the function's own."""
-    if isinstance(part, Let):
-        part = part.value
-    elif isinstance(part, Allocate):
-        part = ()
-    elif isinstance(part, Store):
-        if part.buffer.given or part.buffer.leaf:
-            yield part.buffer
-        part = (part.index, part.value)
-    if isinstance(part, Name | Buffer):
-        yield part
-    elif isinstance(part, tuple | list):
-        for one in part:
-            yield from _read(one)
-    elif is_dataclass(part) and not isinstance(part, type):
-        for field in fields(part):
-            yield from _read(getattr(part, field.name))
+def _read(part: Any) -> Any:
+    """What a statement reads; of what it writes, the buffers that are not the function's own."""
+    match part:
+        case Let(_, value):
+            return value
+        case Allocate():
+            return ()
+        case Store(buffer, index, value):
+            return (index, value, buffer) if buffer.given or buffer.leaf else (index, value)
+        case _:
+            return part
 
 
 def _kept(statements: Sequence[Statement], read: set[str]) -> tuple[Statement, ...]:

@@ -20,7 +20,7 @@ from apollonius.export.equations import CALLED, RULES, length, line_of, needed, 
 from apollonius.export.program import Buffer, Call, Function, Load, Name, Number, Program, Slice
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.sweep import parts, swept
-from apollonius.export.values import Block, Place, Value, contiguous, moved, placed, scalar
+from apollonius.export.values import Block, Place, Value, contiguous, part, placed, scalar
 
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""
@@ -69,9 +69,9 @@ class _Translator:
         for value, target in zip(made, values(results), strict=True):
             block.copy(value, target)
         entry = Function(self.name, (), (), swept(block.statements))
-        used = {part.name for function in [*self.functions.values(), entry] for part in parts(function.body)}
+        used = {one.name for function in [*self.functions.values(), entry] for one in parts(function.body)}
         constants = tuple(one for one in self.constants.values() if one[0].name in used)
-        read = {part.leaf for part in parts(entry.body) if isinstance(part, Buffer)}
+        read = {one.leaf for one in parts(entry.body) if isinstance(one, Buffer)}
         comes_back = {record.name.removeprefix("next_") for record in results}
         needed = [
             record
@@ -159,7 +159,7 @@ class _Translator:
         for value, target in zip(results, targets, strict=True):
             inside.copy(value, placed(value.shape, Place(target, Number(0), contiguous(value.shape))))
         body = swept(inside.statements)
-        used = {part.name for part in parts(body)}
+        used = {one.name for one in parts(body)}
         kept = [one.name in used for one in parameters]
         signature = tuple(one for one, keep in zip(parameters, kept, strict=True) if keep), tuple(targets)
         key = (*signature, body)
@@ -183,7 +183,7 @@ def _split(value: Value, params: Any) -> list[Value]:
     for size in map(int, params["sizes"]):
         shape = tuple(size if axis == params["axis"] else n for axis, n in enumerate(value.shape))
         starts = [Number(start if axis == params["axis"] else 0) for axis in range(len(shape))]
-        pieces.append(moved(value, shape, range(len(shape)), starts, [1] * len(shape)))
+        pieces.append(part(value, shape, starts))
         start += size
     return pieces
 

@@ -143,7 +143,7 @@ def _about(program: Program, player: Player) -> list[str]:
     game, role, names = player.game, player.role, {record.name for record in program.records}
     (body, *mates), opponents, arena = game.bodies[role], game.bodies[role.other], game.arena
     others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"
-    files = " and ".join(f"{program.name}.{name}" for name in ("player", "game") if name in names)
+    files = " and ".join(f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names)
     gears = "shares of the largest controls, in [-1, 1]"
     nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
     said = {
