@@ -13,7 +13,7 @@ def __getattr__(name: str) -> object:
     import importlib
 
     if name == "parallel_env":
-        from apollonius.errors import require_extra
+        from apollonius.io.errors import require_extra
 
         require_extra("gym", f"apollonius.{name}")
     return getattr(importlib.import_module(homes[name]), name)

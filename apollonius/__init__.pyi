@@ -1,6 +1,5 @@
 """The public names, and where each is from: for type checkers, and for `__init__.py`, which imports what is used."""
 
-from apollonius.adapters.pettingzoo import parallel_env as parallel_env
 from apollonius.agents.greedy import EpsilonGreedy as EpsilonGreedy
 from apollonius.agents.greedy import Greedy as Greedy
 from apollonius.agents.kind import Named as Named
@@ -12,6 +11,7 @@ from apollonius.agents.store import load_agent as load_agent
 from apollonius.agents.store import save_agent as save_agent
 from apollonius.arenas.file import find_game as find_game
 from apollonius.catalogue import find_player as find_player
+from apollonius.envs.pettingzoo import parallel_env as parallel_env
 from apollonius.evaluate.card import measure_card as measure_card
 from apollonius.evaluate.match import Match as Match
 from apollonius.evaluate.match import StartFilter as StartFilter
@@ -36,10 +36,10 @@ from apollonius.game.types import RobotState as RobotState
 from apollonius.game.types import Role as Role
 from apollonius.observe.registry import find_observation as find_observation
 from apollonius.observe.view import look as look
-from apollonius.playout import play_out as play_out
-from apollonius.replay import load_replay as load_replay
-from apollonius.replay import save_replay as save_replay
-from apollonius.rollout import collect as collect
+from apollonius.play.playout import play_out as play_out
+from apollonius.play.replay import load_replay as load_replay
+from apollonius.play.replay import save_replay as save_replay
+from apollonius.play.rollout import collect as collect
 from apollonius.solve.joint import make_duel as make_duel
 from apollonius.solve.joint import solve_duel as solve_duel
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy

@@ -10,14 +10,14 @@ from _signal import SIGINT, signal  # pyright: ignore[reportMissingImports]
 def main() -> int:
     """Run the command of this process; return its exit status. A Ctrl-C ends it, whatever it is doing."""
     signal(SIGINT, _leave)  # what follows takes a moment to import
-    from apollonius.interrupts import leave, listen, status, stopped
+    from apollonius.io.interrupts import leave, listen, status, stopped
 
     listen()
     for stream in (sys.stdout, sys.stderr):
         if stream.errors == "strict":  # and would fail where a terminal has no sign for ±
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     try:
-        from apollonius.cli import main as run
+        from apollonius.cli.main import main as run
 
         ended = run()
     except BaseException:

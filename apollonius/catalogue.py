@@ -16,9 +16,9 @@ from apollonius.agents.shield import shielded
 from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.trained import Trained, exploring
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.io.errors import require
 from apollonius.solve.solving import Solved
 
 KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())

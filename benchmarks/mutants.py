@@ -31,7 +31,7 @@ LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.
 """Imported once, before the processes that run the tests are forked."""
 ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
 CHANGED = (
-    "game", "rollout.py", "playout.py", "learn/replay_buffer.py", "learn/dqn.py", "learn/archive.py",
+    "game", "play", "learn/replay_buffer.py", "learn/dqn.py", "learn/archive.py",
     "learn/opponents.py", "solve", "agents/shield.py",
 )  # fmt: skip
 """The files and folders of the package that are changed."""
@@ -40,12 +40,11 @@ ONE_ROBOT = "solve/test_grid.py solve/test_transition_map.py solve/test_safety.p
 TWO_ROBOTS = "solve/test_zero_sum_game.py solve/test_response.py solve/test_joint.py solve/test_chance.py"
 FILES = "solve/test_store.py solve/test_solving.py"
 TESTS = {
-    "game": "game test_golden.py test_rollout.py",
-    "game/dynamics.py": "game test_golden.py test_rollout.py agents/test_shield.py",
+    "game": "game play",
+    "game/dynamics.py": "game play agents/test_shield.py",
     "game/nearby.py": "game agents/test_shield.py",
     "game/polygon.py": "game agents/test_shield.py",
-    "rollout.py": "test_rollout.py test_replay.py evaluate/test_match.py",
-    "playout.py": "test_rollout.py test_replay.py evaluate/test_match.py",
+    "play": "play evaluate/test_match.py",
     "learn": LEARNING,
     "solve": f"{TWO_ROBOTS} {ONE_ROBOT} {FILES}",
     "solve/grid.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
@@ -55,7 +54,7 @@ TESTS = {
     "solve/viability.py": "solve/test_safety.py evaluate/test_match.py",
     "solve/reach.py": "solve/test_reach.py",
     "solve/players.py": f"{TWO_ROBOTS} {FILES}",
-    "solve/store.py": f"{FILES} test_files_that_lie.py",
+    "solve/store.py": f"{FILES} io/test_files_that_lie.py",
     "agents/shield.py": "agents",
 }
 """The tests that may notice, in the order in which they are asked: by the longest of these that a file's path begins

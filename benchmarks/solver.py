@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 import apollonius
-from apollonius.commands.values import nodes
+from apollonius.cli.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.joint import guarantee, make_duel, solve_duel

@@ -37,8 +37,8 @@ from apollonius.learn.train_state import Plan
 from apollonius.learn.train_step import play_and_learn
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
-from apollonius.random_bits import fold_in
-from apollonius.rollout import Games, begin, collect
+from apollonius.play.random_bits import fold_in
+from apollonius.play.rollout import Games, begin, collect
 
 STEPS, START_ROWS = 250, 16
 UPDATES, MOVES, BATCHES = 200, 200, 10

@@ -19,11 +19,11 @@ import numpy as np
 import optax
 
 import apollonius
-from apollonius.adapters.vector import ManyGames
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe
 from apollonius.arenas.record import to_dict
-from apollonius.errors import exit_status, require
+from apollonius.envs.vector import ManyGames
+from apollonius.io.errors import exit_status, require
 
 GAMES, BATCH, REPLAY, STARTS, GAMMA, TARGET_PERIOD = 64, 256, 100_000, 5_000, 0.99, 500
 

@@ -11,7 +11,7 @@ import argparse
 import gymnasium
 from stable_baselines3 import DQN
 
-import apollonius.adapters.gymnasium  # noqa: F401 (registers the names)
+import apollonius.envs.gymnasium  # noqa: F401 (registers the names)
 
 UNSEEN = 10_000
 """Seed of the first game that is judged."""

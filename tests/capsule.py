@@ -4,9 +4,9 @@ import math
 
 import jax.numpy as jnp
 
-from apollonius.errors import require
 from apollonius.game.obstacle import AbstractObstacle, closest_approach_squared
 from apollonius.game.types import Real
+from apollonius.io.errors import require
 
 
 class Capsule(AbstractObstacle):

@@ -8,7 +8,7 @@ import hypothesis
 import jax
 import pytest
 
-from apollonius.cache import VARIABLE, keep_compilations
+from apollonius.io.cache import VARIABLE, keep_compilations
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -85,4 +85,4 @@ def promotion_as_optax_needs_it(request):
 @pytest.fixture(autouse=True)
 def no_lines_about_waiting(monkeypatch):
     """A command says that it is still at work by the clock; what it prints here depends on none."""
-    monkeypatch.setattr("apollonius.display._FIRST_SECONDS", 1e9)
+    monkeypatch.setattr("apollonius.cli.display._FIRST_SECONDS", 1e9)

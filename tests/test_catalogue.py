@@ -22,9 +22,9 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import scenario_game
 from apollonius.catalogue import find_player, find_pool, player_names
-from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 from tests.acting import act, act_in_rows
 
 

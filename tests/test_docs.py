@@ -21,13 +21,13 @@ from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.arenas.suite import SUITES, is_scenario, suite_names
 from apollonius.catalogue import SHIELDED
-from apollonius.cli import main
-from apollonius.commands import values
+from apollonius.cli import values
+from apollonius.cli.main import main
 from apollonius.game.presets import TEAM
 from apollonius.game.types import Outcome
+from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
-from apollonius.limits import GAME_FILES
 from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides
 from tests.learn.tiny import RUN
 
@@ -208,7 +208,7 @@ def test_the_shield_promises_nothing_but_from_rest():
     for path in (
         *DOCUMENTS,
         REPOSITORY / "apollonius/web/page/index.html",
-        REPOSITORY / "apollonius/commands/options.py",
+        REPOSITORY / "apollonius/cli/options.py",
     ):
         for sentence in re.split(r"[.;:]\s", path.read_text()):
             assert "never crash" not in sentence or "rest" in sentence, f"{path.name}: {sentence}"
@@ -224,7 +224,7 @@ ELSEWHERE = {
     "python": "tests/examples",
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_exploit.py",
-    "simulate": "tests/bodies and tests/test_simulate_command.py",
+    "simulate": "tests/bodies and tests/cli/test_simulate_command.py",
 }
 """Commands that a walk leaves out, and where they are run."""
 

@@ -16,7 +16,6 @@ from apollonius.agents.shield import shielded
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.survey import survey
-from apollonius.errors import InvalidInput
 from apollonius.export.c import header
 from apollonius.export.player import find_exportable
 from apollonius.export.writing import program_of
@@ -25,11 +24,12 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
 from apollonius.learn.archive import renew
 from apollonius.observe import registry
 from apollonius.observe.view import look
-from apollonius.playout import play_out
+from apollonius.play.playout import play_out
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
 from tests import bearing, capsule

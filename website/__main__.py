@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from apollonius.cli import main as apollonius
+from apollonius.cli.main import main as apollonius
 from apollonius.show import palette
 from website.playground import write_playground
 from website.sources import HERE, REPOSITORY, write_sources

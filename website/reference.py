@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import apollonius
-from apollonius.cli import build_parser
+from apollonius.cli.main import build_parser
 
-_NOT_FOR_CALLERS = {"commands", "reproduce", "zoo", "__main__", "cli", "version", "display", "terminal"}
+_NOT_FOR_CALLERS = {"reproduce", "__main__", "cli", "version"}
 """Rooms of the command, and data."""
 _COLUMNS = 110
 """Letters in a line of a command's help."""

@@ -10,9 +10,9 @@ from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.io.errors import require
 
 EITHER = tuple(Role)
 PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {

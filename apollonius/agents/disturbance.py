@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from apollonius.errors import require
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, GameState, Real, RobotState, Role, Scalar, Timestep
+from apollonius.io.errors import require
 
 _HANDICAP, _NOISE = 1, 2
 """What random bits are used for besides the player's own use of it."""

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 from apollonius.observe.view import View
 
 _EQUAL = 1e-3

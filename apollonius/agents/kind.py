@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.store import AgentHeader
-from apollonius.errors import InvalidInput, nearest, unknown_name
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput, nearest, unknown_name
 
 
 @dataclass(frozen=True)

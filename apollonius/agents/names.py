@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-ZOO = Path(__file__).parent.parent / "zoo"
+ZOO = Path(__file__).parent / "zoo"
 """Folder of the trained agents that ship with the package."""
 FROM_ZOO = "zoo/"
 """Before the name of a trained agent that ships with the package, where it could be taken for another."""

@@ -13,12 +13,12 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.batching import batched_by, spread, where_needed
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game
 from apollonius.game.nearby import Edges, Surroundings, surroundings
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 from apollonius.observe.view import View
 
 MARGIN = 1e-3

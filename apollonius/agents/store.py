@@ -13,10 +13,10 @@ import numpy as np
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, Network, QNetwork, make_actor, make_network
 from apollonius.arenas.record import from_dict
-from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
-from apollonius.errors import InvalidInput, require, shown
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_single_precision
+from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
+from apollonius.io.errors import InvalidInput, require, shown
 from apollonius.observe.registry import OBSERVATIONS
 
 FORMAT = "apollonius-agent"

@@ -14,10 +14,10 @@ from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
-from apollonius.errors import require
 from apollonius.game.chart import NO_WAY, STOPS
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 from apollonius.observe.view import Robot, View
 
 _DIRECTIONS = 16

@@ -12,10 +12,10 @@ from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role, Scalar
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import find_observation
 
 ANY = BySide("P_any", "E_any")

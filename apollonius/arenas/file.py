@@ -11,13 +11,13 @@ from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn
 from apollonius.arenas.record import find_map, from_dict
 from apollonius.arenas.suite import arena_names, is_scenario, scenario_game, suite_arena
-from apollonius.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
-from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
 from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
-from apollonius.limits import GAME_FILES
+from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import GAME_FILES
 
 
 def about_game(name: str) -> str:

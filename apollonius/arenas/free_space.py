@@ -15,10 +15,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from apollonius.arenas.survey import clearances_at, places
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.obstacle import AbstractObstacle
+from apollonius.io.errors import require
 
 _AROUND = np.ones((3, 3))
 """Obstacles that touch at a corner let nothing through."""

@@ -10,10 +10,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.document import read_bytes, to_json, write_atomically
-from apollonius.errors import InvalidInput, require
 from apollonius.game.occupancy import OccupancyMap, distance_field
-from apollonius.limits import require_memory
+from apollonius.io.document import read_bytes, to_json, write_atomically
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import require_memory
 
 _MOST_CELLS = 10_000
 """Most cells along a side: the field of so many takes 400 MB, and 12 seconds."""

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from apollonius.errors import nearest, unknown_name
 from apollonius.game.names import PRESETS
+from apollonius.io.errors import nearest, unknown_name
 
 GALLERY = Path(__file__).parent / "gallery"
 """Folder of the game files that ship with the package."""

@@ -10,12 +10,12 @@ import numpy as np
 from apollonius.arenas.random.caves import caves
 from apollonius.arenas.random.scattered import Layout, blocks, discs
 from apollonius.arenas.random.walled import maze, racks, rooms
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.validation import MOST_POLYGONS
-from apollonius.limits import SEED
+from apollonius.io.errors import require
+from apollonius.io.limits import SEED
 
 KINDS: dict[str, Callable[[Layout, np.random.Generator], Arena]] = {
     "discs": discs,

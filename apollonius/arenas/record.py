@@ -9,9 +9,9 @@ import dacite
 
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.random_arena import is_drawn, random_map
-from apollonius.errors import InvalidInput, nearest, require, shown
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.scenario import Scenario
+from apollonius.io.errors import InvalidInput, nearest, require, shown
 
 T = TypeVar("T")
 _LARGEST_WHOLE = 2**1000

@@ -21,12 +21,12 @@ import numpy as np
 
 from apollonius.arenas.names import PARTS, SUITES
 from apollonius.arenas.random_arena import random_arena
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.scenario import Makes, Scenario, together
 from apollonius.game.starts import Starts
+from apollonius.io.errors import require
 
 
 @dataclass(frozen=True)

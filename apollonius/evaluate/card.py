@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius.agents.kind import Named
-from apollonius.errors import require
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Role
-from apollonius.playout import Results
+from apollonius.io.errors import require
+from apollonius.play.playout import Results
 from apollonius.solve.players import AbstractLookahead, SaddlePolicy
 
 WORST = 10

@@ -13,7 +13,6 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.errors import require
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
 from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.evaluate.statistics import wilson_interval
@@ -22,10 +21,11 @@ from apollonius.game.dynamics import gears
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
-from apollonius.limits import GAMES, SEED
-from apollonius.playout import AbstractWatcher, Report, Results, play_out
-from apollonius.replay import Replay, Trajectory, as_rows, trace
-from apollonius.rollout import Transition
+from apollonius.io.errors import require
+from apollonius.io.limits import GAMES, SEED
+from apollonius.play.playout import AbstractWatcher, Report, Results, play_out
+from apollonius.play.replay import Replay, Trajectory, as_rows, trace
+from apollonius.play.rollout import Transition
 
 
 class Course(eqx.Module):

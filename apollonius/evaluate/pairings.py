@@ -7,14 +7,14 @@ from typing import Any
 
 from apollonius.agents.store import load_header
 from apollonius.catalogue import find_player
-from apollonius.document import to_json, write_atomically
-from apollonius.errors import require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.game.types import ROLES
-from apollonius.playout import Report
+from apollonius.io.document import to_json, write_atomically
+from apollonius.io.errors import require
+from apollonius.play.playout import Report
 
 MOST_MATCHES = 32
 """Most matches between the agents of one run; those that training leaves there meet in three."""

@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from apollonius.arenas.record import from_dict
-from apollonius.errors import require
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
 from apollonius.game.scenario import Scenario
 from apollonius.game.types import RobotStatus
-from apollonius.limits import MOST_COUNTED
-from apollonius.playout import Results
+from apollonius.io.errors import require
+from apollonius.io.limits import MOST_COUNTED
+from apollonius.play.playout import Results
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from enum import Enum
 
 from jaxtyping import PRNGKeyArray
 
-from apollonius.errors import InvalidInput
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.types import GameState
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 

@@ -11,15 +11,15 @@ from jaxtyping import Float
 
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.cache import content, digest, entry, kept
-from apollonius.document import parse_json, read_bytes, to_json, write_atomically
-from apollonius.errors import require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.evaluate.ratings import Equilibrium, Ratings, broadest_equilibrium, rate
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.playout import Report
+from apollonius.io.cache import content, digest, entry, kept
+from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
+from apollonius.io.errors import require
+from apollonius.play.playout import Report
 
 
 def cached_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:

@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import Backup, Shielded
-from apollonius.errors import InvalidInput, require
 from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
 from apollonius.game.validation import check_game
-from apollonius.playout import Report
+from apollonius.io.errors import InvalidInput, require
+from apollonius.play.playout import Report
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.errors import InvalidInput
 from apollonius.export.c import header, source
 from apollonius.export.program import Program
 from apollonius.export.record import Record
+from apollonius.io.errors import InvalidInput
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
 """How a source is compiled."""

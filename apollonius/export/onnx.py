@@ -10,10 +10,10 @@ import onnxruntime  # pyright: ignore[reportMissingImports]
 from jax.extend.core import Jaxpr, Literal
 from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
 
-from apollonius.errors import InvalidInput
 from apollonius.export.equations import CALLED
 from apollonius.export.parity import Decide
 from apollonius.export.player import Player
+from apollonius.io.errors import InvalidInput
 
 OPSET = 21
 """Of 2024: onnxruntime 1.18 and later."""

@@ -19,7 +19,7 @@ from apollonius.export.player import Player, state_of
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Role
 from apollonius.observe.view import look
-from apollonius.rollout import Games, begin, collect
+from apollonius.play.rollout import Games, begin, collect
 
 BREADTH = 1e-5
 """How far around a state [m, m/s, rad] the package's player may do what an exported one does in it: single precision

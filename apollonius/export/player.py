@@ -18,12 +18,12 @@ from apollonius.agents.trained import find_trained
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict
 from apollonius.catalogue import find_player
-from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.io.errors import require
 from apollonius.observe.view import look
 
 LARGEST = 1e6

@@ -14,13 +14,13 @@ import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 
-from apollonius.errors import InvalidInput
 from apollonius.export.control import CONTROL
 from apollonius.export.equations import CALLED, RULES, length, line_of, needed, unknown_kind, waiting
 from apollonius.export.program import Buffer, Call, Function, Load, Name, Number, Program, Slice
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.sweep import parts, swept
 from apollonius.export.values import Block, Place, Value, contiguous, part, placed, scalar
+from apollonius.io.errors import InvalidInput
 
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.document import write_atomically
-from apollonius.errors import InvalidInput, require, require_extra
 from apollonius.export.c import header, source
 from apollonius.export.compiled import Compiled
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player
 from apollonius.export.program import Program
 from apollonius.export.translate import translated
+from apollonius.io.document import write_atomically
+from apollonius.io.errors import InvalidInput, require, require_extra
 
 STATES = 10_000
 """Decisions of real games that an exported player is compared on."""

@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from apollonius.errors import require
 from apollonius.game.chart import Chart
 from apollonius.game.obstacle import AbstractObstacle, closest_approach_squared
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon, Polygons
 from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.io.errors import require
 
 
 class Disc(AbstractObstacle):

@@ -5,7 +5,7 @@ from typing import Generic, TypeVar
 
 import equinox as eqx
 
-from apollonius.errors import require
+from apollonius.io.errors import require
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)

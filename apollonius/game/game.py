@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
@@ -21,6 +20,7 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.game.validation import check_game
+from apollonius.io.errors import require
 
 _BLOCK = 1024
 """Starts of a match that are drawn at a time."""

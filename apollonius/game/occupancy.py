@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.errors import require
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.io.errors import require
 
 _ROUNDING = 0.15
 """What bilinear interpolation can add to a distance, in cells: 0.146, near a lone corner of an occupied cell."""

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from apollonius.errors import require
 from apollonius.game.obstacle import closest_approach_squared
 from apollonius.game.types import GameState, Outcome, Real, RobotState
-from apollonius.limits import MOST_COUNTED
+from apollonius.io.errors import require
+from apollonius.io.limits import MOST_COUNTED
 
 EVADER_FAILS = (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE)
 """The evader failed alone."""

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.errors import require
 from apollonius.game.obstacle import AbstractObstacle, Corners, closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.io.errors import require
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -11,6 +10,7 @@ from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
 from apollonius.game.validation import MOST_ROBOTS
+from apollonius.io.errors import InvalidInput, require
 
 
 def paper() -> Game:

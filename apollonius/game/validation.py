@@ -9,8 +9,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from apollonius.errors import InvalidInput, require
-from apollonius.limits import DISCS, ROBOTS
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import DISCS, ROBOTS
 
 if TYPE_CHECKING:
     from apollonius.game.arena import Arena

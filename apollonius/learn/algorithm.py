@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import GaussianActor, Network, QNetwork, widened
-from apollonius.errors import require
 from apollonius.game.types import Real, Scalar
+from apollonius.io.errors import require
 from apollonius.learn import dqn, sac
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.replay_buffer import CONTINUOUS, DISCRETE, Batch

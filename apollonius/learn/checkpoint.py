@@ -10,10 +10,10 @@ import numpy as np
 from safetensors.numpy import save
 
 from apollonius.arenas.record import from_dict
-from apollonius.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
-from apollonius.document import parse_json, to_json, write_atomically
-from apollonius.errors import InvalidInput, require
 from apollonius.game.outcome import require_counts
+from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
+from apollonius.io.document import parse_json, to_json, write_atomically
+from apollonius.io.errors import InvalidInput, require
 
 FORMAT = "apollonius-checkpoint-2"
 T = TypeVar("T")

@@ -4,14 +4,14 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from apollonius.catalogue import TABLE
-from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.errors import require
+from apollonius.io.limits import SEED
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
-from apollonius.limits import SEED
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:

@@ -25,7 +25,7 @@ from apollonius.learn.config import RunConfig
 from apollonius.learn.train_state import LearnerState, Plan, TrainState, first_learner, players
 from apollonius.learn.train_step import Metrics, play_and_learn
 from apollonius.observe.registry import find_observation
-from apollonius.rollout import Games, begin, fresh_player, reset_where_done
+from apollonius.play.rollout import Games, begin, fresh_player, reset_where_done
 
 NO_NETWORKS: BySide[Network | None] = BySide(None, None)
 """Both sides start from random weights."""

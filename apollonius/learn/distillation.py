@@ -32,7 +32,7 @@ from apollonius.learn.teacher import Setting
 from apollonius.learn.train_state import LearnerState, Plan, TrainState, first_learner
 from apollonius.learn.train_step import Metrics
 from apollonius.observe.observation import perceive
-from apollonius.rollout import Games, Players, begin, collect
+from apollonius.play.rollout import Games, Players, begin, collect
 from apollonius.solve.foresight import ResponsePolicy
 
 ORDER = 10.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import tomli_w
 
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.document import parse_toml, read_bytes, write_atomically
-from apollonius.errors import InvalidInput, require
+from apollonius.io.document import parse_toml, read_bytes, write_atomically
+from apollonius.io.errors import InvalidInput, require
 from apollonius.learn.config import RunConfig
 
 _HOLDER = ".process"

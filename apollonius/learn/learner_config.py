@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import log
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
-from apollonius.errors import require, require_positive
-from apollonius.limits import PARALLEL_GAMES, TRANSITIONS
+from apollonius.io.errors import require, require_positive
+from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.observe.registry import find_observation
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from apollonius.errors import require, require_positive
+from apollonius.io.errors import require, require_positive
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from apollonius.arenas.record import from_dict
-from apollonius.document import parse_json, read_bytes, to_json
-from apollonius.errors import InvalidInput, require
 from apollonius.game.outcome import counts_by_name, require_counts
+from apollonius.io.document import parse_json, read_bytes, to_json
+from apollonius.io.errors import InvalidInput, require
 from apollonius.learn.checkpoint import Evaluation, Stand
 from apollonius.learn.train_state import Plan, TrainState
 from apollonius.learn.train_step import Metrics

@@ -22,11 +22,11 @@ from apollonius.agents.trained import greedy
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
-from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn import curriculum
 from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
 from apollonius.learn.config import RunConfig
@@ -36,7 +36,7 @@ from apollonius.learn.progress import Progress, append_metrics, begin_metrics, m
 from apollonius.learn.teacher import TABLES, Setting, make_settings
 from apollonius.learn.train_state import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, Plan, TrainState, plans_of
 from apollonius.observe.registry import find_observation
-from apollonius.playout import play_out
+from apollonius.play.playout import play_out
 
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""

@@ -6,12 +6,12 @@ from typing import Literal
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.catalogue import TABLE
-from apollonius.errors import require, require_positive
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
+from apollonius.io.errors import require, require_positive
+from apollonius.io.limits import GAMES
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.limits import GAMES
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from apollonius.agents.kind import Named
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
 from apollonius.observe.observation import perceive
 from apollonius.solve.grid import Grid, Sweep, make_grid

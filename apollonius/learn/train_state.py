@@ -19,7 +19,7 @@ from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.replay_buffer import ReplayBuffer
 from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.rollout import Games
+from apollonius.play.rollout import Games
 
 _CHUNK_ENV_STEPS = 8192
 """Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""

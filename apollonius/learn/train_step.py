@@ -20,7 +20,7 @@ from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
 from apollonius.learn import archive, replay_buffer
 from apollonius.learn.algorithm import Learner, UpdateContext, algorithm_of
 from apollonius.learn.train_state import LearnerState, Plan, TrainState, players
-from apollonius.rollout import Players, Transition, collect
+from apollonius.play.rollout import Players, Transition, collect
 
 _STARTS_PER_CHUNK = 4096
 """Initial states drawn before each chunk; a game that ends takes one of them."""

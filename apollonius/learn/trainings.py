@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from apollonius.errors import InvalidInput
-from apollonius.jobs import Job, ShouldStop, run_jobs
+from apollonius.io.errors import InvalidInput
+from apollonius.io.jobs import Job, ShouldStop, run_jobs
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file, create_run, load_config
 

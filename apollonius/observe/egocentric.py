@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.errors import InvalidInput
 from apollonius.game.chart import FARTHEST, Chart
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import Real, Scalar
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import Robot, View
 

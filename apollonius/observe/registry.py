@@ -2,9 +2,9 @@
 
 from jaxtyping import Array, Float
 
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
+from apollonius.io.errors import require
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from apollonius import MatchResult
-from apollonius.document import to_json, write_atomically
 from apollonius.evaluate.claims import FEWEST_SEEDS, FULL_BUDGET, Claim
 from apollonius.evaluate.statistics import mean_interval
+from apollonius.io.document import to_json, write_atomically
 from apollonius.reproduce.study import Study
 
 

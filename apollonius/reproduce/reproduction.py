@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from apollonius import Outcome
-from apollonius.errors import require
 from apollonius.evaluate.claims import STAGE_1, Claim, rate_claim
 from apollonius.game.outcome import PURSUER_WINS, names_of
-from apollonius.jobs import available_cores
+from apollonius.io.errors import require
+from apollonius.io.jobs import available_cores
+from apollonius.io.limits import SEEDS, STUDY_GAMES
 from apollonius.learn.config import PRESETS
 from apollonius.learn.trainings import train_runs
-from apollonius.limits import SEEDS, STUDY_GAMES
 from apollonius.reproduce.figures import (
     beyond,
     figure_4,

@@ -12,7 +12,7 @@ from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
 from apollonius.learn.progress import MetricsLine, evaluations_of, last_metrics, load_metrics
-from apollonius.playout import Results
+from apollonius.play.playout import Results
 
 RUN_OF = {
     "P_stage1": "curriculum",

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from apollonius.document import write_atomically
-from apollonius.errors import InvalidInput, install, require
 from apollonius.game.types import Role
-from apollonius.replay import Replay
+from apollonius.io.document import write_atomically
+from apollonius.io.errors import InvalidInput, install, require
+from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 from apollonius.show.parts import describe_end, describe_play, in_play, side_name

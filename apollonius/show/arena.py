@@ -17,7 +17,7 @@ from apollonius.arenas.survey import Survey
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.replay import Replay, Trajectory
+from apollonius.play.replay import Replay, Trajectory
 from apollonius.show import palette, style
 from apollonius.show.parts import Drawn, Round, describe_end, in_play, robots_of, shapes, side_name
 from apollonius.solve.enough import Enough

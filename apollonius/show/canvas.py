@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from apollonius.document import write_atomically
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.types import Role
+from apollonius.io.document import write_atomically
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 from apollonius.show.parts import Round, Straight, robots_of, shapes
 

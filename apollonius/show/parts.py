@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
-from apollonius.replay import Replay, Trajectory
+from apollonius.play.replay import Replay, Trajectory
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PURSUER
 
 

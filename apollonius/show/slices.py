@@ -16,10 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import require
 from apollonius.observe.view import look
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena

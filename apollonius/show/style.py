@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from scipy.ndimage import uniform_filter1d
 
-from apollonius.document import write_atomically
 from apollonius.evaluate.statistics import mean_band, wilson_interval
+from apollonius.io.document import write_atomically
 from apollonius.show.palette import GRID, INK, LIGHT
 
 _SETTINGS: dict[Any, Any] = {

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from apollonius.arenas.record import from_dict
-from apollonius.document import parse_toml, read_bytes
-from apollonius.errors import require, require_positive
+from apollonius.io.document import parse_toml, read_bytes
+from apollonius.io.errors import require, require_positive
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from jaxtyping import Float, Float64
 
-from apollonius.errors import InvalidInput, install, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
+from apollonius.io.errors import InvalidInput, install, require
 from apollonius.simulate.drive import Drive
 
 SIDES = tuple(role.name.lower() for role in Role)

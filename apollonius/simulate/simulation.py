@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from apollonius import rollout
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
@@ -19,10 +18,11 @@ from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import GameState, Outcome
-from apollonius.limits import SIMULATED_GAMES
-from apollonius.playout import Report, Results
-from apollonius.replay import Replay, as_rows, as_state
-from apollonius.rollout import Games, Player, random_bits_of, step_games
+from apollonius.io.limits import SIMULATED_GAMES
+from apollonius.play import rollout
+from apollonius.play.playout import Report, Results
+from apollonius.play.replay import Replay, as_rows, as_state
+from apollonius.play.rollout import Games, Player, random_bits_of, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import SIDES, Physics
 

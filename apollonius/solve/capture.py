@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Int, UInt8, UInt16
 
 from apollonius.game.outcome import is_captured
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState, Role, Scalar
-from apollonius.limits import JOINT_HOLD
+from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import lanes_of
 from apollonius.solve.motion import NEVER, ends
 from apollonius.solve.transition_map import Side

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import beside
 from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.io.errors import require
 
 AXES = ("x", "y", "v", "heading")
 """In the order in which a grid is written: `101x101x9x47`."""

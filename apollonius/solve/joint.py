@@ -26,10 +26,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
-from apollonius.errors import require
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import NUM_ACTIONS, RobotState, Scalar
-from apollonius.limits import require_memory
+from apollonius.io.errors import require
+from apollonius.io.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, lanes_of, silent
 from apollonius.solve.motion import discount_after

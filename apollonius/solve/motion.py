@@ -9,7 +9,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Action, Real, RobotState, Role, Scalar
-from apollonius.limits import HOLD
+from apollonius.io.limits import HOLD
 
 HORIZON = 20.0
 """Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""

@@ -21,10 +21,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.policy import AbstractActionValuePolicy
-from apollonius.errors import require
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Outcome, RobotState, Role, Scalar
-from apollonius.limits import require_memory
+from apollonius.io.errors import require
+from apollonius.io.limits import require_memory
 from apollonius.observe.view import View
 from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import HORIZON, Motion, discount_after, last

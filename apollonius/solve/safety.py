@@ -27,7 +27,7 @@ from jaxtyping import Array, Float, Int
 from apollonius.agents.shield import BRAKING, Backup, brakes
 from apollonius.game.game import Game
 from apollonius.game.types import RobotState, Role, Scalar
-from apollonius.limits import require_memory
+from apollonius.io.limits import require_memory
 from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.transition_map import TransitionMap, rooms, transition_map_of

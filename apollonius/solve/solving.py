@@ -9,11 +9,11 @@ import jax.numpy as jnp
 
 from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.cache import entry, kept
-from apollonius.errors import InvalidInput, require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Role
+from apollonius.io.cache import entry, kept
+from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Sweep, make_grid, silent
 from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Shaped
 
 from apollonius.arenas.record import from_dict
-from apollonius.arrays import kinds_in, opened, read_header, require_finite, write_arrays
-from apollonius.errors import InvalidInput, require
 from apollonius.game.validation import MAX_SIZE
-from apollonius.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
+from apollonius.io.arrays import kinds_in, opened, read_header, require_finite, write_arrays
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
 from apollonius.solve.grid import FEWER_NODES
 from apollonius.solve.zero_sum_game import PAYOFFS
 

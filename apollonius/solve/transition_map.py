@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
-from apollonius.limits import require_memory
+from apollonius.io.limits import require_memory
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import NEVER, Motion, motion_of
 

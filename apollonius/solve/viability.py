@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Bool, PRNGKeyArray
 
 from apollonius.agents.shield import Backup
-from apollonius.cache import Memory
-from apollonius.errors import InvalidInput
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, RobotState, Role, Scalar
+from apollonius.io.cache import Memory
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import Grid, Table
 from apollonius.solve.motion import motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes

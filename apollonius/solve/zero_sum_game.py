@@ -5,13 +5,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.errors import require
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import decide, evader_wins, is_captured, pursuer_wins
 from apollonius.game.types import GameState, Outcome, Real, RobotState, Role, Scalar
-from apollonius.limits import JOINT_HOLD
+from apollonius.io.errors import require
+from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion, discount_after, ends, motion_of
 

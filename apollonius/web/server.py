@@ -8,8 +8,8 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from apollonius.errors import InvalidInput
-from apollonius.limits import PORT
+from apollonius.io.errors import InvalidInput
+from apollonius.io.limits import PORT
 
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 8600

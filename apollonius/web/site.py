@@ -13,15 +13,15 @@ from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import SHIELDED, find_player
-from apollonius.document import to_json
-from apollonius.errors import require
 from apollonius.game.arena import Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
-from apollonius.limits import SEED
+from apollonius.io.document import to_json
+from apollonius.io.errors import require
+from apollonius.io.limits import SEED
 
 PAGE = Path(__file__).parent / "page"
 """The page itself: HTML, CSS and plain JavaScript."""

@@ -13,7 +13,6 @@ from apollonius.agents.chasing import Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.catalogue import find_player, player_names
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
@@ -21,6 +20,7 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from tests.acting import act, of_views
 from tests.matches import a_match

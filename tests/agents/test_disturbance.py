@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, with_sensor_noise
-from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState
+from apollonius.io.errors import InvalidInput
 
 BODY, DT = Unicycle(), 0.1
 WORDS = jax.random.bits(jax.random.key(0), (4000,), jnp.uint32)

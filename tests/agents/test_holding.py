@@ -16,9 +16,9 @@ from apollonius.agents.uniform import Uniform
 from apollonius.game.by_side import BySide
 from apollonius.game.game import sample_starts
 from apollonius.game.types import Role
-from apollonius.playout import play_out
-from apollonius.replay import trace
-from apollonius.rollout import begin, collect
+from apollonius.play.playout import play_out
+from apollonius.play.replay import trace
+from apollonius.play.rollout import begin, collect
 from tests.solve.small import SMALL
 
 GAME = replace(SMALL, max_steps=120)

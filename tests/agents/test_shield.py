@@ -16,7 +16,6 @@ from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
@@ -24,6 +23,7 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.view import look

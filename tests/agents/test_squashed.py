@@ -18,11 +18,11 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import exploring, find_action_value_policy, greedy
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_pool
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
 from apollonius.observe.view import look
 from tests.acting import act, act_in_rows

@@ -14,10 +14,10 @@ from safetensors.numpy import load_file, save_file
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import AgentHeader, describe, load_agent, save_agent
 from apollonius.arenas.record import to_dict
-from apollonius.document import write_atomically
-from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.document import write_atomically
+from apollonius.io.errors import InvalidInput
 
 GAME = to_dict(make_game("paper"))
 TRAINING = {"command": "apollonius train", "seed": 3, "env_steps": 1000}

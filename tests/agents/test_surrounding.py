@@ -11,13 +11,13 @@ import pytest
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, to_all, way_to
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams, paper
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 
 OPEN = in_teams(Game(arena=Arena(0.0, 10.0, 0.0, 10.0)), 3, 1)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from apollonius import limits
-from apollonius.cli import main
+from apollonius.cli.main import main
+from apollonius.io import limits
 
 YAML = (
     "image: {image}\nresolution: {resolution}\norigin: {origin}\nnegate: 0\noccupied_thresh: 0.65\n"

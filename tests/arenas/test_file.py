@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from apollonius.arenas.file import find_game, load_game, save_game
 from apollonius.arenas.record import to_dict
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.game.arena import Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
-from apollonius.limits import GAME_FILES
+from apollonius.io.errors import InvalidInput
+from apollonius.io.limits import GAME_FILES
 
 HALL = """
 capture_distance = 0.6

@@ -5,11 +5,11 @@ import pytest
 
 from apollonius.arenas import free_space as module
 from apollonius.arenas.free_space import free_space, largest_part, tile
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.cop_number import core
 
 SQUARE = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))

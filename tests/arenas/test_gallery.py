@@ -9,7 +9,7 @@ from PIL import Image
 
 from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
 from apollonius.arenas.survey import survey
-from apollonius.cli import main
+from apollonius.cli.main import main
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import PRESETS
 

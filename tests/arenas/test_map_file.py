@@ -10,9 +10,9 @@ from PIL import Image, ImageColor
 from apollonius.arenas.file import find_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.game.game import Game
+from apollonius.io.errors import InvalidInput
 from apollonius.show.arena import draw_arena
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE, PAPER

@@ -14,8 +14,8 @@ from apollonius.arenas.file import find_game
 from apollonius.arenas.passages import missed_passage
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
-from apollonius.cli import main
-from apollonius.commands.options import warn
+from apollonius.cli.main import main
+from apollonius.cli.options import warn
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, STOPS
 from apollonius.game.dynamics import Unicycle
@@ -113,6 +113,6 @@ def test_every_command_about_one_arena_warns_before_it_works(words, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     command = words.split()[0]
     where = "options" if command in ("evaluate", "show", "simulate") else command
-    monkeypatch.setattr(f"apollonius.commands.{where}.warn", stop)
+    monkeypatch.setattr(f"apollonius.cli.{where}.warn", stop)
     with pytest.raises(Warned):
         main(words.split())

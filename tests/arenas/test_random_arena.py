@@ -14,12 +14,12 @@ from apollonius.arenas.random import caves
 from apollonius.arenas.random_arena import KINDS, random_arena, random_map
 from apollonius.arenas.record import find_map, from_dict, to_dict
 from apollonius.arenas.survey import survey
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.validation import check_game
+from apollonius.io.errors import InvalidInput
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -27,8 +27,7 @@ from apollonius.arenas.suite import (
 )
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.result import ByArena, count_by_arena
 from apollonius.game.arena import Arena, Disc
@@ -39,7 +38,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.scenario import in_arenas
 from apollonius.game.starts import Starts
 from apollonius.game.types import ROLES, Outcome, Role
-from apollonius.playout import Results
+from apollonius.io.errors import InvalidInput
+from apollonius.play.playout import Results
 
 NAME = "suite-v1"
 ENTRIES = {entry.name: entry for entry in suite_entries(NAME)}

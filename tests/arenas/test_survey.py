@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from apollonius.arenas.survey import survey
-from apollonius.cli import main
+from apollonius.cli.main import main
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game

@@ -11,10 +11,10 @@ from apollonius.agents.classical import Still
 from apollonius.agents.network import make_actor
 from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.card import measure_card
 from apollonius.evaluate.match import begin, play_match
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.foresight import ResponsePolicy
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import make_duel, solve_duel

@@ -17,7 +17,7 @@ from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.arenas.suite import scenario_game
-from apollonius.errors import InvalidInput
+from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
 from apollonius.evaluate.match import Match, begin, count, mean_change, play_games, play_match, replay_game
 from apollonius.evaluate.result import count_robots
@@ -28,10 +28,10 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import find_observation
-from apollonius.playout import Results, play_out
+from apollonius.play.playout import Results, play_out
 from apollonius.solve.viability import doomed_start_rate, solve_viability
-from apollonius.terminal import match_table
 from tests.matches import a_match
 from tests.solve.small import BODY, MOVING
 

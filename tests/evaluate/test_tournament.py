@@ -8,10 +8,9 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.kind import Named
-from apollonius.cache import content, digest
 from apollonius.catalogue import find_player
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
+from apollonius.cli.terminal import tournament_table
 from apollonius.evaluate import tournament as kept_matches
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.start_filter import StartFilter
@@ -19,7 +18,8 @@ from apollonius.evaluate.tournament import cached_match, play_tournament
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.terminal import tournament_table
+from apollonius.io.cache import content, digest
+from apollonius.io.errors import InvalidInput
 
 GAME = replace(make_game("paper"), max_steps=60)
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from apollonius import playout
 from apollonius.agents.shield import BRAKING, Shielded
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput
+from apollonius.cli.terminal import varied_table
 from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, with_numbers
 from apollonius.game import game as starts
@@ -24,9 +23,10 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import RobotState, Role
+from apollonius.io.errors import InvalidInput
+from apollonius.play import playout
 from apollonius.show import matches as pictures
-from apollonius.terminal import varied_table
-from tests.test_cli import assert_refused, run_main
+from tests.cli.test_cli import assert_refused, run_main
 
 PAPER = replace(make_game("paper"), max_steps=150)
 NAMES = BySide("pure-pursuit", "flee-aware")

@@ -8,8 +8,8 @@ import jax
 import pytest
 
 from apollonius.catalogue import find_player
-from apollonius.errors import exit_status
 from apollonius.game.types import Role
+from apollonius.io.errors import exit_status
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dqn.py"
 

@@ -12,8 +12,7 @@ import pytest
 import apollonius
 from apollonius.agents.names import zoo_names
 from apollonius.arenas.file import find_game
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.export import writing
 from apollonius.export.compiled import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
@@ -22,6 +21,7 @@ from apollonius.export.translate import translated
 from apollonius.export.writing import check, write_c
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
 from tests.export.test_translate import needs_gcc
 
 KINDS = [

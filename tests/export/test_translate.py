@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.errors import InvalidInput
 from apollonius.export.c import header, source
 from apollonius.export.compiled import FLAGS, Compiled
 from apollonius.export.equations import RULES
 from apollonius.export.translate import translated
+from apollonius.io.errors import InvalidInput
 
 needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")
 SANITIZED = (*FLAGS, "-fsanitize=undefined", "-fno-sanitize-recover")

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from apollonius.errors import InvalidInput
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 
 
 def test_values_are_indexed_by_role_and_mapped():

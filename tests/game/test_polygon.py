@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import RobotState
+from apollonius.io.errors import InvalidInput
 from tests.oracle.numpy_game import gaps
 
 SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))

@@ -13,7 +13,6 @@ from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.record import to_dict
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.result import count_by_arena
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
@@ -22,8 +21,9 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.scenario import in_arenas, padded
 from apollonius.game.types import Outcome, Role
-from apollonius.playout import Results, play_out
-from apollonius.rollout import begin, collect
+from apollonius.io.errors import InvalidInput
+from apollonius.play.playout import Results, play_out
+from apollonius.play.rollout import begin, collect
 from apollonius.solve.motion import motion_of
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)

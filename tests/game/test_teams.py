@@ -9,7 +9,6 @@ import pytest
 
 from apollonius.arenas.file import find_game, load_game
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
@@ -19,6 +18,7 @@ from apollonius.game.presets import in_teams, make_game, paper
 from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, RobotStatus
+from apollonius.io.errors import InvalidInput
 from tests.oracle import numpy_teams
 
 CLEAR_CUT = 1e-4

@@ -13,7 +13,7 @@ from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
-from apollonius.replay import save_replay
+from apollonius.play.replay import save_replay
 
 FOLDER = Path(__file__).parent
 PAIRINGS = (

@@ -9,7 +9,7 @@ import pytest
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
-from apollonius.errors import InvalidInput
+from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import PROFILES, DQNConfig

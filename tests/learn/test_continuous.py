@@ -13,11 +13,11 @@ from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.exploit.attack import best_response
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn.curriculum import load_first, start
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig

@@ -12,11 +12,11 @@ from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.store import load_agent
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import in_arenas
 from apollonius.game.types import NUM_ACTIONS, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import DISTILLATIONS, RunConfig
 from apollonius.learn.distillation import asked_states, fresh_starts
 from apollonius.learn.learner_config import DQNConfig, SACConfig

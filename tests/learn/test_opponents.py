@@ -14,16 +14,16 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import Seated, solo, stack
 from apollonius.arenas.record import from_dict
-from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn import archive as archives
 from apollonius.learn.curriculum import renew_opponents, start
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import SelfPlayConfig
 from apollonius.learn.train_state import Plan, players
 from apollonius.learn.train_step import play_and_learn
-from apollonius.rollout import collect
+from apollonius.play.rollout import collect
 from tests.acting import act_in_rows
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE
 

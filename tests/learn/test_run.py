@@ -18,15 +18,15 @@ from safetensors.numpy import load, save
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.errors import InvalidInput
 from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn import curriculum
 from apollonius.learn import run as run_module
 from apollonius.learn.checkpoint import FORMAT, load_stand
 from apollonius.learn.folder import create_run, held, load_config
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import Run
-from apollonius.playout import Results
+from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
 
 REPOSITORY = Path(__file__).parents[2]
@@ -187,7 +187,7 @@ def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeyp
 CHILD = """
 import os, signal, sys
 from pathlib import Path
-from apollonius.cache import keep_compilations
+from apollonius.io.cache import keep_compilations
 from apollonius.learn import run
 from tests.learn.tiny import RUN
 

@@ -11,9 +11,9 @@ from apollonius.agents.classical import Still
 from apollonius.agents.network import make_network
 from apollonius.agents.pool import solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.errors import InvalidInput
 from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
 from apollonius.learn.curriculum import load_first, renew_opponents, start
 from apollonius.learn.learner_config import SACConfig

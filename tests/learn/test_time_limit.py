@@ -14,7 +14,7 @@ from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import replay_buffer
-from apollonius.rollout import begin, collect
+from apollonius.play.rollout import begin, collect
 
 GAMES, LIMIT, GAMMA = 8, 5, 0.9
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from apollonius.arenas.charting import charted
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.charted import Charted
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.view import look

@@ -10,13 +10,13 @@ import pytest
 
 from apollonius.agents.network import make_network, widened
 from apollonius.arenas.charting import charted
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM

@@ -6,8 +6,8 @@ from dataclasses import replace
 import jax
 import pytest
 
-from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
+from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import create_run
 from apollonius.learn.run import Run

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageColor, ImageDraw
 
-from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
-from apollonius.replay import Replay
+from apollonius.io.errors import InvalidInput
+from apollonius.play.replay import Replay
 from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
 from apollonius.show.arena import save_picture

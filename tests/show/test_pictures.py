@@ -13,7 +13,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
-from apollonius.replay import Replay
+from apollonius.play.replay import Replay
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena, draw_game, save_picture
 from apollonius.show.palette import DARK, LIGHT

@@ -7,9 +7,9 @@ import pytest
 
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
-from apollonius.errors import InvalidInput
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.show.slices import save_slice, slice_values
 

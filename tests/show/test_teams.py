@@ -12,7 +12,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, Outcome, RobotState
-from apollonius.replay import Replay, as_rows, load_replay, play_actions, save_replay
+from apollonius.play.replay import Replay, as_rows, load_replay, play_actions, save_replay
 from apollonius.show.animation import LINE, MARGIN, frames
 from apollonius.show.arena import draw_game, save_picture
 from apollonius.show.canvas import SIZE

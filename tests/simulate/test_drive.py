@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.errors import InvalidInput
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import RobotState
+from apollonius.io.errors import InvalidInput
 from apollonius.simulate.drive import Drive, References
 
 LIMITS = np.array([[0.0, 1.2], [0.0, 1.2]])

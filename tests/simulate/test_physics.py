@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -15,6 +14,7 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
+from apollonius.io.errors import InvalidInput
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import Physics, mjcf
 from tests.simulate.test_drive import IDEAL

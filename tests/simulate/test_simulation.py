@@ -16,7 +16,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.observe.paper import PAPER
-from apollonius.replay import as_state, load_replay, save_replay
+from apollonius.play.replay import as_state, load_replay, save_replay
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.simulation import compare, record_course, simulate, tracking
 from tests.matches import a_match

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from apollonius.errors import InvalidInput
 from apollonius.game.types import RobotState
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import make_grid
 from tests.solve.small import BODY, SMALL, TINY
 

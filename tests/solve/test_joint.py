@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius import limits
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import RobotState, Role
+from apollonius.io import limits
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import make_grid
 from apollonius.solve.joint import guarantee, interpolate, make_duel, solve_duel
 from apollonius.solve.motion import HORIZON

@@ -11,13 +11,13 @@ from scipy.optimize import brentq
 
 from apollonius.agents.classical import Still
 from apollonius.agents.pool import solo
-from apollonius.errors import InvalidInput
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, Outcome, RobotState
-from apollonius.playout import play_out
+from apollonius.io.errors import InvalidInput
+from apollonius.play.playout import play_out
 from apollonius.solve.grid import make_grid
 from apollonius.solve.reach import HORIZON, make_chase, solve_reach
 from tests.oracle import numpy_solver as oracle

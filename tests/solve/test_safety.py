@@ -10,12 +10,12 @@ import pytest
 
 from apollonius.agents.shield import brakes
 from apollonius.agents.uniform import Uniform
-from apollonius.errors import InvalidInput
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import iterate, make_grid
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes

@@ -12,9 +12,9 @@ from apollonius.agents.shield import Shielded
 from apollonius.agents.store import AgentHeader
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.types import ROLES, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.solving import joint_problem, kept_tables, solve_problem, zero_sum_game_of

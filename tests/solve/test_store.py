@@ -8,7 +8,7 @@ import pytest
 from safetensors.numpy import load, save
 
 from apollonius.arenas.record import to_dict
-from apollonius.errors import InvalidInput
+from apollonius.io.errors import InvalidInput
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from tests.solve.small import SMALL
 

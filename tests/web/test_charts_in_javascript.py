@@ -22,7 +22,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.observe.registry import observe
-from apollonius.replay import as_rows, as_state
+from apollonius.play.replay import as_rows, as_state
 from tests.web.test_parity import as_on_the_page, ask, on_a_floor
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")

@@ -22,12 +22,12 @@ from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
 from apollonius.arenas.survey import survey
 from apollonius.catalogue import find_player
-from apollonius.errors import InvalidInput
 from apollonius.game.game import reset_batch
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import observe
-from apollonius.replay import as_rows, as_state, play_actions
+from apollonius.play.replay import as_rows, as_state, play_actions
 from apollonius.web.site import PAGE
 from tests.web.test_parity import TOLERANCE, any_actions, apart
 from tests.web.test_parity import ask as ask_rules

@@ -7,7 +7,7 @@ import pytest
 
 from apollonius.arenas.file import load_game
 from apollonius.arenas.record import to_dict
-from apollonius.replay import load_replay
+from apollonius.play.replay import load_replay
 from tests.web.firefox import needs_firefox, opened
 from tests.web.scripts import DROP, PLACING, spot
 

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from apollonius.replay import load_replay
+from apollonius.play.replay import load_replay
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium

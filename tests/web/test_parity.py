@@ -32,7 +32,7 @@ from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, Outcome, RobotStatus, Role
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
-from apollonius.replay import as_rows, as_state, load_replay, play_actions
+from apollonius.play.replay import as_rows, as_state, load_replay, play_actions
 from apollonius.web.site import PAGE, READS
 
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))

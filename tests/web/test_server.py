@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from apollonius.errors import InvalidInput
+from apollonius.io.errors import InvalidInput
 from apollonius.web.server import LOOPBACK, FolderHandler, make_server
 
 

@@ -18,9 +18,9 @@ from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
 from apollonius.web.site import PAGE, READS, YOU, choose, write_site

@@ -2,7 +2,7 @@
 
 import re
 
-from apollonius.replay import load_replay
+from apollonius.play.replay import load_replay
 from tests.web.browser import needs_chromium, playwright
 from tests.web.test_page import within
 

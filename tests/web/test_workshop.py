@@ -10,7 +10,7 @@ import pytest
 from apollonius.arenas.file import load_game
 from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
-from apollonius.replay import load_replay
+from apollonius.play.replay import load_replay
 from tests.web.browser import needs_chromium, playwright
 from tests.web.scripts import DROP, PLACING, spot
 

@@ -8,9 +8,9 @@ from jaxtyping import Bool
 from scipy.ndimage import convolve1d, distance_transform_edt, label
 
 from apollonius.arenas.random.scattered import Layout
-from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena
 from apollonius.game.occupancy import OccupancyMap, distance_field
+from apollonius.io.errors import InvalidInput, require
 
 _PER_GAP = 8
 """Cells across a gap."""

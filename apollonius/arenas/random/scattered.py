@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from apollonius.errors import InvalidInput, require
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.polygon import Polygon
-from apollonius.limits import DISCS
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import DISCS
 
 WALL = 0.2
 """Thickness of a wall inside an arena [m]."""

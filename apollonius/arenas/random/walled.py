@@ -3,10 +3,10 @@
 import numpy as np
 
 from apollonius.arenas.random.scattered import WALL, Layout, rectangle
-from apollonius.errors import require
 from apollonius.game.arena import Arena
 from apollonius.game.polygon import Polygon
 from apollonius.game.validation import MOST_POLYGONS
+from apollonius.io.errors import require
 
 _WIDER = 1.25
 """Width of a corridor, in gaps."""

@@ -12,12 +12,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from apollonius.document import write_atomically
-from apollonius.errors import require
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import PURSUER_WINS, names_of
-from apollonius.replay import Replay, as_data
+from apollonius.io.document import write_atomically
+from apollonius.io.errors import require
+from apollonius.play.replay import Replay, as_data
 from apollonius.show import palette
 from apollonius.show.parts import in_play
 

@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter
 
 from apollonius.agents.built_in import PLAYERS
-from apollonius.document import parse_json, read_bytes
-from apollonius.errors import require
 from apollonius.evaluate.claims import STAGE_1, paper_shares
 from apollonius.evaluate.pairings import last_matches, self_play_trend
 from apollonius.evaluate.result import read_result
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
 from apollonius.game.types import Outcome
+from apollonius.io.document import parse_json, read_bytes
+from apollonius.io.errors import require
 from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from apollonius.catalogue import find_player
-from apollonius.cli import main
-from apollonius.errors import InvalidInput
+from apollonius.cli.main import main
 from apollonius.evaluate.claims import paper_shares
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.show.report import page as page_module
 from apollonius.show.report.page import GAMES, MAX_BYTES, SEED, bundled, render, replay_script, save_page
 from apollonius.show.report.training import training_page

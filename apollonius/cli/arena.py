@@ -1,0 +1,174 @@
+"""`apollonius arena`: the arenas there are, the check of one's own, the suite, and random ones."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.arenas.names import PARTS
+from apollonius.cli.options import add_json, command, finish
+from apollonius.cli.values import count, known_game, new_file, real
+from apollonius.io.document import to_json
+from apollonius.io.errors import require
+from apollonius.io.limits import DISCS, GAME_FILES, SEED
+
+if TYPE_CHECKING:
+    pass
+
+KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
+"""Kinds of random arenas."""
+CELLS = ("caves",)
+"""Those of them that are a map's cells, in files of their own."""
+SHOWN = 8
+"""Arenas of each kind in a suite's picture: a row."""
+
+
+def add_arena(subparsers: Any) -> None:
+    parser = subparsers.add_parser(
+        "arena", help="list arenas, check one of your own, verify the suite, or make a random one"
+    )
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
+    listed.add_argument("--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of all of them")
+    listed.set_defaults(run=run_list)
+    check = actions.add_parser("check", help="say what is wrong with a game's arena, and draw it")
+    check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
+    pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
+    check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
+    add_json(check)
+    check.set_defaults(run=run_check)
+    suite = actions.add_parser(
+        "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
+    )
+    suite.add_argument("--part", choices=PARTS, help="of the suite (default: both)")
+    suite.add_argument(
+        "--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of some of each kind"
+    )
+    add_json(suite)
+    suite.set_defaults(run=run_suite)
+    draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
+    draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
+    draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
+    draw.add_argument("--seed", type=count(SEED), default=0, help="seed of the arena (default: %(default)s)")
+    draw.add_argument("--gap", type=real, default=1.0, help="least width of all passages [m] (default: %(default)s)")
+    draw.add_argument("--size", type=real, nargs=2, default=(10.0, 10.0), metavar=("WIDTH", "HEIGHT"), help="[m]")
+    draw.add_argument(
+        "--game", type=known_game, default="paper", help="game whose other rules it has (default: %(default)s)"
+    )
+    draw.add_argument(
+        "--out", type=new_file(*GAME_FILES), required=True, metavar="FILE", help="file to write: .toml or .json"
+    )
+    draw.add_argument("--force", action="store_true", help="overwrite a file that is already there")
+    draw.set_defaults(run=run_random)
+
+
+def run_list(options: argparse.Namespace) -> int:
+    from apollonius.arenas.file import about_game, find_game, game_names
+    from apollonius.show.canvas import save_gallery
+
+    games = {name: find_game(name) for name in game_names()}
+    for name in games:
+        print(f"{name:<12} {about_game(name)}")
+    if options.out:
+        options.display.begin("drawing the arenas")
+        save_gallery(games, options.out)
+        finish(options.out, then=command("show", "P_any", "E_any", "--game", "office", "--out", "office.gif"))
+    return 0
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Survey the arena; exit status 1 where something is wrong with it."""
+    from apollonius.arenas.file import game_in_one_arena, save_game
+    from apollonius.arenas.passages import missed_passage
+    from apollonius.arenas.record import to_dict
+    from apollonius.arenas.survey import survey
+
+    saved: Path | None = options.out if options.out and options.out.suffix == ".json" else None
+    require(not (saved and saved.exists()), "--out", saved, "a new file; choose another name")
+    game = game_in_one_arena(options.game, "arena check")
+    options.display.begin("surveying the arena", compiles=True)
+    if options.out and not saved:
+        from apollonius.show.arena import save_plan
+
+        found = survey(game)
+        save_plan(Path(options.game).stem, game, found, options.out)
+    else:
+        found = survey(game)
+    passage = missed_passage(game)
+    if saved:
+        save_game(to_dict(game), saved)
+    options.display.end()
+    notes = [*found.notes, *([str(passage)] if passage else [])]
+    if options.json:
+        print(to_json({"game": options.game, "wrong": found.wrong, "notes": notes}))
+    else:
+        for line in found.wrong:
+            print(f"wrong: {line}")
+        for line in notes:
+            print(f"note: {line}")
+        if not found.wrong:
+            print(f"{options.game}: nothing is wrong with this arena")
+    if saved:
+        finish(saved, then=command("play", "--game", saved), json=options.json)
+    elif options.out:
+        again = command("arena", "check", options.game, "--out", options.out)
+        watch = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
+        finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
+    return 1 if found.wrong else 0
+
+
+def run_suite(options: argparse.Namespace) -> int:
+    """Draw every arena of the suite anew, and list it; exit status 2 where one is not what was published."""
+    from apollonius.arenas.file import find_game
+    from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
+    from apollonius.show.canvas import save_gallery
+
+    suite = SUITES[-1]
+    entries = suite_entries(suite, options.part)
+    options.display.begin("drawing the arenas")
+    for number, entry in enumerate(entries):
+        suite_arena(suite, entry.name)
+        options.display.report(number + 1, len(entries))
+    options.display.end()
+    if options.json:
+        print(to_json({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
+    else:
+        for entry in entries:
+            gap = f"gap {entry.gap:4.2f} m" if entry.gap else ""
+            size = f"{entry.width:5.2f} x {entry.height:5.2f} m"
+            print(f"{suite}/{entry.name:<10} {entry.part:<8} {entry.kind:<7} {size}  {gap:<10}  {entry.sha256[:12]}")
+        print(f"{len(entries)} arenas, all as they were published")
+    if options.out:
+        options.display.begin("drawing the picture")
+        kinds = dict.fromkeys(entry.kind for entry in entries)
+        some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
+        save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
+        play = command("show", "P_any", "E_any", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
+        finish(options.out, then=play, json=options.json)
+    return 0
+
+
+def run_random(options: argparse.Namespace) -> int:
+    """Write a game like another, in an arena drawn at random."""
+    from apollonius.arenas.file import find_game, save_game
+    from apollonius.arenas.map_file import save_map
+    from apollonius.arenas.random_arena import in_random_arena
+    from apollonius.arenas.record import to_dict
+
+    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind in CELLS else []
+    for path in (options.out, *cells):
+        require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
+    require(
+        options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
+    )
+    game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
+    elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
+    record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
+    if elsewhere.arena.map:
+        save_map(elsewhere.arena.map, cells[0])
+        record["arena"]["map"] = cells[0].name
+        what = f"a map of {' x '.join(str(count - 1) for count in reversed(elsewhere.arena.map.field.shape))} cells"
+    save_game(record, options.out)
+    print(f"{options.kind}, {what}, passages of {options.gap:g} m and more")
+    finish(options.out, then=command("arena", "check", options.out, "--out", options.out.with_suffix(".png")))
+    return 0

@@ -1,0 +1,76 @@
+"""`apollonius evaluate`: play many games between two agents and count; vary numbers of the game."""
+
+import argparse
+from typing import Any
+
+from apollonius.cli.options import (
+    add_match_options,
+    check_records,
+    finish,
+    finish_with_replays,
+    match_facts,
+    requested_match,
+    write_replays,
+)
+from apollonius.cli.values import new_file, varied
+from apollonius.io.document import to_json
+from apollonius.io.errors import require
+
+
+def add_evaluate(subparsers: Any) -> None:
+    parser = subparsers.add_parser("evaluate", help="play many games between two agents and count")
+    add_match_options(parser)
+    parser.add_argument(
+        "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",
+        help="play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
+    )
+    parser.set_defaults(run=run_evaluate)
+
+
+def run_evaluate(options: argparse.Namespace) -> int:
+    from apollonius.cli.terminal import match_table
+    from apollonius.evaluate.match import count, play_games, record_game, worst_first
+
+    if options.vary:
+        return _vary(options)
+    require(options.out is None, "--out", options.out, "given with --vary, whose values it draws")
+    check_records(options, options.games, f"--games = {options.games}")
+    match = requested_match(options, in_one_arena=options.record > 0)  # of which a replay is
+    options.display.begin(f"playing {match.games:,} games", compiles=True)
+    results = play_games(match, report=options.display.report)
+    options.display.begin("judging the starts", compiles=True)
+    result = count(match, results)
+    written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
+    options.display.end()
+    if options.json:
+        print(to_json(match_facts(options, match) | result.to_dict()))
+    else:
+        print(match_table(match, result))
+    finish_with_replays(written, options)
+    return 0
+
+
+def _vary(options: argparse.Namespace) -> int:
+    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.cli.terminal import varied_table
+    from apollonius.evaluate.vary import Variation, play_varied
+    from apollonius.game.by_side import BySide
+
+    require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
+    game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
+    variations = [Variation(*one) for one in options.vary]
+    options.display.begin("playing a match for each value", compiles=True)
+    report = options.display.report
+    found = play_varied(game, names, variations, options.games, options.seed, options.starts, report)
+    if options.out:
+        from apollonius.show.matches import draw_varied
+
+        draw_varied(found, options.out)
+    options.display.end()
+    print(to_json(match_facts(options, found.match) | found.to_dict()) if options.json else varied_table(found))
+    if options.out:
+        finish(options.out)
+    return 0

@@ -1,0 +1,56 @@
+"""`apollonius export`: a player as C or ONNX, which need no JAX."""
+
+import argparse
+from typing import Any
+
+from apollonius.cli.options import command, finish
+from apollonius.cli.values import known_agent, known_game, new_file
+from apollonius.io.errors import require
+
+FORMATS = {"c": ".c", "onnx": ".onnx"}
+
+
+def add_export(subparsers: Any) -> None:
+    parser = subparsers.add_parser("export", help="write a player as C or ONNX, which need no JAX")
+    parser.add_argument("agent", type=known_agent, metavar="AGENT", help="any player: its name, or a .safetensors file")
+    parser.add_argument("--to", choices=FORMATS, required=True, help="C99, or ONNX")
+    parser.add_argument(
+        "--out", type=new_file(*FORMATS.values()), required=True, help="file to write: .c (others beside it) or .onnx"
+    )
+    parser.add_argument(
+        "--game",
+        type=known_game,
+        help="game that it plays: its name, or a .toml or .json file (default: the one that the agent was made for)",
+    )
+    parser.add_argument(
+        "--side", choices=("pursuer", "evader"), help="of a player that plays either (default: the agent's own)"
+    )
+    parser.add_argument("--constants", action="store_true", help="weights in the C source instead of a file beside it")
+    parser.set_defaults(run=run_export)
+
+
+def run_export(options: argparse.Namespace) -> int:
+    """Write the files and check them."""
+    from apollonius.arenas.file import find_game, game_in_one_arena
+    from apollonius.arenas.record import to_dict
+    from apollonius.export.player import find_exportable, home_of, side_of
+    from apollonius.export.writing import STATES, write_c, write_onnx
+
+    name, out, suffix = options.agent, options.out, FORMATS[options.to]
+    require(out.suffix == suffix, "--out", out, f"a file that ends in {suffix} for --to {options.to}")
+    require(
+        not options.constants or options.to == "c", "--constants", "given", "left out: a model in ONNX has its weights"
+    )
+    role = side_of(name, options.side)
+    game = game_in_one_arena(options.game, "export") if options.game else home_of(name)
+    options.display.begin(f"writing the player and comparing it in {STATES:,} states", compiles=True)
+    player = find_exportable(name, role, game)
+    written = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
+    options.display.end()
+    print(*written.about, sep="\n")
+    sides = (name, "random") if role.name == "PURSUER" else ("random", name)
+    rules = ["--game", options.game] if options.game else []
+    try_it = f"see what becomes of it on a robot with a body: {command('simulate', *sides, *rules, '--games', 300)}"
+    at_home = options.game or to_dict(game.arena) == to_dict(find_game("paper").arena)
+    finish(*written.files, then=try_it if at_home and player.robots == 2 else "")
+    return 0

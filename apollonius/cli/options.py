@@ -1,0 +1,235 @@
+"""What several commands ask for: a game, players, what draws; and how one ends that has written something."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.cli.values import count, known_agent, known_game, new_folder, nodes, require_writable
+from apollonius.io.errors import require
+from apollonius.io.limits import GAME_FILES, GAMES, HOLD, RECORDS, SEED, Counted
+
+if TYPE_CHECKING:
+    from apollonius.agents.kind import Named
+    from apollonius.evaluate.match import Match
+    from apollonius.game.game import Game
+    from apollonius.game.types import Role
+    from apollonius.play.replay import Replay
+    from apollonius.solve.grid import Grid
+
+
+AGENT = (
+    "a built-in player (random, still, territory; pursuers: pure-pursuit, intercept, and of teams voronoi-pursuit, "
+    "encirclement; evaders: flee, flee-aware), a zoo agent, RUN/NAME of a training run, or a .safetensors "
+    "file, of solve game too; shielded:NAME never crashes, by the rules, where it starts at rest"
+)
+"""Help for an argument that names a player."""
+PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
+LENGTHS = ("quick", "standard", "paper")
+"""Names of the presets of a training."""
+
+
+def add_game(parser: argparse.ArgumentParser) -> None:
+    about = "name of the game, or a .toml or .json file (default: %(default)s)"
+    parser.add_argument("--game", type=known_game, default="paper", help=about)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def add_game_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
+    parser.add_argument(
+        "--starts", choices=("rest", "moving", "viable"),
+        help="initial speeds: rest, moving, or moving but for starts that are lost before they begin (default: as the "
+        "game says)",
+    )  # fmt: skip
+    add_game(parser)
+
+
+def chosen_rules(options: argparse.Namespace) -> list[str]:
+    """The words that choose the game and its starts in another command, where they are not the usual ones."""
+    usual = {"game": "paper", "starts": None}
+    chosen = {name: getattr(options, name, usual[name]) for name in usual}
+    return [word for name, value in chosen.items() if value not in (usual[name], None) for word in (f"--{name}", value)]
+
+
+def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
+    """Two players, how many games they play and from where, and what is told and kept of them."""
+    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
+    parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
+    add_game_options(parser)
+    add_json(parser)
+    add_record_options(parser, "write K games as replays, lost ones first")
+
+
+def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
+    """How many games are written as replays, and where."""
+    parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
+    parser.add_argument(
+        "--replays", type=new_folder, default=Path("replays"), metavar="DIR",
+        help="folder of the replays (default: replays)",
+    )  # fmt: skip
+
+
+def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
+    """Return the match of two players that are named, of `options.games`, and warn of what is odd about it.
+
+    Args:
+        in_one_arena: whether the command knows one arena only.
+
+    Raises:
+        InvalidInput: as `game_in_one_arena` and `Match.of_names`.
+    """
+    from apollonius.arenas.file import find_game, game_in_one_arena
+    from apollonius.evaluate.match import Match
+
+    game = game_in_one_arena(options.game, options.command) if in_one_arena else find_game(options.game)
+    match = Match.of_names(game, options.pursuer, options.evader, options.games, options.seed, options.starts)
+    warn(options, match.game, match.players)
+    return match
+
+
+def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:
+    """Say on standard error, a line each, what games in an arena, or of players there, should not be taken for.
+
+    Games that ship with the package are sound, so only those of files are surveyed.
+    """
+    from apollonius.agents.policy import reads_chart
+    from apollonius.agents.trained import ANY, learned_elsewhere
+    from apollonius.arenas.passages import missed_passage
+    from apollonius.arenas.survey import map_notes, survey
+    from apollonius.game.types import Role
+
+    found = list({player.name: player for player in players}.values())
+    for role in Role:
+        elsewhere = [
+            player.name
+            for player in found
+            if player.header and player.header.role == role.name.lower() and learned_elsewhere(player, game)
+        ]
+        if elsewhere:
+            has = "has" if len(elsewhere) == 1 else "have"
+            options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
+    if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
+        return
+    passage = missed_passage(game) if any(reads_chart(player.policy) for player in found) else None
+    for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):
+        options.display.tell(f"{options.game}: {line}")
+
+
+def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
+    names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
+    return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
+
+
+def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
+    """Refuse more replays than there are games to record, and a folder that takes none.
+
+    Args:
+        most: how many there can be.
+        bound: the same in words.
+
+    Raises:
+        InvalidInput: if it is so.
+    """
+    require(options.record <= most, "--record", options.record, f"from 0 to {bound}")
+    if options.record:
+        require_writable("--replays", options.replays)
+
+
+def add_grid_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
+    )
+    parser.add_argument(
+        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s of them)"
+    )
+
+
+def requested_grid(
+    options: argparse.Namespace,
+    game: "Game",
+    role: "Role",
+    reference: "Callable[[Game, Role], tuple[Grid, int]] | None" = None,
+) -> tuple["Grid", int]:
+    """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
+    from apollonius.solve.grid import make_grid
+    from apollonius.solve.solving import reference_grid
+
+    grid, hold = (reference or reference_grid)(game, role)
+    if options.grid is not None:
+        grid = make_grid(game.arena, game.body(role), options.grid)
+    if options.hold is not None:
+        hold = options.hold
+    return grid, hold
+
+
+_SHOWN = 3
+"""Files that are named one by one; of more, the folder and the first."""
+
+
+def finish(*written: Path, then: str = "", json: bool = False) -> None:
+    """Say on standard error what was written and what could be done with it.
+
+    Args:
+        written: files, or folders with all that lies in them.
+        then: the next sensible step.
+        json: whether a program reads: it is not told what to do next.
+    """
+    lines = [f"wrote {_named(path)}" for path in written]
+    if len(written) > _SHOWN:
+        size = _in_words(sum(map(_size, written)))
+        lines = [f"wrote {len(written)} files in {written[0].parent} ({size}), first of all {written[0].name}"]
+    if then and not json:
+        lines.append(f"next: {then}")
+    print(*lines, sep="\n", file=sys.stderr, flush=True)
+
+
+def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Replay]") -> list[Path]:
+    """Write the first `options.record` games, in files that are called after their kind, number and outcome."""
+    from apollonius.play.replay import save_replay
+
+    if options.record:
+        options.display.begin(f"writing {options.record} replays")
+    written = []
+    for replay in islice(replays, options.record):
+        written.append(options.replays / f"{kind}-{replay.index}-{replay.outcome.name.lower()}.json")
+        save_replay(replay, written[-1])
+    return written
+
+
+def finish_with_replays(written: list[Path], options: argparse.Namespace) -> None:
+    """The end of a command that may have recorded games, and takes `--json`."""
+    if written:
+        then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
+        finish(*written, then=then, json=options.json)
+
+
+def command(*words: object) -> str:
+    """A command of this package, as it can be pasted into a shell."""
+    return shlex.join(["apollonius", *map(str, words)])
+
+
+def _named(path: Path) -> str:
+    if not path.is_dir():
+        return f"{path} ({_in_words(_size(path))})"
+    count = sum(file.is_file() for file in path.rglob("*"))
+    return f"{path} ({count} file{'' if count == 1 else 's'}, {_in_words(_size(path))})"
+
+
+def _size(path: Path) -> int:
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _in_words(size: int) -> str:
+    """Bytes, in the unit that keeps the number short."""
+    if size < 10**6:
+        return f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"
+    return f"{size / 10**6:.1f} MB"

@@ -1,0 +1,31 @@
+"""`apollonius report`: a training run as one HTML page."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from apollonius.cli.options import finish
+from apollonius.cli.values import existing_folder, new_file
+from apollonius.io.errors import require, require_extra
+
+
+def add_report(subparsers: Any) -> None:
+    parser = subparsers.add_parser("report", help="a training run as one HTML page, games included")
+    parser.add_argument("folder", type=existing_folder, metavar="RUN", help="folder of a training run")
+    parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
+    parser.set_defaults(run=run_report)
+
+
+def run_report(options: argparse.Namespace) -> int:
+    folder: Path = options.folder
+    out: Path = options.out or folder / "report.html"
+    require_extra("plot", "report")
+    from apollonius.show.report.page import save_page
+    from apollonius.show.report.training import training_page
+
+    require((folder / "config.toml").is_file(), "RUN", folder, "the folder of a training run; check the path")
+    options.display.begin("playing games and drawing", compiles=True)
+    save_page(training_page(folder), out)
+    options.display.end()
+    finish(out, then=f"open {out} in a browser")
+    return 0

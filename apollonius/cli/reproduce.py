@@ -1,0 +1,48 @@
+"""`apollonius reproduce`: the whole evaluation of the paper."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.cli.options import LENGTHS, PLACES_HELP, command, finish
+from apollonius.cli.values import count, engine, new_folder
+from apollonius.io.errors import require_extra
+from apollonius.io.interrupts import go_on
+from apollonius.io.jobs import ENGINES
+from apollonius.io.limits import GAMES, SEEDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def add_reproduce(subparsers: Any) -> None:
+    parser = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
+    parser.add_argument(
+        "--budget", choices=LENGTHS, default="quick",
+        help="length of each training: quick (default), standard or paper",
+    )  # fmt: skip
+    parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
+    parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
+    parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
+    parser.add_argument("--on", type=engine, choices=ENGINES, default="local", help=PLACES_HELP)
+    parser.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
+    parser.set_defaults(run=run_reproduce)
+
+
+def run_reproduce(options: argparse.Namespace) -> int:
+    require_extra("plot", "reproduce")
+    from apollonius.reproduce.reproduction import reproduce
+
+    folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
+    again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"
+    display = options.display
+    go_on(f"go on with: {again}")
+
+    def watch(what: str, poll: "Callable[[], tuple[float, float]]") -> None:
+        display.begin(what, poll=poll)
+
+    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on, watch=watch):
+        raise KeyboardInterrupt
+    display.end()
+    finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))
+    return 0

@@ -1,0 +1,74 @@
+"""`apollonius show`: one game as a picture, an animation or a replay file."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from apollonius.cli.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
+from apollonius.cli.values import known_agent, new_file, real
+from apollonius.io.errors import require
+
+FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
+"""How the names of its files end."""
+
+
+def add_show(subparsers: Any) -> None:
+    parser = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
+    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
+    parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
+    add_game_options(parser)
+    parser.add_argument(
+        "--out", type=new_file(*FORMATS), default="game.gif",
+        help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--speed", type=real, help="seconds of the game in one of a moving picture (default: 1, real time)"
+    )
+    parser.set_defaults(run=run_show, games=1)
+
+
+def run_show(options: argparse.Namespace) -> int:
+    from apollonius.play.replay import load_replay, save_replay
+    from apollonius.show import animation
+    from apollonius.show.parts import describe_end
+
+    if options.speed is not None:
+        moving = f"left out, as only {', '.join(animation.FORMATS)} move"
+        require(options.out.suffix in animation.FORMATS, "--speed", options.speed, moving)
+        possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
+        require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
+    display = options.display
+    display.begin("playing one game", compiles=True)
+    if options.evader is None:
+        replay = load_replay(Path(options.pursuer))
+        first = replay.first_difference()
+        if first is not None:
+            display.tell(f"played again, this game differs from step {first} on")
+        starts = replay.game.starts.speed
+    else:
+        from apollonius.evaluate.match import record_game
+
+        match = requested_match(options, in_one_arena=True)
+        replay, starts = record_game(match, 0), match.starts_played
+    display.begin(f"drawing {len(replay.states)} states")
+    if options.out.suffix == ".json":
+        save_replay(replay, options.out)
+    elif options.out.suffix == ".png":
+        from apollonius.show.arena import save_picture
+
+        save_picture(replay, options.out)
+    else:
+        animation.save_animation(replay, options.out, options.speed or 1.0)
+    display.end()
+    print(
+        f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} "
+        f"({len(replay.actions)} steps, starts: {starts})"
+    )
+    if options.out.suffix == ".json":
+        then = command("show", options.out, "--out", options.out.with_suffix(".gif"))
+    elif options.evader is None:
+        then = command("play")
+    else:
+        then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
+    finish(options.out, then=then)
+    return 0

@@ -1,0 +1,178 @@
+"""`apollonius solve`: ground truth by dynamic programming, kept as a file."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.cli.options import (
+    add_game,
+    add_grid_options,
+    add_json,
+    chosen_rules,
+    command,
+    finish,
+    requested_grid,
+    warn,
+)
+from apollonius.cli.values import existing_file, new_file, nodes, real, require_writable
+from apollonius.io.document import to_json
+from apollonius.io.errors import InvalidInput, require
+
+if TYPE_CHECKING:
+    from apollonius.cli.display import Display
+    from apollonius.game.by_side import BySide
+    from apollonius.game.game import Game
+    from apollonius.game.types import Role
+    from apollonius.solve.grid import Sweep
+    from apollonius.solve.players import SaddlePolicy
+    from apollonius.solve.store import Problem
+
+
+SOLVING = ("solving the game for the pursuer", "solving the game for the evader")
+"""The pieces of work, for `Display.plan`."""
+
+
+def solved_game(
+    display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
+) -> "BySide[SaddlePolicy]":
+    """The players of both sides by the solved game, kept in a folder; arguments and errors as of `kept_tables`."""
+    from apollonius.cli.terminal import sweeps_on
+    from apollonius.solve.solving import kept_tables
+
+    shows: dict[Role, Callable[[Sweep], None]] = {}
+
+    def report(role: "Role", sweep: "Sweep") -> None:
+        if role not in shows:
+            display.begin(SOLVING[role], compiles=True)
+            shows[role] = sweeps_on(display)
+        shows[role](sweep)
+
+    display.begin(SOLVING[0], compiles=True)
+    return kept_tables(game, counts, folder, report)
+
+
+def add_table_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say by which tables to play."""
+    solved = parser.add_mutually_exclusive_group()
+    solved.add_argument(
+        "--tables", type=existing_file, nargs=2, metavar="FILE", help="the solved game from both sides (solve game)"
+    )
+    solved.add_argument(
+        "--grid", type=nodes, help="nodes on which it is solved otherwise, and kept (default: a coarse grid)"
+    )
+
+
+def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[SaddlePolicy]":
+    """Return the players by the solved game: from files, or solved here and kept in the cache."""
+    from apollonius.game.by_side import BySide
+    from apollonius.game.types import Role
+    from apollonius.io.cache import cache_folder
+    from apollonius.solve.solving import FEW_PAIRS, joint_grid, table_player
+
+    if options.tables:
+        options.display.begin(SOLVING[0], compiles=True)
+        players = [table_player(path, game) for path in options.tables]
+        sides = {player.zero_sum_game.role: player for player in players}
+        require(len(sides) == 2, "--tables", " ".join(map(str, options.tables)), "a pursuer's and an evader's")
+        return BySide(sides[Role.PURSUER], sides[Role.EVADER])
+    counts = options.grid or joint_grid(game, Role.PURSUER, FEW_PAIRS)[0].counts
+    return solved_game(options.display, game, counts, cache_folder("tables"))
+
+
+def add_solve(subparsers: Any) -> None:
+    parser = subparsers.add_parser("solve", help="solve for optimal play on a grid, and keep the table")
+    parser.add_argument(
+        "what", choices=("safety", "reach", "game"),
+        help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
+        "game: an estimate of the payoff that a side is sure of against any opponent",
+    )  # fmt: skip
+    add_game(parser)
+    parser.add_argument(
+        "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
+    )
+    parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
+    parser.add_argument(
+        "--payoff", choices=("win", "time"),
+        help="of game: a win is worth 1 and a loss -1, discounted (win, default), or only the time to a win (time)",
+    )  # fmt: skip
+    add_grid_options(parser)
+    parser.add_argument(
+        "--out",
+        type=new_file(".safetensors"),
+        help="file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)",
+    )
+    parser.add_argument(
+        "--plot", type=new_file(".png"), metavar="FILE", help="draw what was solved as .png: two maps of the arena"
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
+    add_json(parser)
+    parser.set_defaults(run=run_solve)
+
+
+def run_solve(options: argparse.Namespace) -> int:
+    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.cli.terminal import sweeps_on
+    from apollonius.evaluate.solution import about
+    from apollonius.solve.solving import solve_problem
+    from apollonius.solve.store import load_solution, save_solution
+
+    game, display = game_in_one_arena(options.game, "solve"), options.display
+    problem = _requested_problem(options, game)
+    warn(options, game)
+    path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.safetensors")
+    require_writable("--out", path.parent)
+    written: list[Path] = []
+    if path.exists() and not options.force:
+        solution = load_solution(path)
+        if solution.problem != problem:
+            raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
+    else:
+        display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
+        solution = solve_problem(problem, game, sweeps_on(display))
+        save_solution(solution, path)
+        written.append(path)
+    if options.plot:
+        from apollonius.show.solution import save_solution_maps
+
+        save_solution_maps(solution, game, options.plot)
+        written.append(options.plot)
+    display.begin("judging the table", compiles=True)
+    facts = about(solution, game) | {"file": str(path)}
+    display.end()
+    if options.json:
+        print(to_json(facts))
+    else:
+        for name, value in facts.items():
+            print(f"{name:<52} {value:.4g}" if isinstance(value, float) else f"{name:<52} {value}")
+    if written:
+        finish(*written, then=_next(options, path, problem.role), json=options.json)
+    return 0
+
+
+def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
+    from apollonius.arenas.record import to_dict
+    from apollonius.game.types import Role
+    from apollonius.solve.solving import joint_grid, reference_grid
+    from apollonius.solve.store import Problem
+
+    what, target, payoff = options.what, options.target, options.payoff
+    require((target is not None) == (what == "reach"), "--target", target, "X Y for reach, and left out otherwise")
+    alone = not (what == "reach" and options.role)
+    require(alone, "--role", options.role, "left out for reach, where the pursuer moves")
+    bound = "left out but for game, where there is an opponent"
+    require(payoff is None or what == "game", "--payoff", payoff, bound)
+    role = Role[(options.role or "pursuer").upper()]
+    grid, hold = requested_grid(options, game, role, joint_grid if what == "game" else reference_grid)
+    payoff = payoff or "win" if what == "game" else None
+    return Problem(what, role.name.lower(), to_dict(game), list(grid.counts), hold, target, payoff)
+
+
+def _next(options: argparse.Namespace, path: Path, role: str) -> str:
+    rules = chosen_rules(options)
+    if options.what == "game":
+        players = (path, "random") if role == "pursuer" else ("random", path)
+        return command("evaluate", *players, *rules, "--games", 100)
+    if options.what == "reach":
+        return command("evaluate", "P_stage1", "still", *rules, "--games", 1000)
+    return command("evaluate", "P_curriculum", "random", *rules, "--starts", "viable")

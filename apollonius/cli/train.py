@@ -1,0 +1,186 @@
+"""`apollonius train` and `resume`: train agents in a run's folder, then say how good they are."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from apollonius.cli.options import LENGTHS, command, finish
+from apollonius.cli.solve import SOLVING, solved_game
+from apollonius.cli.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
+from apollonius.io.errors import require
+from apollonius.io.interrupts import asked_to_stop, go_on
+from apollonius.io.limits import SEED
+from apollonius.learn.opponents import SCHEMES
+
+if TYPE_CHECKING:
+    from apollonius.cli.display import Display
+    from apollonius.evaluate.match import Match, MatchResult
+    from apollonius.learn.config import RunConfig
+    from apollonius.learn.progress import Progress
+
+ALGORITHMS = ("dqn", "sac")
+PROFILES = ("fast", "paper")
+STAGES = ("fixed-target", "self-play", "both")
+BY_TABLE = ("evader-by-table", "pursuer-by-table")
+"""Names of the presets of a distillation."""
+_SOLVING_WORK = 10_000_000
+"""Env steps of one learning side that solving for one side takes about as long as."""
+
+_JUDGING = "judging"
+_JUDGED_GAMES = 2000
+"""Games of each match that judges a run."""
+_JUDGING_SHARE = 0.1
+"""About how much judging takes, of the work of training."""
+
+
+def add_train(subparsers: Any) -> None:
+    parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
+    parser.add_argument(
+        "--preset", choices=(*LENGTHS, *BY_TABLE), default="quick",
+        help="length of training: quick (minutes, default), standard or paper; or evader-by-table, pursuer-by-table: "
+        "solve the game and distil what it says into a network (half an hour of one core)",
+    )  # fmt: skip
+    parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
+    parser.add_argument(
+        "--algorithm", choices=ALGORITHMS, help="dqn: discrete actions (default); sac: continuous ones, smooth motion"
+    )
+    parser.add_argument(
+        "--profile", choices=PROFILES, help="how DQN learns: fast (default) or paper (plain DQN as printed)"
+    )
+    parser.add_argument("--game", type=known_game, help="name of the game, or a .toml or .json file (default: paper)")
+    parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
+    parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
+    parser.add_argument(
+        "--pursuer", type=known_agent, help="agent that the pursuer of a lone --stage goes on from (default: none)"
+    )
+    parser.add_argument(
+        "--evader",
+        type=known_agent,
+        nargs="+",
+        help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
+        "evader of --stage self-play goes on from (default: none)",
+    )
+    parser.add_argument(
+        "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
+    )
+    parser.add_argument("--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
+    parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
+    parser.set_defaults(run=run_train)
+
+
+def add_resume(subparsers: Any) -> None:
+    parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
+    parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
+    parser.set_defaults(run=run_resume)
+
+
+def run_train(options: argparse.Namespace) -> int:
+    from apollonius.catalogue import find_pool
+    from apollonius.game.types import Role
+    from apollonius.learn.curriculum import load_first
+    from apollonius.learn.folder import create_run
+
+    config = _requested_config(options)
+    name = options.config.stem if options.config else options.preset
+    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
+    find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
+    for role in Role:
+        load_first(config, role)
+    create_run(config, folder, force=options.force)
+    return _train_and_judge(config, folder, options.display)
+
+
+def run_resume(options: argparse.Namespace) -> int:
+    from apollonius.learn.folder import load_config
+
+    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display)
+
+
+def _requested_config(options: argparse.Namespace) -> "RunConfig":
+    """The preset or file, with what the command line changes."""
+    from dataclasses import replace
+
+    from apollonius.arenas.file import find_game
+    from apollonius.learn.config import DISTILLATIONS, PRESETS
+    from apollonius.learn.folder import load_config
+    from apollonius.learn.learner_config import PROFILES, SACConfig
+
+    config = load_config(options.config) if options.config else (PRESETS | DISTILLATIONS)[options.preset]
+    algorithm = options.algorithm or ("sac" if config.sac else "dqn")
+    bound = "left out with --algorithm sac, whose numbers a --config says"
+    require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)
+    config = replace(config, sac=(config.sac or SACConfig()) if algorithm == "sac" else None)
+    self_play = config.self_play
+    if options.opponents:
+        self_play = replace(self_play, opponents=replace(self_play.opponents, scheme=options.opponents))
+    evaders: list[str] = options.evader or []
+    goes_on = (options.stage or config.stages) == "self-play"
+    require(not goes_on or len(evaders) < 2, "--evader", ", ".join(evaders), "one agent where --stage is self-play")
+    changes: dict[str, Any] = {
+        "self_play": self_play,
+        "stages": options.stage,
+        "seed": options.seed,
+        "evaders": tuple(evaders) if evaders and not goes_on else None,
+        "evader": evaders[0] if evaders and goes_on else None,
+        "pursuer": options.pursuer,
+        "dqn": PROFILES[options.profile] if options.profile else None,
+        "game": find_game(options.game) if options.game else None,
+    }
+    return replace(config, **{key: value for key, value in changes.items() if value is not None})
+
+
+def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
+    """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
+    from apollonius.arenas.suite import each_alone
+    from apollonius.cli.terminal import training_notes
+    from apollonius.learn.run import Run
+    from apollonius.learn.teacher import TABLES
+
+    def report(progress: "Progress") -> None:
+        if display.what != progress.stage:
+            display.begin(progress.stage)
+        display.report(progress.share, 1)
+        display.note(training_notes(progress))
+        later = stages[stages.index(progress.stage) + 1 :]
+        if progress.env_steps >= progress.total_env_steps and later:
+            display.begin(later[0], compiles=True)
+
+    run = Run(config, folder, report)
+    stages = list(run.work)
+    distils = config.stages == "distillation"
+    solving = dict.fromkeys(SOLVING, _SOLVING_WORK) if distils else {}
+    display.plan(solving | run.work | {_JUDGING: _JUDGING_SHARE * sum(run.work.values())})
+    go_on(f"go on with: apollonius resume {folder}")
+    if distils:
+        for game in each_alone(config.game):
+            solved_game(display, game, config.distillation.grid, folder / TABLES)
+    with asked_to_stop() as run.should_stop:
+        display.begin(stages[0], compiles=True)
+        finished = run.execute()
+    if not finished:
+        raise KeyboardInterrupt
+    if distils:
+        display.end()
+        (agent,) = (folder / "agents").glob("*.safetensors")
+        finish(folder, then=command("exploit", config.distillation.role, agent))
+    else:
+        display.begin(_JUDGING, compiles=True)
+        _judge(config, folder, display)
+    return 0
+
+
+def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
+    from apollonius.cli.terminal import match_table
+    from apollonius.evaluate.pairings import evaluate_run, self_play_trend
+    from apollonius.learn.progress import evaluations_of, load_metrics
+    from apollonius.learn.train_state import SELF_PLAY
+
+    def tell(match: "Match", result: "MatchResult") -> None:
+        print(match_table(match, result), end="\n\n", flush=True)
+
+    evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
+    display.end()
+    looks = evaluations_of(load_metrics(folder / "metrics.jsonl"), SELF_PLAY)
+    if trend := self_play_trend([(look.env_steps, look.outcomes) for look in looks]):
+        print(trend, end="\n\n")
+    finish(folder, then=command("report", folder))

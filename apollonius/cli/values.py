@@ -1,0 +1,200 @@
+"""What a value on the command line can be. What cannot is refused as it is read, before anything is imported or done.
+
+Each function here is the `type` of an argument, or makes one.
+"""
+
+import argparse
+import math
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, zoo_names
+from apollonius.arenas.names import game_names, unknown_game
+from apollonius.game.names import TEAM
+from apollonius.io.errors import missing, nearest, require, shown, unknown_name
+from apollonius.io.limits import GAME_FILES, Counted
+
+LARGEST = 1e6
+"""Largest real number that is taken: places, speeds and angles of a game are smaller."""
+_NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
+"""Extras without which files with these endings cannot be written."""
+VALUES = Counted(0, most=100, least=2)
+"""Values of a number that is varied."""
+_NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
+
+
+def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
+    """The error of a value that is not possible; the parser puts the argument's name before it."""
+    return argparse.ArgumentTypeError(f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.")
+
+
+def count(counted: Counted) -> Callable[[str], int]:
+    """A whole number of something that is counted."""
+    return partial(_count, counted)
+
+
+def _count(counted: Counted, text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:  # also for thousands of digits
+        number = None
+    if number is None or not counted.least <= number <= counted.limit:
+        raise unfit(text, counted.bound())
+    return number
+
+
+def real(text: str) -> float:
+    """A finite number of modest size."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not abs(number) <= LARGEST:
+        raise unfit(text, f"a number within {LARGEST:g} of 0")
+    return number
+
+
+def engine(text: str) -> str:
+    """Where trainings run; refused where the library that it takes is not installed."""
+    if text == "ray" and (remedy := missing("ray")):
+        raise unfit(text, f"local where Ray is not installed: {remedy}")
+    return text
+
+
+def varied(text: str) -> tuple[str, tuple[float, ...]]:
+    """A number of a game and evenly spaced values of it, as `pursuer.v_max=0.8:1.6:5`."""
+    field, equals, numbers = text.partition("=")
+    ends = numbers.split(":")
+    if not (field.strip() and equals and len(ends) == 3):
+        raise unfit(text, "FIELD=FROM:TO:COUNT, as pursuer.v_max=0.8:1.6:5")
+    low, high, steps = real(ends[0]), real(ends[1]), _count(VALUES, ends[2]) - 1
+    if low == high:
+        raise unfit(text, "FIELD=FROM:TO:COUNT with different ends")
+    return field, tuple(float(f"{low * (1 - i / steps) + high * i / steps:.12g}") for i in range(steps + 1))
+
+
+def nodes(text: str) -> tuple[int, int, int, int]:
+    """How many nodes a grid has along x, y, v and heading, as `101x101x9x47`."""
+    found = _NODES.fullmatch(text)
+    if not found:
+        raise unfit(text, "the nodes along x, y, v, heading, as 101x101x9x47")
+    x, y, v, heading = map(int, found.groups())
+    return x, y, v, heading
+
+
+def named(text: str) -> str:
+    """What something is called, or where its file is."""
+    if not text or not text.isprintable():
+        raise unfit(text, "a name, or the path of a file")
+    return text
+
+
+def known_agent(text: str) -> str:
+    """A player's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    bare = named(text).removeprefix(SHIELDED)
+    known = [*BUILT_IN, *zoo_names()]
+    if bare.removeprefix(FROM_ZOO) in known or not _is_plain(bare):
+        return text
+    files = "a .safetensors file, or RUN/NAME for an agent of a training run"
+    raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, nearest(bare, known)))
+
+
+def known_game(text: str) -> str:
+    """A game's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
+    if name.endswith(GAME_FILES):
+        existing_file(name)
+    elif "/" not in name and not TEAM.fullmatch(name) and name not in game_names():
+        raise argparse.ArgumentTypeError(unknown_game(name))
+    return text
+
+
+def _is_plain(name: str) -> bool:
+    """Return whether a name can be neither a file's nor that of an agent of a training run."""
+    return not any(mark in name for mark in "/:.") and not _is(Path(name).exists)
+
+
+def existing_file(text: str) -> Path:
+    path = Path(named(text))
+    if not _is(path.is_file):
+        raise unfit(text, "a file that is there; check the path")
+    return path
+
+
+def existing_folder(text: str) -> Path:
+    path = Path(named(text))
+    if not _is(path.is_dir):
+        raise unfit(text, "a folder that is there; check the path")
+    return path
+
+
+def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:
+    """A file to write, with a name that ends in one of these, in a place where that can be done.
+
+    Args:
+        needs: the extra without which a file with this ending cannot be written.
+    """
+    return partial(_new_file, suffixes, needs)
+
+
+def _new_file(suffixes: tuple[str, ...], needs: Mapping[str, str], text: str) -> Path:
+    path = Path(named(text))
+    if path.suffix not in suffixes:
+        kinds = f"one of {', '.join(suffixes)}" if len(suffixes) > 1 else "".join(suffixes)
+        raise unfit(text, f"a file that ends in {kinds}")
+    if _is(path.exists) and not _is(path.is_file):
+        raise unfit(text, "a file, and something else has that name; choose another")
+    if reason := _unwritable(path, path.parent):
+        raise unfit(text, reason)
+    if path.suffix in needs and (remedy := missing(needs[path.suffix])):
+        raise unfit(text, f"of another kind where libraries are not installed: {remedy}")
+    return path
+
+
+def new_folder(text: str) -> Path:
+    """A folder to write to, new or not, in a place where that can be done."""
+    path = Path(named(text))
+    if _is(path.exists) and not _is(path.is_dir):
+        raise unfit(text, "a folder, and something else has that name; choose another")
+    if reason := _unwritable(path, path):
+        raise unfit(text, reason)
+    return path
+
+
+def require_writable(name: str, path: Path) -> None:
+    """Refuse a path that nobody gave and that cannot be written to: a default, which is not read like an argument.
+
+    Args:
+        name: the argument that gives another one.
+        path: of a folder, new or not.
+
+    Raises:
+        InvalidInput: with the reason.
+    """
+    reason = _unwritable(path, path)
+    require(reason is None, name, path, reason or "")
+
+
+def _is(question: Callable[[], bool]) -> bool:
+    """What a path says of itself; a path that cannot be is nothing."""
+    try:
+        return question()
+    except (OSError, ValueError):
+        return False
+
+
+def _unwritable(path: Path, folder: Path) -> str | None:
+    """What a path must be if the folder, or the nearest one above that is there, takes no new files; else None."""
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # which says of some paths that they cannot be, as of those that are too long
+        while not _is(folder.exists) and folder != folder.parent:
+            folder = folder.parent
+        with tempfile.TemporaryFile(dir=folder):  # one that has no name, or none for long: nothing is left behind
+            return None
+    except OSError as error:
+        return f"in a folder that can be written to ('{shown(folder)}': {error.strerror or error}); choose another"

@@ -1,0 +1,103 @@
+"""Gymnasium's interface: one robot acts from outside, a player of the package plays the other side."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from apollonius.arenas.file import as_game
+from apollonius.catalogue import find_player
+from apollonius.envs.compiled import require_unforked
+from apollonius.envs.live import RENDER_MODES, LiveGame, View
+from apollonius.envs.spaces import action_space, observation_space
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.io.errors import require
+
+
+class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
+    """A game seen from one side, of one robot; on the other there may be a team.
+
+    Actions are the 9 of Eq. 5, or two gears. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the
+    game stands: `ongoing`, or the name of a row of Tables II and III.
+
+    Args:
+        role: the side that acts from outside.
+        opponent: player of the other side, as `find_player` knows it.
+        game: the game, the name of one, or its `.toml` or `.json` file.
+        observation: name of what is seen (`apollonius.observe.registry`).
+        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1]. The opponent
+            acts as it does.
+
+    Raises:
+        InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, a side of several
+            robots, and in a forked process: `gymnasium.vector.AsyncVectorEnv` has those unless it is given
+            `context="spawn"`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 (as Gymnasium declares it)
+
+    def __init__(
+        self,
+        role: Role,
+        opponent: str = "random",
+        game: Game | str = "paper",
+        observation: str = "encoded",
+        render_mode: str | None = None,
+        actions: str = "discrete",
+    ) -> None:
+        require_unforked()
+        game = as_game(game)
+        self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
+        self.render_mode = render_mode
+        self.observation_space = observation_space(observation)
+        self.action_space = action_space(actions)
+        other, count = role.other, len(game.bodies[role])
+        name = role.name.lower()
+        require(
+            count == 1, f"{name}s", count, f"1, who alone acts from outside: of a team play all {name}s by PettingZoo"
+        )
+        self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
+        self._robot = self._live.places.index((role, 0))
+        self._view = View(self._live, render_mode)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """A new game from the game's distribution of starts."""
+        super().reset(seed=seed)
+        self._live.reset(self._bits())
+        self._view.begin()
+        return self._live.observation(self._robot), {"outcome": self._live.outcome}
+
+    def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """All robots hold their actions for one step.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before the first `reset`.
+            InvalidInput: for an action that is none.
+        """
+        live = self._live
+        if not live.begun:
+            raise gymnasium.error.ResetNeeded("a game begins with reset()")
+        actions: list[Any] = [live.idle] * len(live.places)
+        actions[self._robot] = action
+        live.step(actions, self._bits())
+        self._view.follow()
+        reward = live.rewards[self._robot]
+        return live.observation(self._robot), reward, live.terminated, live.truncated, {"outcome": live.outcome}
+
+    def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        return self._view.render()
+
+    def _bits(self) -> np.uint32:
+        return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
+
+
+_MANY = "apollonius.envs.vector:ManyGames"
+for _name, _role in (("Pursuit", Role.PURSUER), ("Evasion", Role.EVADER)):
+    gymnasium.register(
+        f"apollonius/{_name}-v0", f"{__name__}:OneSide", vector_entry_point=_MANY, kwargs={"role": _role}
+    )

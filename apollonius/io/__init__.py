@@ -1,0 +1,1 @@
+"""What is read and written: errors, limits, files, arrays, one cache, worker processes."""

@@ -1,0 +1,107 @@
+"""Arrays by name, as safetensors files hold them: read so that no file can do harm, its header first."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from apollonius.io.document import parse_json, to_json, write_atomically
+from apollonius.io.errors import InvalidInput, shown
+
+MOST_HEADER = 2**24
+"""Largest header of a file [bytes]."""
+_NUMBERS = {
+    name: np.dtype(kind)
+    for name, kind in (
+        ("BOOL", bool), ("U8", np.uint8), ("I8", np.int8), ("U16", np.uint16), ("I16", np.int16), ("F16", np.float16),
+        ("U32", np.uint32), ("I32", np.int32), ("F32", np.float32),
+    )
+}  # fmt: skip
+"""Number types by the names that safetensors has for them."""
+
+
+@contextmanager
+def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
+    """A safetensors file of which nothing but the header is read yet.
+
+    Args:
+        remedy: what to do about a damaged file.
+        kind: what it should be.
+
+    Raises:
+        InvalidInput: when it is none, is cut off, or has a header of more than `MOST_HEADER` bytes.
+    """
+    damaged = f"'{path}' is not a whole {kind}"
+    try:
+        with open(path, "rb") as file:
+            size = int.from_bytes(file.read(8), "little")
+        if size > MOST_HEADER:
+            raise InvalidInput(f"{damaged} (a header of {size:,} bytes): {remedy}.")
+        with safe_open(path, framework="numpy") as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise InvalidInput(f"{damaged} ({error}): {remedy}.") from error
+
+
+def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None:
+    """Write a file of arrays and a header, a dataclass, atomically.
+
+    Raises:
+        OSError: when the file cannot be written.
+    """
+    # One entry: safetensors writes several in an order of their own, and one seed must give one file.
+    write_atomically(path, save(arrays, {"header": to_json(asdict(header), sort_keys=True)}))
+
+
+def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> dict[str, Any]:
+    """Return the fields of the header of an open file.
+
+    Args:
+        form: name and version of the format that it must have.
+        foreign: the message for a file of another format.
+
+    Raises:
+        InvalidInput: for another format or version.
+    """
+    fields = parse_json((file.metadata() or {}).get("header", ""), foreign)
+    if fields.get("format") != form[0]:
+        raise InvalidInput(f"{foreign}.")
+    version = fields.get("version")
+    if version != form[1]:
+        told = f"'{path}' has format version {shown(version)}, this program reads {form[1]}: update it."
+        raise InvalidInput(told)
+    return fields
+
+
+def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """Shape and number type of every array of an open safetensors file, by its header alone; as `kinds_of`."""
+    slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    return {name: (tuple(one.get_shape()), _NUMBERS.get(one.get_dtype())) for name, one in slices.items()}
+
+
+def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> None:
+    """Refuse a file whose numbers are not all finite.
+
+    Raises:
+        InvalidInput: with the name of the first array that has one that is not.
+    """
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise InvalidInput(f"'{path}' has numbers that are not finite, in {name}: {remedy}.")
+
+
+def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:
+    """Shape and number type of every named array: what two files of one structure have in common."""
+    return {name: (array.shape, array.dtype) for name, array in arrays.items()}
+
+
+def named_leaves(tree: Any) -> dict[str, Any]:
+    """The arrays of a pytree by their paths, as `layers/0/weight`, in the tree's own order."""
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return {jax.tree_util.keystr(path, simple=True, separator="/"): leaf for path, leaf in leaves}

@@ -1,0 +1,235 @@
+"""One cache: what took time to make is found again by all that it was made from.
+
+A file is named after the digest of its key, and is whole or not there, whatever else reads, writes or is killed. One
+that cannot be read is made again. In the person's own cache folder, which nobody looks after, the least recently used
+files make room for new ones, compilations among themselves and tables among themselves.
+"""
+
+import functools
+import os
+import platform
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from apollonius.io.document import to_json, write_atomically
+from apollonius.io.errors import InvalidInput
+from apollonius.version import __version__
+
+T = TypeVar("T")
+VARIABLE = "APOLLONIUS_CACHE"
+"""Environment variable: `off`, or another folder than the platform's."""
+LARGEST = {"compilations": 1 << 30, "tables": 4 << 30}
+"""Folders of the cache, and the size [bytes] above which the least recently used files in one are deleted."""
+
+
+def cache_folder(kind: str) -> Path | None:
+    """Return the person's folder for one of `LARGEST`; None where the person has switched the cache off."""
+    wish = os.environ.get(VARIABLE, "")
+    if wish.lower() in ("off", "0", "no", "false"):
+        return None
+    if wish:
+        return Path(wish) / kind
+    from platformdirs import user_cache_path
+
+    return user_cache_path("apollonius") / kind
+
+
+def kept(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
+    """Return what a file holds, or make it and write the file.
+
+    Args:
+        path: as `entry` names it; None keeps nothing.
+        save: writes the file atomically.
+        load: reads it; raises InvalidInput or OSError where that cannot be done.
+
+    Raises:
+        OSError: when the file cannot be written, unless it is in the person's cache, which is only a convenience.
+    """
+    if path is None:
+        return make()
+    bound = next((most for kind, most in LARGEST.items() if path.parent == cache_folder(kind)), None)
+    if path.is_file():
+        with suppress(InvalidInput, OSError):
+            found = load(path)
+            if bound:
+                mark_used(path)
+            return found
+    made = make()
+    with suppress(*[OSError] if bound else []):
+        save(made, path)
+        if bound:
+            make_room(path.parent, bound)
+    return made
+
+
+def entry(folder: Path, name: str, key: Any) -> Path:
+    """Return the file of a key.
+
+    Args:
+        name: what it is called besides, with its suffix: `a.json` for `a-0123456789abcdef.json`.
+        key: all that the result depends on but the version of this package, as JSON-like data.
+    """
+    stem, dot, suffix = name.replace("/", "-").replace(":", "-").rpartition(".")
+    return folder / f"{stem}-{digest([__version__, key])[:16]}{dot}{suffix}"
+
+
+def digest(data: Any) -> str:
+    """Return the SHA-256 of JSON-like data."""
+    return sha256(to_json(data, sort_keys=True).encode()).hexdigest()
+
+
+def content(tree: Any) -> str:
+    """Return the SHA-256 of a pytree: of its structure with all that is static, and of its arrays."""
+    import jax
+    import numpy as np
+
+    leaves, structure = jax.tree.flatten(tree)
+    found = sha256(str(structure).encode())
+    for leaf in map(np.asarray, leaves):
+        found.update(f"{leaf.dtype}{leaf.shape}".encode() + leaf.tobytes())
+    return found.hexdigest()
+
+
+def mark_used(path: Path) -> None:
+    """Let others be deleted before a file of the cache, where that can be written."""
+    with suppress(OSError):
+        os.utime(path)
+
+
+def make_room(folder: Path, largest: int) -> int:
+    """Delete files, at any depth, until no more than so many bytes are left: what is larger, then the least recently
+    used. Returns the bytes that are left.
+    """
+    files: list[tuple[bool, float, int, Path]] = []
+    for path in folder.rglob("*"):
+        try:
+            about = path.stat()
+        except FileNotFoundError:  # another process was quicker
+            continue
+        if path.is_file():
+            files.append((about.st_size <= largest, about.st_mtime, about.st_size, path))
+    left = sum(size for _, _, size, _ in files)
+    for _, _, size, path in sorted(files):
+        if left <= largest:
+            break
+        path.unlink(missing_ok=True)
+        left -= size
+    return left
+
+
+class Memory(Generic[T]):
+    """The latest results of one computation, by the content of what they were made from.
+
+    Args:
+        most: how many are remembered.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._results: dict[str, T] = {}
+
+    def get(self, key: Any, make: Callable[[], T]) -> T:
+        """Return the result for a pytree, made now unless it is remembered."""
+        name = content(key)
+        result = self._results[name] = self._results.pop(name) if name in self._results else make()
+        while len(self._results) > self._most:
+            del self._results[next(iter(self._results))]
+        return result
+
+
+_CHECKSUM_BYTES = 4
+_TOLD_BY = {
+    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part",
+    "Features",
+}  # fmt: skip
+"""The lines of `/proc/cpuinfo` that say what a processor can do."""
+
+
+def keep_compilations() -> None:
+    """From here on, JAX keeps what it compiles and looks there first; for this process, before it has compiled.
+
+    Does nothing where the person has switched it off, has told JAX of a folder of their own, or has no folder that can
+    be written to.
+    """
+    cache = cache_folder("compilations")
+    if cache is None:
+        return
+    import jax
+
+    if jax.config.values["jax_compilation_cache_dir"] is not None:
+        return
+    try:
+        # The only way in. JAX's own store of bounded size takes a lock and 4 ms to read an entry among 1,500 (here 0.1)
+        # and 56 to write one (0.3), and after a kill in between it serves half an entry and never writes again.
+        from jax._src import compilation_cache
+
+        assert callable(compilation_cache.get_file_cache)
+        folder = cache / environment()
+        folder.mkdir(parents=True, exist_ok=True)
+    except (ImportError, AttributeError, OSError):  # another JAX, or no room
+        return
+    compilation_cache.get_file_cache = lambda path: (Entries(Path(path)), path)
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def environment() -> str:
+    """All that a compilation depends on besides what is compiled: a folder's name."""
+    from importlib.metadata import version
+
+    made_with = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
+    return f"{made_with}-{sha256(processor().encode()).hexdigest()[:12]}"
+
+
+@functools.cache
+def processor() -> str:
+    """What the processor can do, in the system's words; where the system does not say, this machine's name."""
+    try:
+        first = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+    except OSError:
+        first = []
+    told = [line for line in first if line.split(":")[0].strip() in _TOLD_BY]
+    return "\n".join([platform.system(), platform.machine(), *(told or [platform.processor(), platform.node()])])
+
+
+class Entries:
+    """The entries of one environment, as JAX asks for them; those of others, beside it, share the bound.
+
+    Args:
+        folder: where they lie.
+        largest: size of all [bytes].
+    """
+
+    def __init__(self, folder: Path, largest: int = LARGEST["compilations"]) -> None:
+        self._path = folder
+        self._largest = largest
+        self._size = largest  # not known yet
+
+    def get(self, key: str) -> bytes | None:
+        path = self._path / key
+        try:
+            found = path.read_bytes()
+            mark_used(path)
+        except OSError:
+            return None
+        checksum, value = found[:_CHECKSUM_BYTES], found[_CHECKSUM_BYTES:]
+        return value if checksum == _checksum(value) else None
+
+    def put(self, key: str, value: bytes) -> None:
+        """Keep an entry; where there is no room on the disk, don't."""
+        try:
+            write_atomically(self._path / key, _checksum(value) + value, synced=False)
+            self._size += len(value)
+            if self._size > self._largest:
+                self._size = make_room(self._path.parent, self._largest)
+        except OSError:
+            return
+
+
+def _checksum(value: bytes) -> bytes:
+    return zlib.crc32(value).to_bytes(_CHECKSUM_BYTES, "big")

@@ -1,0 +1,162 @@
+"""Files that people give, read so that none can do harm, and files written so that none is ever half there.
+
+Before one is read its size is looked at, and no content is an error of the program's.
+"""
+
+import json
+import math
+import os
+import secrets
+import tempfile
+import tomllib
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from apollonius.io.errors import InvalidInput, shown
+
+MOST_BYTES = 2**20
+"""Largest file of settings, a game's or a training's [bytes]: some 20,000 lines."""
+_DEEPEST = 100
+"""Deepest nesting of lists and tables."""
+
+
+def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None) -> bytes:
+    """Return the content of a regular file; pipes and devices are none.
+
+    Args:
+        kind: what the file should be, for the message: "a game's TOML file".
+        remedy: what to do instead, for the message.
+        most: largest size that is read [bytes].
+        within: the folder that must contain the file, wherever links and `..` lead; None for any.
+
+    Raises:
+        InvalidInput: for a path of no file, a file outside the folder, and one that is too large.
+        OSError: when it cannot be read.
+    """
+    try:
+        is_file, outside = path.is_file(), within and not path.resolve().is_relative_to(within.resolve())
+    except (OSError, ValueError, RuntimeError):  # a path that cannot be, a link to itself
+        is_file, outside = False, False
+    if outside:
+        raise InvalidInput(f"'{shown(path)}' is outside the folder '{within}', and must be {kind} in it: {remedy}.")
+    if not is_file:
+        raise InvalidInput(f"'{shown(path)}' is no file, and must be {kind}: {remedy}.")
+    with open(path, "rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise InvalidInput(f"'{path}' has {path.stat().st_size:,} bytes, and {kind} has {most:,} at most: {remedy}.")
+    return content
+
+
+def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
+    """Write a file, in a folder that need not be there, so that at every moment it is whole: the old one or the new.
+
+    Args:
+        synced: wait for the disk, so that the content also outlives a loss of power.
+
+    Raises:
+        OSError: when the disk is full or read-only; the old content is untouched.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}.{secrets.token_hex(4)}.tmp")  # others may be writing this file too
+    try:
+        with open(temporary, "xb") as file:
+            file.write(content)
+            if synced:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # which a full disk does not say
+        raise
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Generator[Path, None, None]:
+    """Make a folder that is new or empty, so that everything the block writes is in it, or there is none.
+
+    Yields:
+        The folder to write to, which then takes the other's place.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
+        filled = Path(beside) / "folder"
+        filled.mkdir()
+        yield filled
+        if folder.exists():
+            folder.rmdir()
+        os.replace(filled, folder)
+
+
+def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
+    """Return data as JSON, which has no word for numbers that are not finite.
+
+    Raises:
+        ValueError: for such a number.
+    """
+    return json.dumps(data, allow_nan=False, indent=indent, sort_keys=sort_keys)
+
+
+def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
+    """Return the object that a JSON text is.
+
+    Args:
+        about: what it is, and what to do if it is not: the message, to which the reason is added.
+
+    Raises:
+        InvalidInput: when it is none, is nested too deeply, or has a number that is not finite.
+    """
+    try:
+        data = json.loads(content)
+    except (ValueError, RecursionError) as error:  # also integers of thousands of digits, and what is no Unicode
+        raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
+    if not isinstance(data, dict):
+        raise InvalidInput(f"{about} (no JSON object).")
+    _check(data, about)
+    return data
+
+
+def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file.
+
+    Args:
+        path: where it is from, for the message.
+
+    Raises:
+        InvalidInput: when it is no TOML, is nested too deeply, or has a number that is not finite.
+    """
+    about = f"'{path}' is no TOML file; correct it"
+    try:
+        data = tomllib.loads(content.decode())
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput(f"{about} ({str(error) or 'nested too deeply'}).") from error
+    _check(data, f"'{path}' cannot be used; correct it")
+    return data
+
+
+def _check(data: Any, about: str) -> None:
+    """Refuse numbers that are not finite, and nesting so deep that no recursive function could walk through it."""
+    level = [data]
+    for _ in range(_DEEPEST):
+        values = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
+        if not all(math.isfinite(value) for value in values if isinstance(value, float)):
+            name, value = next(_not_finite(data))
+            raise InvalidInput(f"{about} ({name} = {value} is not possible: it must be a finite number).")
+        level = [value for value in values if isinstance(value, dict | list)]
+        if not level:
+            return
+    raise InvalidInput(f"{about} (nested too deeply).")
+
+
+def _not_finite(data: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the dotted names and values of all numbers that are not finite."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+        inner = f"{name}.{key}" if name else str(key)
+        if isinstance(value, dict | list):
+            yield from _not_finite(value, inner)
+        elif isinstance(value, float) and not math.isfinite(value):
+            yield inner, value

@@ -1,0 +1,200 @@
+"""Independent jobs, each in a process of its own: on the cores of this machine, or on the workers of a Ray cluster.
+
+A job is a function that can be imported by its name, leaves its results in files and goes on where it was stopped. So
+it does not matter where it runs, nor how often it is begun.
+"""
+
+import os
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from apollonius.io.cache import keep_compilations
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.interrupts import SIGNALS, answer, asked_to_stop, listen
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnProcess
+
+LOST_WORKERS = 10
+"""How often Ray begins a job again whose worker was lost."""
+STOPPED = 130
+"""Exit status of a job that was stopped early."""
+_ENDS = {0, STOPPED, *(128 + number for number in SIGNALS), *(-number for number in SIGNALS)}
+"""Exit statuses of jobs that did not fail: they hear of signals again while they are leaving."""
+ShouldStop = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be done: `work(*arguments, should_stop)`, which returns whether it came to its end."""
+
+    name: str
+    work: Callable[..., bool]
+    arguments: tuple[Any, ...]
+
+
+def available_cores() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None], on: str = "local") -> bool:
+    """Run all jobs.
+
+    Args:
+        cores: numbers of the cores of this machine to use, a process each.
+        report: called with a line whenever a job ends.
+        on: `local`, or `ray` for the Ray cluster that is running or else a new one of these cores.
+
+    Returns:
+        Whether all came to their ends; False after Ctrl-C, when every job that was running has stopped by itself.
+
+    Raises:
+        InvalidInput: when a job fails, after the others that run beside it; when Ray is not installed.
+    """
+    require(on in ENGINES, "on", on, f"one of {', '.join(ENGINES)}")
+    return ENGINES[on](jobs, cores, report) if jobs else True
+
+
+def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """Run as many at a time as there are cores.
+
+    Where one process is killed, a `ProcessPoolExecutor` ends all jobs and names none; one for each job is no shorter.
+    """
+    import multiprocessing
+    from concurrent.futures import ThreadPoolExecutor, as_completed
+    from multiprocessing import resource_tracker
+
+    free: queue.SimpleQueue[int] = queue.SimpleQueue()
+    for core in cores:
+        free.put(core)
+    over, stopped = threading.Event(), threading.Event()
+    processes: list[SpawnProcess] = []
+
+    def run(job: Job) -> bool | None:
+        """Run one job in a process of its own, on a core that is free. None begins after one was stopped or failed."""
+        core = free.get()
+        if over.is_set():
+            free.put(core)
+            return None
+        _signals(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
+        # A process that spawns inherits no threads of JAX; a forked one may hang.
+        process = multiprocessing.get_context("spawn").Process(target=_work, args=(job, core, os.getpid()))
+        process.start()
+        processes.append(process)
+        if stopped.is_set():
+            _tell(process)
+        process.join()
+        free.put(core)
+        if process.exitcode != 0:
+            over.set()
+        if process.exitcode not in _ENDS:
+            raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
+        return process.exitcode == 0
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        """Every process stops by itself. From a terminal all hear of Ctrl-C, and hear of it again; else only this."""
+        answer()
+        over.set()
+        stopped.set()
+        for process in processes:
+            _tell(process)
+
+    resource_tracker.ensure_running()  # begins with the first process else, and then unblocks Ctrl-C
+    before = [(number, signal.signal(number, stop)) for number in SIGNALS]
+    try:
+        with ThreadPoolExecutor(len(cores)) as pool:
+            running = {pool.submit(run, job): job for job in jobs}
+            for future in as_completed(running):
+                ended = future.result()
+                if ended is not None:
+                    report(f"{'done' if ended else 'stopped'}: {running[future].name}")
+            return not over.is_set()
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+
+
+def _tell(process: "SpawnProcess") -> None:
+    """Send a Ctrl-C to a process that is still at work."""
+    if process.pid is not None and process.is_alive():
+        os.kill(process.pid, signal.SIGINT)
+
+
+def _signals(how: int) -> None:
+    """Block Ctrl-C and SIGTERM for the calling thread and the processes that it starts, or let them through."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(how, SIGNALS)
+
+
+def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
+    """As many at a time as the cluster has cores. The job of a worker that is lost begins again on another one, from
+    what it has left in its files: all machines must see the same folders.
+    """
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+        from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
+    except ModuleNotFoundError as error:
+        raise InvalidInput("this needs Ray: pip install 'apollonius[ray]'.") from error
+    ours = not ray.is_initialized()
+    if ours:
+        running = "RAY_ADDRESS" in os.environ
+        ray.init(**{} if running else {"num_cpus": len(cores), "include_dashboard": False}, log_to_driver=False)
+    try:
+        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(_work_on_ray)
+        waiting = {remote.remote(job): job for job in jobs}
+        while waiting:
+            (done, *_), _ = ray.wait(list(waiting))
+            job = waiting.pop(done)
+            try:
+                complaint = ray.get(done)
+            except RayError as error:
+                raise InvalidInput(f"{job.name} failed ({error}): mend the cause and go on.") from error
+            if complaint:
+                raise InvalidInput(f"{job.name} failed ({complaint}): mend the cause and go on.")
+            report(f"done: {job.name}")
+        return True
+    except KeyboardInterrupt:
+        return False
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _work_on_ray(job: Job) -> str:
+    """One job on a Ray worker; what there is to complain of, if anything. When Ray ends the worker, the job is stopped
+    at once and goes on from its files another time.
+    """
+    try:
+        finished = job.work(*job.arguments, lambda: False)
+    except (InvalidInput, OSError) as error:
+        return str(error)
+    return "" if finished else "it stopped early"
+
+
+ENGINES = {"local": _run_locally, "ray": _run_on_ray}
+"""Where jobs can run."""
+
+
+def _work(job: Job, core: int, parent: int) -> None:
+    """One job on one core; the whole life of a process. It stops early on Ctrl-C or when the parent process is gone."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
+    keep_compilations()
+    listen(says=False)
+    try:
+        with asked_to_stop(again=False) as asked:
+            _signals(signal.SIG_UNBLOCK)
+            finished = job.work(*job.arguments, lambda: asked() or os.getppid() != parent)
+    except (InvalidInput, OSError) as error:
+        print(f"{job.name}: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(0 if finished else STOPPED)

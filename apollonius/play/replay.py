@@ -1,0 +1,249 @@
+"""One game from its start to its end, step by step: how it went, and as a file that plays again to the same bits.
+
+`trace` follows a game of a match. A `Replay` is such a game with all that it takes to play it again: the rules, the
+start and all robots' actions.
+"""
+
+import functools
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
+
+from apollonius.agents.pool import Pool
+from apollonius.arenas.record import from_dict, to_dict
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import together
+from apollonius.game.game import Game
+from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotState
+from apollonius.game.validation import MAX_SIZE
+from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
+from apollonius.io.errors import require
+from apollonius.io.limits import MOST_COUNTED, SEED
+from apollonius.play.rollout import begin, random_bits_of, step_games
+
+FORMAT = 1
+"""Version of the file format."""
+_MOST_BYTES = 2**26
+"""Largest file [bytes]: a game of some 400,000 steps."""
+_LONGEST_NAME = 1_000
+"""Most characters of a player's name."""
+
+AllActions = Int[Array, "steps robots"] | Float[Array, "steps robots 2"]
+"""Actions of the pursuers and then of the evaders in every step: 0..8, or the gears of all where one side's are
+continuous. A discrete action moves a robot by its gears to the same bits."""
+
+
+class Trajectory(eqx.Module):
+    """One game: its states, leaves `[steps + 1]`, all robots' actions, and how it ended."""
+
+    states: GameState
+    actions: AllActions
+    outcome: Int[Array, ""]
+
+
+def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
+    """The course of one of the games that `play_out` plays with the same arguments.
+
+    Args:
+        players: who plays either side.
+        starts: initial states, leaves `[games]`.
+        key: consumed.
+        index: which of the games.
+    """
+    # Cut on the host, where nothing is compiled for it.
+    start = jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[index], starts))
+    number = jax.device_put(np.array([index], np.int32))
+    actions = _actions(game, players, start, key, number, int(game.max_steps))
+    states, outcomes = jax.device_get(play_actions(game, start, actions))
+    last = int(np.argmax(outcomes != Outcome.ONGOING))
+    course = jax.tree.map(lambda leaf: leaf[: last + 2], states), np.asarray(actions)[: last + 1], outcomes[last]
+    return Trajectory(*jax.device_put(course))
+
+
+@functools.partial(jax.jit, static_argnames="length")
+def _actions(
+    game: Game, players: BySide[Pool], start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
+) -> Int[Array, "length robots"] | Float[Array, "length robots 2"]:
+    """All robots' actions in a game of `play_out`; it never stops."""
+    state = jax.tree.map(lambda leaf: leaf[None], start)
+    games = begin(state, players, random_bits_of(key, index, jnp.full(1, -1)))
+
+    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, " robots"] | Float[Array, "robots 2"]]:
+        bits = random_bits_of(key, index, games.state.steps)
+        after, transition = step_games(game, players, games, bits)
+        return after, together(*(action for role in ROLES for action in transition.actions_of(role, game=0)))
+
+    return jax.lax.scan(one_step, games, None, length)[1]
+
+
+@jax.jit
+def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
+    """States before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
+
+    def one_step(
+        state: GameState, action: Shaped[Array, "robots ..."]
+    ) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
+        pursuers = len(state.robots.pursuer)
+        after = game.step(state, list(action[:pursuers]), list(action[pursuers:]))
+        return after.state, (after.state, after.outcome)
+
+    _, (states, outcomes) = jax.lax.scan(one_step, start, actions)
+    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states), outcomes
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A game that was played, complete.
+
+    Attributes:
+        game: the rules.
+        pursuer, evader: what the players are called.
+        seed, games, index: the match, and which of its games this is.
+        states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
+        actions: of the pursuers and the evaders, 0..8; or the gears of all, where one side's are continuous.
+        outcome: how it ended.
+        tolerance: how far [m, m/s, rad] states may be from those of the game played again: 0 where these very rules
+            recorded it, more where a program did that rounds otherwise.
+    """
+
+    game: Game
+    pursuer: str
+    evader: str
+    seed: int
+    games: int
+    index: int
+    states: Float32[np.ndarray, "rows numbers"]
+    actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
+    outcome: Outcome
+    tolerance: float = 0.0
+
+    def first_difference(self) -> int | None:
+        """The first step whose state comes out otherwise when the game is played again; None where all are the same.
+
+        A machine that computes otherwise, or another version of the rules, may differ. The number of steps stands for
+        an outcome that differs where no state does.
+        """
+        states, outcomes = self._again()
+        away = np.abs(as_rows(states) - self.states)
+        away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])  # headings of -pi and pi are the same
+        differs = np.any(away > self.tolerance, axis=1)
+        if differs.any():
+            return int(np.argmax(differs))
+        return None if int(outcomes[-1]) == self.outcome else len(self.actions)
+
+    def trajectory(self) -> Trajectory:
+        """The game as it was recorded."""
+        pursuers, again = len(self.game.bodies.pursuer), self._again()[0] if self.game.teams else None
+        states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
+        if again is not None:
+            states = eqx.tree_at(lambda states: states.status, states, again.status, is_leaf=lambda leaf: leaf is None)
+        return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
+
+    def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
+        """The game played again, as `play_actions`."""
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
+        return play_actions(self.game, start, jnp.asarray(self.actions))
+
+
+def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:
+    """States as rows of 4 numbers for each robot."""
+    return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
+
+
+def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: int = 1) -> GameState:
+    """The state of a row of 4 numbers for each robot, the first ones pursuers, and the steps played; all are active."""
+    robots = tuple(RobotState(*row[first : first + 4]) for first in range(0, len(row), 4))
+    return replace(GameState.at_start(BySide(robots[:pursuers], robots[pursuers:])), steps=steps)
+
+
+def as_data(replay: Replay) -> dict[str, Any]:
+    """A replay as JSON-like data, which keeps every bit of it."""
+    return {
+        "format": FORMAT,
+        "game": to_dict(replay.game),
+        "pursuer": replay.pursuer,
+        "evader": replay.evader,
+        "seed": replay.seed,
+        "games": replay.games,
+        "index": replay.index,
+        "outcome": replay.outcome.name.lower(),
+        "tolerance": replay.tolerance,
+        "actions": replay.actions.tolist(),
+        "states": replay.states.astype(float).tolist(),
+    }
+
+
+def save_replay(replay: Replay, path: Path) -> None:
+    """Write a replay as JSON, atomically."""
+    write_atomically(path, to_json(as_data(replay)).encode())
+
+
+def load_replay(path: Path) -> Replay:
+    """The replay of a file.
+
+    Raises:
+        InvalidInput: when it is missing, no replay, of another version, or cannot have been played.
+    """
+    content = read_bytes(path, "a replay", "check the path", _MOST_BYTES)
+    data = parse_json(content, f"'{path}' is no replay; record it again")
+    version = data.get("format")
+    require(version == FORMAT, f"'{path}': format", version, f"{FORMAT}, as this version reads")
+    record = from_dict(_Record, data, f"'{path}' is no replay")
+    first = record.actions[:1]
+    discrete = not (first and isinstance(first[0], list) and first[0] and isinstance(first[0][0], list))
+    actions = _numbers(record.actions, np.int32 if discrete else np.float32, f"'{path}': actions")
+    states = _numbers(record.states, np.float32, f"'{path}': states")
+    game = from_dict(Game, record.game, f"'{path}'")
+    robots = sum(map(len, game.bodies))
+    shape = (len(actions), robots) if discrete else (len(actions), robots, 2)
+    fits = states.shape == (len(actions) + 1, 4 * robots) and actions.shape == shape and len(actions)
+    require(fits, f"'{path}': states", states.shape, f"a row of {4 * robots} more than actions")
+    least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)
+    known = (actions >= least).all() and (actions <= most).all() and (np.abs(states) <= MAX_SIZE).all()
+    require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and within {MAX_SIZE:g} of 0")
+    outcome = Outcome[record.outcome.upper()]
+    match = record.pursuer, record.evader, record.seed, record.games, record.index
+    return Replay(game, *match, states, actions, outcome, record.tolerance)
+
+
+@dataclass(frozen=True)
+class _Record:
+    """A replay as its file says it."""
+
+    format: int
+    game: dict[str, Any]
+    pursuer: str
+    evader: str
+    seed: int
+    games: int
+    index: int
+    outcome: str
+    actions: list[Any]
+    states: list[Any]
+    tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in (self.pursuer, self.evader):
+            require(name.isprintable() and len(name) <= _LONGEST_NAME, "player", name, "a name that can be printed")
+        SEED.require("seed", self.seed)
+        require(0 <= self.index < self.games <= MOST_COUNTED, "index", self.index, f"below games = {self.games}")
+        require(self.outcome.upper() in Outcome.__members__, "outcome", self.outcome, "how a game can end")
+        require(0 <= self.tolerance <= 1, "tolerance", self.tolerance, "from 0 to 1")
+
+
+def _numbers(data: list[Any], kind: type, name: str) -> np.ndarray:
+    """Nested lists of numbers as an array: whole ones where the kind is; neither texts nor truths pass for them."""
+    try:
+        found = np.array(data)
+    except ValueError:  # lists of different lengths
+        found = np.array(None)
+    kinds = "i" if np.issubdtype(kind, np.integer) else "if"
+    require(found.dtype.kind in kinds or not data, name, "some", "numbers, whole ones for actions of nine")
+    with np.errstate(over="ignore"):  # what is too large for single precision is infinite, and refused as that
+        return found.astype(kind)

@@ -1,0 +1,190 @@
+"""One cache of files: found by all that was asked for, whole whoever is killed, and never at the price of its bound."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import pytest
+
+from apollonius.game.presets import make_game
+from apollonius.io import cache
+from apollonius.io.cache import Entries, Memory, cache_folder, content, entry, kept, make_room
+from apollonius.io.document import write_atomically
+from apollonius.io.errors import InvalidInput
+
+GAME = make_game("paper")
+KEY = {"game": {"dt": 0.1}, "seed": 1}
+
+
+def load(path):
+    if path.read_bytes() != b"sound":
+        raise InvalidInput("damaged")
+    return path.read_bytes()
+
+
+def asked(path):
+    """What `kept` returns, and whether it was made."""
+    made = []
+    found = kept(path, lambda: made.append(1) or b"sound", lambda value, path: write_atomically(path, value), load)
+    return found, bool(made)
+
+
+def test_it_is_made_once_and_again_where_it_cannot_be_read(tmp_path):
+    path = entry(tmp_path / "new", "a/b:c.json", KEY)
+    assert path.name.startswith("a-b-c-")
+    assert path.suffix == ".json"
+    assert [asked(path), asked(path)] == [(b"sound", True), (b"sound", False)]
+    for damage in (b"", b"soun", b"other"):
+        path.write_bytes(damage)
+        assert [asked(path), asked(path)] == [(b"sound", True), (b"sound", False)]
+    assert [asked(None), asked(None)] == [(b"sound", True)] * 2, "without a folder nothing is kept"
+
+
+def test_all_that_was_asked_for_and_the_version_make_the_key(tmp_path, monkeypatch):
+    keys = [KEY, KEY | {"seed": 2}, {"game": {"dt": 0.2}, "seed": 1}, {"game": {"dt": 0.1}, "seed": None}]
+    names = {entry(tmp_path, "a.json", key) for key in keys}
+    assert entry(tmp_path, "a.json", dict(reversed(KEY.items()))) in names
+    monkeypatch.setattr(cache, "__version__", "99")
+    assert len(names | {entry(tmp_path, "a.json", KEY)}) == 5
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(GAME, dt=0.2), replace(GAME, starts=replace(GAME.starts, speed="moving")), replace(GAME, max_steps=7),
+        replace(GAME, arena=replace(GAME.arena, discs=GAME.arena.discs[:2])), GAME.pursuer,
+    ],
+    ids=["number", "static", "integer", "structure", "kind"],
+)  # fmt: skip
+def test_the_content_of_a_pytree_is_all_of_it(other):
+    assert content(make_game("paper")) == content(GAME) != content(other)
+
+
+def test_shapes_and_number_types_are_content():
+    arrays = [jnp.zeros(4), jnp.zeros((2, 2)), jnp.zeros(4, jnp.int32), jnp.zeros(8, jnp.float16)]
+    assert len({content(array) for array in arrays}) == len(arrays)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from apollonius.io.cache import kept
+from apollonius.io.cache import Entries
+from apollonius.io.document import write_atomically
+
+os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
+path = Path(sys.argv[1])
+Entries(path.parent).put(path.name, b"new") if len(sys.argv) > 2 else kept(
+    path, lambda: b"new", lambda value, path: write_atomically(path, value), lambda path: None
+)
+"""
+
+
+@pytest.mark.parametrize("words", [(), ("compilation",)], ids=["file", "compilation"])
+def test_a_process_that_is_killed_while_it_writes_leaves_nothing_broken(words, tmp_path):
+    path = tmp_path / "compilations" / "here" / "one"
+    path.parent.mkdir(parents=True)
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path), *words], check=False)
+    assert done.returncode < 0
+    assert len([*path.parent.iterdir()]) == 1, "what it had begun, which counts as any other file for the bound"
+    if words:
+        entries = Entries(path.parent)
+        assert entries.get(path.name) is None
+        entries.put(path.name, b"whole")
+        assert entries.get(path.name) == b"whole"
+    else:
+        assert asked(path) == (b"sound", True)
+    assert make_room(tmp_path, 0) == 0
+    assert not path.exists()
+
+
+def test_any_number_of_writers_leave_one_whole_file(tmp_path):
+    contents = [bytes([number]) * 300_000 for number in range(8)]
+
+    def write(number):
+        for _ in range(5):
+            write_atomically(tmp_path / "one", contents[number])
+            assert (tmp_path / "one").read_bytes() in contents
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(write, range(8)))
+    assert [path.name for path in tmp_path.iterdir()] == ["one"]
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """The person's cache, of 350 bytes for compilations and as much for tables."""
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setattr(cache, "LARGEST", dict.fromkeys(cache.LARGEST, 350))
+    return tmp_path
+
+
+def age(path, seconds):
+    os.utime(path, (seconds, seconds))
+
+
+def table(home, name, size=100):
+    folder = cache_folder("tables")
+    assert folder == home / "tables"
+    return kept(folder / name, lambda: bytes(size), lambda value, path: write_atomically(path, value), Path.read_bytes)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_compilations_never_push_out_tables_nor_tables_compilations(home):
+    table(home, "minutes of work", 300)
+    age(home / "tables" / "minutes of work", 1)
+    entries = Entries(home / "compilations" / "here", 350)
+    entries._path.mkdir(parents=True)
+    for number in range(9):
+        entries.put(f"{number}", bytes(96))
+    assert names(home / "tables") == ["minutes of work"]
+    assert len(names(entries._path)) == 3
+    table(home, "more", 300)
+    assert names(home / "tables") == ["more"]
+    assert len(names(entries._path)) == 3
+
+
+def test_the_least_recently_used_make_room(home):
+    for number in range(3):
+        table(home, f"{number}")
+        age(home / "tables" / f"{number}", 1 + number)
+    table(home, "0")  # is read
+    table(home, "3")
+    assert names(home / "tables") == ["0", "2", "3"]
+    table(home, "huge", 400)
+    assert names(home / "tables") == ["0", "2", "3"], "what is larger than all may be goes first"
+
+
+def test_only_the_persons_own_cache_is_bounded(home, tmp_path):
+    for number in range(9):
+        asked(entry(tmp_path / "run", f"{number}.json", KEY))
+    assert len(names(tmp_path / "run")) == 9
+
+
+@pytest.mark.parametrize("word", ["off", "OFF", "0"])
+def test_a_variable_switches_all_of_it_off(word, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, word)
+    assert [cache_folder(kind) for kind in cache.LARGEST] == [None, None]
+
+
+def test_a_cache_that_cannot_be_written_costs_time_only_and_another_folder_is_an_error(home):
+    (home / "tables").write_text("no folder")
+    assert table(home, "one") == bytes(100)
+    (home / "run").write_text("no folder")
+    with pytest.raises(OSError, match="exists"):
+        asked(home / "run" / "one")
+
+
+def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
+    made, memory = [], Memory(2)
+    for number in (1.0, 2.0, 1.0, 3.0, 1.0, 2.0):
+        found = memory.get({"a": jnp.asarray(number)}, lambda number=number: made.append(number) or jnp.full(2, number))
+        assert found[0] == number
+    assert made == [1.0, 2.0, 3.0, 2.0]

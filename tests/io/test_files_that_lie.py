@@ -1,0 +1,372 @@
+"""Files that lie: damaged, crafted and huge ones are refused in one line, before anything large is built or read, or
+are sound; never anything else."""
+
+import copy
+import io
+import json
+import math
+import struct
+import tomllib
+import zlib
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from safetensors.numpy import load, save
+
+from apollonius.agents.network import make_network
+from apollonius.agents.store import describe, load_agent, save_agent
+from apollonius.arenas.file import load_game, save_game
+from apollonius.arenas.map_file import load_map
+from apollonius.arenas.record import to_dict
+from apollonius.evaluate.result import MatchResult
+from apollonius.game.outcome import counts_by_name
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
+from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
+from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
+from apollonius.learn.config import RunConfig
+from apollonius.learn.folder import load_config
+from apollonius.learn.progress import MetricsLine, load_metrics
+from apollonius.play.replay import Replay, load_replay, save_replay
+from apollonius.show.report.training import load_matches
+from apollonius.solve.store import Problem, Solution, load_solution, save_solution
+
+GAME = make_game("paper")
+COUNTS = counts_by_name([0, 2, 0, 0, 0, 0, 0, 2, 0])
+RESULT = MatchResult(4, COUNTS, 0.5, (0.15, 0.85), 0.0, (0.0, 0.49), 0.5, 500.0, 20.0, 0.0, 5.0, (0.5, 1.0))
+STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
+STAND = Stand("self-play", 3, 1.5, None, Evaluation(8, 2, COUNTS), 9)
+
+
+def write_agent(path):
+    save_agent(describe(make_network("paper", 4, 2, jax.random.key(0)), Role.EVADER, to_dict(GAME), {"seed": 3}), path)
+
+
+def write_table(path):
+    problem = Problem("reach", "pursuer", to_dict(GAME), [4, 3, 2, 5], 5, [0.5, 1.0])
+    save_solution(Solution(problem, 12, 3e-5, jnp.arange(120, dtype=jnp.float32).reshape(2, 5, 4, 3)), path)
+
+
+def write_checkpoint(path):
+    save_checkpoint(path, STATE, STAND)
+
+
+def write_replay(path):
+    states, actions = np.ones((4, 8), np.float32), np.full((3, 2), 4)
+    save_replay(Replay(GAME, "you", "still", 1, 5, 2, states, actions, Outcome.CAPTURED), path)
+
+
+def write_game(path):
+    save_game(to_dict(GAME), path)
+
+
+def write_map(path):
+    rows = bytes([254] * 40)
+    path.with_suffix(".pgm").write_bytes(b"P5\n8 5\n255\n" + rows)
+    path.write_text(
+        f"image: {path.stem}.pgm\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\nmode: trinary\n"
+    )
+
+
+def write_image(path):
+    write_map(path.with_suffix(".yaml"))
+
+
+def write_config(path):
+    path.write_text(tomli_w.dumps(to_dict(RunConfig(game=GAME))))
+
+
+def write_metrics(path):
+    line = MetricsLine("self-play", 8, 2, 1, 0.5, 16, COUNTS, 1.5, -2.0, {"pursuer": 0.1}, STAND.evaluation)
+    path.write_text(json.dumps(asdict(line)) + "\n")
+
+
+def write_evaluation(path):
+    path.write_text(json.dumps({"P_scratch against random": RESULT.to_dict()}))
+
+
+def read_checkpoint(path):
+    return load_stand(path), load_checkpoint(path, STATE)
+
+
+KINDS: dict[str, tuple[Any, Any, str]] = {
+    "agent": (write_agent, load_agent, "a.safetensors"),
+    "table": (write_table, load_solution, "t.safetensors"),
+    "checkpoint": (write_checkpoint, read_checkpoint, "c.safetensors"),
+    "replay": (write_replay, load_replay, "r.json"),
+    "game": (write_game, load_game, "g.toml"),
+    "json game": (write_game, load_game, "g.json"),
+    "map": (write_map, load_map, "m.yaml"),
+    "image": (write_image, lambda path: load_map(path.with_suffix(".yaml")), "m.pgm"),
+    "config": (write_config, load_config, "config.toml"),
+    "metrics": (write_metrics, load_metrics, "metrics.jsonl"),
+    "evaluation": (write_evaluation, load_matches, "evaluation.json"),
+}
+"""How a small file of each kind is written and read."""
+ARRAYS = {"agent": "header", "table": "header", "checkpoint": CHECKPOINT}
+"""Kinds of files in safetensors, and what their headers are called."""
+
+
+JSON = ("replay", "json game", "metrics", "evaluation")
+TOML = ("game", "config")
+
+
+def header_of(kind, path):
+    """What a file says of itself, as data."""
+    content = path.read_bytes()
+    if kind in ARRAYS:
+        size = int.from_bytes(content[:8], "little")
+        told = json.loads(content[8 : 8 + size])["__metadata__"]
+        return json.loads(told[ARRAYS[kind]])
+    if kind in JSON:
+        return json.loads(content)
+    return tomllib.loads(content.decode()) if kind in TOML else {
+        "image": "m.pgm", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0, "occupied_thresh": 0.65,
+        "free_thresh": 0.2, "mode": "trinary",
+    }  # fmt: skip
+
+
+def with_header(kind, path, header):
+    """The same file with other words about itself: data, or a text that is no data."""
+    text = header if isinstance(header, str) else json.dumps(header)
+    content = path.read_bytes()
+    path.unlink()  # a file that is written over goes to the disk at once, which takes longer than all else
+    if kind in ARRAYS:
+        path.write_bytes(save(load(content), {ARRAYS[kind]: text}))
+    elif kind in TOML:
+        path.write_text(header if isinstance(header, str) else tomli_w.dumps(header))
+    else:
+        path.write_text(text)  # JSON is YAML
+
+
+def told(kind, path):
+    """How a file is refused; None where it is sound."""
+    said = None
+    try:
+        KINDS[kind][1](path)
+    except InvalidInput as refusal:
+        said = str(refusal)
+    assert said is None or len(said.splitlines()) == 1
+    return said
+
+
+@pytest.fixture
+def file(tmp_path):
+    """A function that writes a sound file of a kind."""
+
+    def write(kind):
+        path = tmp_path / KINDS[kind][2]
+        KINDS[kind][0](path)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sound_files_are_read(kind, file):
+    assert told(kind, file(kind)) is None
+
+
+LIES = [
+    ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": 2**40}), ("agent", {"width": True}),
+    ("agent", {"width": "4"}), ("agent", {"network": ["values"]}), ("agent", {"observation": {}}),
+    ("agent", {"observation_size": None}), ("agent", {"role": "referee"}), ("agent", {"role": 3}),
+    ("agent", {"game": 3}), ("agent", {"num_actions": 8}), ("agent", {"version": 10**4000}),
+    ("table", {"problem": None}), ("table", {"sweeps": -1}), ("table", {"residual": float("nan")}),
+    ("table", {"version": [1]}),
+    *[("table", {"problem": {**to_dict(Problem("safety", "pursuer", {}, [4, 3, 2, 5], 5)), **lie}}) for lie in (
+        {"hold": 0}, {"hold": 10**18}, {"hold": "5"}, {"role": "both"}, {"kind": "chess"}, {"payoff": "win"},
+        {"counts": [4, 3, 2]}, {"counts": [10**13, 3, 2, 5]}, {"counts": [4, 3, 2, -5]}, {"counts": "4325"},
+        {"game": []}, {"target": [1.0, 2.0]}, {"kind": "game", "payoff": "gold"},
+        {"kind": "game", "payoff": "win", "counts": [900, 900, 9, 9]},
+    )],
+    ("checkpoint", {"chunks": -1}), ("checkpoint", {"chunks": "3"}), ("checkpoint", {"seconds": float("nan")}),
+    ("checkpoint", {"evaluation": 3}), ("checkpoint", {"best": {"outcomes": {"won": 1}}}),
+    ("checkpoint", {"metrics_bytes": 2**70}), ("checkpoint", {"stage": None}),
+    ("replay", {"actions": [[0.5, 1], [1, 1], [1, 1]]}), ("replay", {"actions": [["1", "1"]] * 3}),
+    ("replay", {"actions": [[10**30, 1]] * 3}), ("replay", {"states": [[1e30] * 8] * 4}),
+    ("replay", {"states": [[float("nan")] * 8] * 4}), ("replay", {"states": [[1] * 8, [1]] * 2}),
+    ("replay", {"seed": -1}), ("replay", {"index": 5}), ("replay", {"games": 10**12}),
+    ("replay", {"pursuer": "\ud800"}),
+    ("replay", {"pursuer": "\x1b[31m"}), ("replay", {"tolerance": float("inf")}), ("replay", {"game": {"dt": True}}),
+    ("game", {"dt": 10**4000}), ("game", {"max_steps": 1.5}),
+    ("config", {"seed": -1}), ("config", {"evaders": 3}), ("config", {"fixed_target": {"evaluation_games": 10**29}}),
+    ("metrics", {"episodes": -1}), ("metrics", {"outcomes": {"captured": 1}}), ("metrics", {"losses": {}}),
+    ("metrics", {"seconds": 10**29}), ("metrics", {"pursuer_return": 1e300}),
+    ("metrics", {"evader_return": float("nan")}), ("metrics", {"stage": None}),
+    ("metrics", {"outcomes": COUNTS | {"captured": 10**29}}),
+    *[("evaluation", {"P_scratch against random": to_dict(RESULT) | lie}) for lie in (
+        {"games": 10**29}, {"games": 5}, {"outcomes": COUNTS | {"captured": -1}}, {"pursuer_win_rate": 0.75},
+        {"pursuer_win_rate": float("nan")}, {"pursuer_win_interval": [0.6, 0.4]}, {"evader_win_rate": 1.5},
+        {"mean_capture_steps": None}, {"mean_steps": -1.0}, {"doomed_start_rate": 2}, {"pursuer_change": [1e9, 0]},
+        {"arenas": {"wins": [3], "games": [2]}}, {"robots": {"pursuers": {}, "evaders": {}}},
+    )],
+    ("evaluation", {"P_scratch": {}}), ("evaluation", {"a against b": 3}),
+    ("map", {"resolution": 10**4000}), ("map", {"mode": [[["trinary"]]]}), ("map", {"image": "x" * 5000}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "lie"), LIES, ids=lambda value: str(value)[:60] if isinstance(value, dict) else value)
+def test_impossible_headers_are_refused(kind, lie, file):
+    path = file(kind)
+    with_header(kind, path, header_of(kind, path) | lie)
+    said = told(kind, path)
+    assert said is not None
+    assert len(said) < 1_200
+
+
+@pytest.mark.parametrize("kind", sorted({*KINDS} - {"image"}))
+@pytest.mark.parametrize("text", ["9" * 5_000, "{'a': 1", "", "[1]", '{"version":' + "9" * 5_000 + "}", "[" * 100_000])
+def test_texts_that_are_no_header_are_refused(kind, text, file):
+    path = file(kind)
+    with_header(kind, path, text)
+    if text or kind not in ("game", "config", "metrics"):  # which may have nothing but defaults, or no line yet
+        assert told(kind, path) is not None
+
+
+NESTED = {"agent": "game", "checkpoint": "best", "replay": "game", "metrics": "losses"}
+
+
+@pytest.mark.parametrize(("kind", "key"), [*NESTED.items(), ("evaluation", "a against b")])
+def test_deep_nesting_is_refused(kind, key, file):
+    path = file(kind)
+    deep = '{"a":' * 500 + "1" + "}" * 500
+    text = json.dumps(header_of(kind, path) | {key: 0}).replace(f'"{key}": 0', f'"{key}": {deep}')
+    with_header(kind, path, text)
+    assert "nested too deeply" in (told(kind, path) or "")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("kind", ARRAYS)
+def test_numbers_that_are_not_finite_are_refused(kind, bad, file):
+    path = file(kind)
+    text, arrays = json.dumps(header_of(kind, path)), load(path.read_bytes())
+    name = next(name for name, array in arrays.items() if array.dtype == np.float32)
+    arrays[name] = np.array(arrays[name])
+    arrays[name].flat[-1] = bad
+    path.write_bytes(save(arrays, {ARRAYS[kind]: text}))
+    assert "not finite" in (told(kind, path) or "")
+
+
+@pytest.mark.parametrize("shape", [(10**13,), (2, 5, 4, 10**9), (2, 5, 4, 4), (120,), ()])
+def test_a_table_is_of_the_size_that_its_header_says(shape, file):
+    path = file("table")
+    content = path.read_bytes()
+    size = int.from_bytes(content[:8], "little")
+    claims = json.loads(content[8 : 8 + size])
+    claims["table"]["shape"] = list(shape)
+    for end in (480, 4 * math.prod(shape)):
+        claims["table"]["data_offsets"] = [0, end]
+        header = json.dumps(claims).encode()
+        path.unlink()
+        path.write_bytes(len(header).to_bytes(8, "little") + header + content[8 + size :])
+        assert told("table", path) is not None
+
+
+def test_a_map_with_aliases_is_refused_at_once(file):
+    path = file("map")
+    bomb = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
+        f"a{level}: &a{level} [{','.join([f'*a{level - 1}'] * 9)}]\n" for level in range(1, 12)
+    )
+    for key in ("image", "origin", "mode", "resolution"):
+        path.write_text(bomb + f"{key}: *a11\n" + path.read_text())
+        assert "aliases" in (told("map", path) or "")
+
+
+@pytest.mark.parametrize("kind", ["discs", "polygons"])
+def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path):
+    one = "x = 5\ny = 5\nradius = 0.01\n" if kind == "discs" else "vertices = [[5, 5], [6, 5], [5, 6]]\n"
+    path = tmp_path / "g.toml"
+    path.write_text(f"[[arena.{kind}]]\n{one}" * 1_000)
+    assert "occupancy map" in (told("game", path) or "")
+    path.write_text(f"[[arena.{kind}]]\n{one}" * 100_000)
+    assert "bytes" in (told("game", path) or "")
+    path.write_text("dt = 0x" + "f" * 6_000)
+    assert told("game", path) is not None
+
+
+NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308]))
+VALUES = st.recursive(
+    st.one_of(NUMBERS, st.none(), st.booleans(), st.text(max_size=6), st.sampled_from(["pursuer", "game", "values"])),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=4), inner, max_size=3)),
+    max_leaves=5,
+)
+
+
+@st.composite
+def lies(draw, header):
+    """A header with some of its values, at any depth, replaced by anything, or left out."""
+    data = copy.deepcopy(header)
+    for _ in range(draw(st.integers(1, 3))):
+        place: Any = data
+        while True:
+            keys = sorted(place) if isinstance(place, dict) else list(range(len(place)))
+            if not keys:
+                break
+            key = draw(st.sampled_from(keys))
+            if isinstance(place[key], dict | list) and draw(st.booleans()):
+                place = place[key]
+                continue
+            if draw(st.integers(0, 5)):
+                place[key] = draw(VALUES)
+            else:
+                del place[key]
+            break
+    return data
+
+
+@st.composite
+def damages(draw, content):
+    """Bytes of a file with some of them flipped, cut out or put in."""
+    found = bytearray(content)
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, max(0, len(found) - 1)))
+        if draw(st.booleans()) and found:
+            found[at] ^= 1 << draw(st.integers(0, 7))
+        elif draw(st.booleans()):
+            del found[at : at + draw(st.integers(1, len(content)))]
+        else:
+            found[at:at] = draw(st.binary(max_size=8))
+    return bytes(found)
+
+
+@pytest.mark.parametrize("cases", [200, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_is_sound_or_refused_in_one_line(kind, cases, file):
+    path = file(kind)
+    content = path.read_bytes()
+    damaged = damages(content)
+
+    @settings(max_examples=cases)
+    @given(damaged if kind == "image" else st.one_of(lies(header_of(kind, path)), damaged))
+    def read(found):
+        path.unlink(missing_ok=True)
+        path.write_bytes(found if isinstance(found, bytes) else content)
+        with suppress(TypeError, ValueError):  # TOML has no null, and nothing writes half a character
+            if not isinstance(found, bytes):
+                with_header(kind, path, found)
+        told(kind, path)
+
+    read()
+
+
+def test_a_png_of_many_bytes_is_no_map(file):
+    path = file("map")
+    head = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
+    chunks = [(b"IHDR", head), (b"IDAT", zlib.compress(bytes(10**6))), (b"IEND", b"")]
+    png = io.BytesIO(b"\x89PNG\r\n\x1a\n")
+    png.seek(0, io.SEEK_END)
+    for kind, data in chunks:
+        png.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
+    path.with_suffix(".pgm").write_bytes(png.getvalue())
+    assert told("map", path) is not None

@@ -1,0 +1,130 @@
+"""Independent jobs: each is done once, in a process of its own; what fails is told, what is stopped goes on."""
+
+import os
+import signal
+import warnings
+from dataclasses import replace
+
+import jax
+import pytest
+
+from apollonius.io.errors import InvalidInput
+from apollonius.io.jobs import Job, run_jobs
+from apollonius.learn import run as run_module
+from apollonius.learn.folder import create_run, load_config
+from apollonius.learn.trainings import train
+from tests.learn.tiny import CHUNK, RUN
+
+pytestmark = pytest.mark.slow
+
+
+def write_down(path, should_stop):
+    assert not should_stop()
+    path.write_text(str(os.getpid()))
+    return True
+
+
+def refuse(path, should_stop):
+    raise InvalidInput("this cannot be")
+
+
+def stop(path, should_stop):
+    return False
+
+
+def interrupt_all(path, should_stop):
+    """Ctrl-C, as a terminal sends it: to every process."""
+    for pid in (os.getppid(), os.getpid()):
+        os.kill(pid, signal.SIGINT)
+    return not should_stop()
+
+
+def be_ended_by_ctrl_c(path, should_stop):
+    """As one that is interrupted when its interpreter has let go of signals."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def jobs_of(work, folder, count=3):
+    return [Job(f"job {number}", work, (folder / str(number),)) for number in range(count)]
+
+
+def test_every_job_is_done_in_a_process_of_its_own(tmp_path):
+    told = []
+    assert run_jobs(jobs_of(write_down, tmp_path), [0], told.append)
+    processes = {path.read_text() for path in tmp_path.iterdir()}
+    assert len(processes) == 3
+    assert str(os.getpid()) not in processes
+    assert sorted(told) == ["done: job 0", "done: job 1", "done: job 2"]
+
+
+def test_a_job_that_fails_is_named_and_none_begins_after_it(tmp_path, capfd):
+    with pytest.raises(InvalidInput, match="job 0 failed"):
+        run_jobs([*jobs_of(refuse, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], print)
+    assert "job 0: this cannot be" in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
+def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
+    told = []
+    assert not run_jobs([*jobs_of(work, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], told.append)
+    assert not list(tmp_path.iterdir())
+    assert told == ["stopped: job 0"]
+
+
+def test_an_unknown_place_is_refused(tmp_path):
+    with pytest.raises(InvalidInput, match=r"on = moon .*local, ray"):
+        run_jobs(jobs_of(write_down, tmp_path), [0], print, on="moon")
+    assert not list(tmp_path.iterdir())
+
+
+def train_and_be_lost_once(folder, should_stop):
+    """A training whose worker is killed in the middle, the first time."""
+
+    def die_in_the_middle(progress):
+        if progress.env_steps == 3 * CHUNK and not (folder / "lost").exists():
+            (folder / "lost").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    run_module.CHECKPOINT_SECONDS = 0.0
+    return run_module.Run(load_config(folder / "config.toml"), folder, die_in_the_middle).execute()
+
+
+@pytest.fixture(scope="module")
+def ray():
+    """A cluster of two workers, which share the compilations of the tests."""
+    ray = pytest.importorskip("ray")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(jax.config.jax_compilation_cache_dir))
+        patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+            yield ray
+            ray.shutdown()
+
+
+def test_a_sweep_on_ray_with_a_lost_worker_comes_to_the_same_as_one_here(ray, tmp_path):
+    """Two seeds, one of whose workers is killed: the same agents to the last bit."""
+    folders = {}
+    for place in ("here", "ray"):
+        folders[place] = [tmp_path / place / f"seed-{seed}" for seed in range(2)]
+        for seed, folder in enumerate(folders[place]):
+            create_run(replace(RUN, stages="self-play", seed=seed), folder)
+    with jax.numpy_dtype_promotion("standard"):  # as Adam in optax needs it
+        for folder in folders["here"]:
+            assert train(folder, lambda: False)
+    works = (train_and_be_lost_once, train)
+    jobs = [Job(folder.name, work, (folder,)) for folder, work in zip(folders["ray"], works, strict=True)]
+    assert run_jobs(jobs, [0, 1], print, on="ray")
+    assert (folders["ray"][0] / "lost").exists()
+    for here, there in zip(folders["here"], folders["ray"], strict=True):
+        agents = {path.name: path.read_bytes() for path in (here / "agents").iterdir()}
+        assert len(agents) == 8
+        assert {path.name: path.read_bytes() for path in (there / "agents").iterdir()} == agents
+
+
+def test_a_job_that_fails_on_ray_is_named(ray, tmp_path):
+    with pytest.raises(InvalidInput, match=r"job 0 failed \(this cannot be\)"):
+        run_jobs(jobs_of(refuse, tmp_path, 1), [0], print, on="ray")

@@ -1,0 +1,141 @@
+"""A game step by step, and its file: it plays again to the same bits, or the first step that differs is named."""
+
+import json
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from apollonius.agents.kind import Named
+from apollonius.agents.network import make_actor
+from apollonius.agents.pool import solo
+from apollonius.agents.squashed import SquashedGaussian
+from apollonius.agents.uniform import Uniform
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, play_games, record_game
+from apollonius.game.by_side import BySide
+from apollonius.game.game import reset_batch
+from apollonius.game.judge import judge
+from apollonius.game.presets import make_game
+from apollonius.game.types import Outcome, Role
+from apollonius.io.errors import InvalidInput
+from apollonius.play.playout import play_out
+from apollonius.play.replay import as_state, load_replay, save_replay, trace
+
+GAME = make_game("robot")
+GAMES = 24
+PLAYERS = BySide(find_player("P_stage1", Role.PURSUER), find_player("random", Role.EVADER))
+MATCH = Match(make_game("paper"), PLAYERS, GAMES, seed=3)
+
+
+def test_a_trace_is_the_course_of_the_game_that_was_played_out():
+    starts, key = reset_batch(GAME, jax.random.key(5), GAMES), jax.random.key(6)
+    players = BySide(solo(Uniform()), solo(Uniform()))
+    results = play_out(GAME, players, starts, key, slots=8)
+    for index in range(0, GAMES, 6):
+        course = trace(GAME, players, starts, key, index)
+        assert course.outcome == results.outcome[index]
+        assert len(course.actions) == results.steps[index]
+        np.testing.assert_array_equal(course.states.steps, np.arange(results.steps[index] + 1))
+        assert course.states.pursuer.x[0] == starts.pursuer.x[index]
+        last = jax.tree.map(lambda leaf: leaf[-1], course.states)
+        before = jax.tree.map(lambda leaf: leaf[-2], course.states)
+        assert judge(GAME, before, last)[0] == course.outcome
+
+
+@pytest.fixture(scope="module")
+def replay():
+    return record_game(MATCH, index=2)
+
+
+@pytest.fixture
+def path(replay, tmp_path):
+    save_replay(replay, tmp_path / "replay.json")
+    return tmp_path / "replay.json"
+
+
+def test_a_record_is_the_game_of_the_match(replay):
+    results = play_games(MATCH)
+    assert (replay.outcome, len(replay.actions)) == (results.outcome[2], results.steps[2])
+    assert (replay.pursuer, replay.evader) == ("P_stage1", "random")
+
+
+def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, path):
+    loaded = load_replay(path)
+    assert loaded.states.dtype == np.float32
+    np.testing.assert_array_equal(loaded.states, replay.states)
+    np.testing.assert_array_equal(loaded.actions, replay.actions)
+    assert replace(loaded, states=replay.states, actions=replay.actions, game=replay.game) == replay
+    assert loaded.first_difference() is None
+
+
+def test_a_game_of_both_kinds_of_players_survives_its_file_and_plays_again_to_the_same_bits(tmp_path):
+    actor = make_actor("paper", 8, 1, jax.random.key(0))
+    wild = Named("wild", SquashedGaussian(actor, jnp.asarray(1.0)))
+    for pair in ((wild, find_player("random", Role.EVADER)), (wild, wild)):
+        kept = record_game(Match(make_game("paper"), BySide(*pair), games=4, seed=3), index=2)
+        assert kept.actions.shape == (len(kept.states) - 1, 2, 2)
+        save_replay(kept, tmp_path / "both.json")
+        loaded = load_replay(tmp_path / "both.json")
+        np.testing.assert_array_equal(loaded.actions, kept.actions)
+        assert loaded.first_difference() is None
+        actions = loaded.actions.copy()
+        actions[3, 1, 0] = -0.5 if actions[3, 1, 0] > 0 else 0.5
+        assert replace(loaded, actions=actions).first_difference() == 4
+    data = json.loads((tmp_path / "both.json").read_text())
+    data["actions"][2][0][1] = 1.5
+    (tmp_path / "both.json").write_text(json.dumps(data))
+    with pytest.raises(InvalidInput, match="from -1 to 1"):
+        load_replay(tmp_path / "both.json")
+
+
+def test_the_first_step_that_differs_is_named(path):
+    loaded = load_replay(path)
+    states = loaded.states.copy()
+    states[7, 4] = np.nextafter(states[7, 4], np.float32(99))
+    assert replace(loaded, states=states).first_difference() == 7
+    actions = loaded.actions.copy()
+    actions[11] = 8 - actions[11]
+    assert replace(loaded, actions=actions).first_difference() == 12
+    other = Outcome.NO_RESULT if loaded.outcome != Outcome.NO_RESULT else Outcome.CAPTURED
+    assert replace(loaded, outcome=other).first_difference() == len(loaded.actions)
+
+
+def test_a_state_is_read_from_its_row():
+    state = as_state(jnp.arange(8, dtype=jnp.float32), jnp.asarray(3))
+    assert (state.pursuer.x, state.pursuer.heading, state.evader.y, state.evader.v) == (0, 3, 5, 6)
+    assert state.steps == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "naming"),
+    [
+        ({"format": 2}, "format = 2 .*1, as this version reads"),
+        ({"actions": [[0, 9]]}, "a row of 8 more than actions"),
+        ({"outcome": "flew away"}, "outcome = flew away .* how a game can end"),
+        ({"game": {"dt": -1.0}}, "dt = -1.0"),
+        ({"game": {"wind": 1.0}}, "'wind' is no known key"),
+        ({"states": None}, "no replay: .*states"),
+    ],
+    ids=str,
+)
+def test_what_is_no_replay_is_refused(path, changes, naming):
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(InvalidInput, match=naming):
+        load_replay(path)
+
+
+def test_an_action_out_of_range_a_broken_and_a_missing_file_are_refused(path):
+    data = json.loads(path.read_text())
+    data["actions"][3][1] = 9
+    path.write_text(json.dumps(data))
+    with pytest.raises(InvalidInput, match="from 0 to 8"):
+        load_replay(path)
+    path.write_text("{")
+    with pytest.raises(InvalidInput, match="is no replay"):
+        load_replay(path)
+    path.unlink()
+    with pytest.raises(InvalidInput, match="check the path"):
+        load_replay(path)

@@ -1,0 +1,374 @@
+"""Batched play: `collect` with its auto-reset, and `play_out`.
+
+All plays have the same shapes and the same kinds of players, so that few programs are compiled.
+"""
+
+import functools
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+from scipy import stats
+
+from apollonius.agents.disturbance import Disturbance
+from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.pool import Pool, solo, stack
+from apollonius.agents.uniform import Uniform, uniform_action
+from apollonius.game.arena import Arena, Disc
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game, reset_batch, sample_starts
+from apollonius.game.presets import in_teams, make_game
+from apollonius.game.types import GameState, Outcome, RobotState, Role
+from apollonius.observe.encoded import ENCODED
+from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.paper import PAPER
+from apollonius.observe.registry import observe
+from apollonius.play.playout import play_out
+from apollonius.play.rollout import begin, collect
+from tests.acting import act_in_rows
+
+AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
+GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
+GAMES, ROWS, STEPS = 64, 3, 60
+PLAYED_OUT = 37
+
+step_one = jax.jit(Game.step)
+step_many = jax.jit(jax.vmap(Game.step, in_axes=(None, 0, 0, 0)))
+observe_many = jax.jit(jax.vmap(observe, in_axes=(None, 0, None, None)), static_argnames=("role", "name"))
+
+
+class Scripted(AbstractPolicy):
+    """Plays one action always, or a random one if that is negative."""
+
+    action: Array
+    observation: AbstractObservation = eqx.field(static=True, default=PAPER)
+
+    def __call__(self, observation, memory, bits):
+        return jnp.where(self.action < 0, uniform_action(bits), self.action), memory
+
+
+RANDOM = -1
+
+
+def pursuers(*actions):
+    return stack([Scripted(jnp.asarray(action), PAPER) for action in actions])
+
+
+def evaders(*actions):
+    return stack([Scripted(jnp.asarray(action), ENCODED) for action in actions])
+
+
+@jax.jit
+def played(game, players, starts, key):
+    """Games that begin at row 0 of their starts, played on for a while."""
+    word_key, play_key = jax.random.split(key)
+    bits = jax.random.bits(word_key, (2, GAMES), jnp.uint32)
+    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, bits)
+    return collect(game, players, games, starts, play_key, STEPS)
+
+
+def numpy(tree):
+    return jax.tree.map(np.asarray, tree)
+
+
+@functools.cache
+def random_starts():
+    starts = numpy(jax.jit(reset_batch, static_argnames="games")(GAME, jax.random.key(0), ROWS * GAMES))
+    return jax.tree.map(lambda leaf: leaf.reshape(ROWS, GAMES), starts)
+
+
+def random_play(seed=1):
+    return numpy(
+        played(GAME, BySide(pursuers(8, 4, 6), evaders(RANDOM, RANDOM)), random_starts(), jax.random.key(seed))
+    )
+
+
+@pytest.fixture(scope="module")
+def transitions():
+    return random_play()[1]
+
+
+def row(tree, index):
+    return jax.tree.map(lambda leaf: leaf[index], tree)
+
+
+def over(transitions):
+    return transitions.terminated | transitions.truncated
+
+
+def identical(a, b):
+    return all(np.array_equal(*leaves) for leaves in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True))
+
+
+def test_collect_is_stepping_and_starting_again_by_hand():
+    games, transitions = random_play()
+    state = row(random_starts(), 0)
+    returns = np.zeros((2, GAMES), np.float32)
+    for t in range(STEPS):
+        now = row(transitions, t)
+        after = numpy(step_many(GAME, state, *(side.action for side in now.sides)))
+        rewards = np.stack([*after.reward])
+        returns += rewards
+        for side, role, profile in (
+            (now.sides.pursuer, Role.PURSUER, "paper"),
+            (now.sides.evader, Role.EVADER, "encoded"),
+        ):
+            np.testing.assert_allclose(side.observation, observe_many(GAME, state, role, profile), atol=1e-5)
+            np.testing.assert_allclose(side.next_observation, observe_many(GAME, after.state, role, profile), atol=1e-5)
+            np.testing.assert_allclose(side.reward, rewards[role], atol=1e-5)
+            np.testing.assert_allclose(side.episode_return, returns[role], atol=1e-4)
+        for name in ("outcome", "terminated", "truncated"):
+            np.testing.assert_array_equal(getattr(now, name), getattr(after, name))
+
+        ended = over(now)
+        fresh = row(random_starts(), t % ROWS)
+        state = jax.tree.map(lambda new, old: np.where(ended, new, old), fresh, after.state)  # noqa: B023
+        returns[:, ended] = 0
+    np.testing.assert_allclose(games.state.evader.x, state.evader.x, atol=1e-5)
+    np.testing.assert_array_equal(games.state.steps, state.steps)
+
+
+def test_an_ended_game_keeps_its_true_last_observation_and_the_next_row_starts_afresh(transitions):
+    side, ended = transitions.sides.pursuer, over(transitions)[:-1]
+    assert ended.sum() > 100
+    continued = np.isclose(side.next_observation[:-1], side.observation[1:], atol=1e-5).all(axis=-1)
+    np.testing.assert_array_equal(continued, ~ended)
+    t, game = np.nonzero(ended)
+    fresh = row(random_starts(), (t % ROWS, game)).pursuer
+    np.testing.assert_allclose(side.observation[1:][ended][:, 0], fresh.x / 2 - 1, atol=1e-6)
+    np.testing.assert_allclose(side.observation[1:][ended][:, 3], fresh.heading / np.pi, atol=1e-6)
+
+
+def test_games_end_by_the_rules_or_are_cut_off_at_the_time_limit_alone(transitions):
+    """A game that is cut off has been going on for exactly `max_steps`."""
+    age = np.zeros(GAMES, int)
+    for t in range(STEPS):
+        now = row(transitions, t)
+        age += 1
+        np.testing.assert_array_equal(now.truncated, now.outcome == Outcome.NO_RESULT)
+        np.testing.assert_array_equal(now.terminated, (now.outcome != Outcome.ONGOING) & ~now.truncated)
+        assert np.all(age[now.truncated] == GAME.max_steps)
+        assert np.all(age[~over(now)] < GAME.max_steps)
+        age[over(now)] = 0
+    assert transitions.truncated.sum() > 10
+    assert transitions.terminated.sum() > 10
+
+
+def test_the_member_recorded_is_the_one_that_acted(transitions):
+    np.testing.assert_array_equal(
+        np.array([8, 4, 6])[transitions.sides.pursuer.member], transitions.sides.pursuer.action
+    )
+
+
+@pytest.mark.parametrize("role", ["pursuer", "evader"])
+def test_a_member_plays_its_game_to_the_end_and_another_may_follow(role, transitions):
+    member, ended = getattr(transitions.sides, role).member, over(transitions)[:-1]
+    changed = member[1:] != member[:-1]
+    assert not np.any(changed & ~ended)
+    assert np.any(changed & ended)
+
+
+def new_members(transitions, role):
+    """Members drawn for the games that began right after another had ended."""
+    return getattr(transitions.sides, role).member[1:][over(transitions)[:-1]]
+
+
+def test_members_are_drawn_uniformly_and_independently():
+    """Games of one step, so that each step draws new members."""
+    blitz = replace(GAME, max_steps=1)
+    _, transitions = numpy(played(blitz, BySide(pursuers(8, 4, 6), evaders(1, 7)), random_starts(), jax.random.key(2)))
+    pairs = np.zeros((3, 2))
+    np.add.at(pairs, (new_members(transitions, "pursuer"), new_members(transitions, "evader")), 1)
+    assert pairs.sum() == (STEPS - 1) * GAMES
+    assert stats.chisquare(pairs.ravel()).pvalue > 1e-3
+
+
+def standing(pursuer, evader):
+    """The same state over and over: pursuer and evader stand at two places [m] and face east."""
+    one = GameState.of_two(
+        *(RobotState(*map(jnp.float32, (*place, 0, 0))) for place in (pursuer, evader)), jnp.asarray(0)
+    )
+    return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (ROWS, GAMES)), one)
+
+
+def test_the_action_that_ends_a_game_does_not_choose_the_next_member():
+    """Pursuers stand before a wall: those that accelerate leave the arena, all others stay."""
+    patient, doomed = replace(GAME, max_steps=1000), standing((4 - 1e-6, 1), (1, 1))
+    players = BySide(pursuers(RANDOM, RANDOM, RANDOM), evaders(1, 1))
+    _, transitions = numpy(played(patient, players, doomed, jax.random.key(3)))
+    counts = np.bincount(new_members(transitions, "pursuer"), minlength=3)
+    assert counts.sum() > 1000
+    assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_one_key_one_play_bit_for_bit_and_another_key_another():
+    assert identical(random_play(seed=1), random_play(seed=1))
+    assert not np.array_equal(random_play(seed=1)[1].sides.evader.action, random_play(seed=2)[1].sides.evader.action)
+
+
+def test_a_player_plays_the_same_alone_and_among_copies_of_itself():
+    bits = jax.random.bits(jax.random.key(0), (9,), jnp.uint32)
+    members, seen = jnp.arange(9) % 3, jnp.zeros((9, 8))
+    alone = act_in_rows(solo(Uniform()), jnp.zeros(9, int), seen, bits)
+    np.testing.assert_array_equal(act_in_rows(Pool(Uniform(), 3), members, seen, bits), alone)
+
+
+def played_out(players, starts, game=GAME, slots=5, seed=0, count=PLAYED_OUT, **how):
+    return numpy(play_out(game, players, row(starts, slice(count)), jax.random.key(seed), slots, **how))
+
+
+def random_results(**how):
+    return played_out(BySide(pursuers(*[RANDOM] * 3), evaders(*[RANDOM] * 2)), row(random_starts(), 0), **how)
+
+
+@pytest.mark.parametrize("slots", [1, 1000])
+def test_results_do_not_depend_on_how_many_games_run_side_by_side(slots):
+    assert identical(random_results(slots=slots), random_results())
+
+
+def test_one_compilation_serves_every_number_of_games(monkeypatch):
+    traced = []
+    act = Scripted.__call__
+    monkeypatch.setattr(Scripted, "__call__", lambda *seen: traced.append(seen) or act(*seen))
+    jax.clear_caches()
+    whole = random_results()
+    once = len(traced)
+    for count in (9, 24, 36):
+        part = random_results(count=count)
+        assert identical(part, row(whole, slice(count)))
+    assert len(traced) == once > 0
+
+
+def test_starts_are_those_of_a_reset_however_many_are_drawn():
+    reset = jax.tree.map(np.ravel, random_starts())
+    for games in (ROWS * GAMES, 1500):
+        drawn = numpy(sample_starts(GAME, jax.random.key(0), games))
+        assert len(drawn.steps) == games
+        assert identical(row(drawn, slice(ROWS * GAMES)), reset)
+
+
+def test_play_out_tells_how_many_games_have_ended():
+    told = []
+    random_results(report=lambda *numbers: told.append(numbers))
+    done = [number for number, _ in told]
+    assert done == sorted(done)
+    assert done[0] < done[-1] == PLAYED_OUT
+    assert {total for _, total in told} == {PLAYED_OUT}
+
+
+def test_play_out_can_be_stopped_while_games_go_on():
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        random_results(report=stop)
+
+
+def test_however_many_short_games_there_are_the_length_of_a_chunk_can_be_counted():
+    starts = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 2000, axis=0), row(random_starts(), 0))
+    players = BySide(solo(Uniform()), solo(Uniform()))
+    told = []
+    results = play_out(
+        replace(GAME, max_steps=1), players, starts, jax.random.key(0), slots=4, report=lambda *n: told.append(n)
+    )
+    assert len(told) > 40, "each chunk may take twice the steps of the one before"
+    assert set(np.unique(results.steps)) == {1}
+
+
+def test_every_given_game_ends_and_another_key_plays_others_from_the_same_starts():
+    results = random_results()
+    assert Outcome.ONGOING not in results.outcome
+    assert np.all((results.steps >= 1) & (results.steps <= GAME.max_steps))
+    assert len(np.unique(results.outcome)) >= 4
+    assert not identical(results, random_results(seed=1))
+
+
+def test_every_start_is_played_once_and_reported_in_its_own_place():
+    """Evaders drive at a wall from different distances: each must meet it at its own time."""
+    starts = row(standing((1, 1), (1, 3)), 0)
+    distances = (np.random.default_rng(0).permutation(GAMES) * 0.05 + 0.025).astype(np.float32)
+    starts = eqx.tree_at(lambda state: state.evader.x, starts, 4 - distances)
+    game = replace(GAME, evader=Unicycle(v_min=1.0, v_max=1.0), dt=0.05, max_steps=1000, capture_distance=0.1)
+    results = played_out(BySide(pursuers(1, 1, 1), evaders(4, 4)), starts, game)
+    assert np.all(results.outcome == Outcome.EVADER_OUT_OF_RANGE)
+    np.testing.assert_array_equal(results.steps, np.ceil(distances / 0.05)[:PLAYED_OUT])
+
+
+def test_play_out_agrees_with_a_plain_loop():
+    results = played_out(BySide(pursuers(8, 8, 8), evaders(7, 7)), row(random_starts(), 0))
+    for index in range(12):
+        state, outcome = row(random_starts(), (0, index)), Outcome.ONGOING
+        while outcome == Outcome.ONGOING:
+            after = step_one(GAME, state, jnp.asarray(8), jnp.asarray(7))
+            state, outcome = after.state, Outcome(int(after.outcome))
+        assert (outcome, state.steps) == (results.outcome[index], results.steps[index])
+
+
+def test_play_out_draws_members_uniformly():
+    """One of the three pursuers stays before the wall, two drive into it."""
+    game, doomed = replace(GAME, max_steps=2), row(standing((4 - 1e-6, 1), (1, 1)), 0)
+    players = BySide(pursuers(1, 7, 7), evaders(1, 1))
+    outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
+    stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
+    assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
+
+
+def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
+    """A pursuer that always speeds up stays at rest for as many steps as its commands are late."""
+    disturbance = Disturbance(delay=2)
+
+    @jax.jit
+    def played_late(starts, key):
+        bits = jax.random.bits(key, (2, GAMES), jnp.uint32)
+        players = BySide(pursuers(7), evaders(RANDOM))
+        games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, bits, disturbance)
+        return games, *collect(GAME, players, games, starts, key, STEPS, disturbance)
+
+    first, last, transitions = numpy(played_late(random_starts(), jax.random.key(3)))
+    at_rest = transitions.sides.pursuer.next_observation[..., 2] == -1
+    delays = first.sides.pursuer.handicap.delay
+    assert set(delays) == {0, 1, 2}
+    np.testing.assert_array_equal(np.argmin(at_rest, axis=0), delays)
+    renewed = last.sides.pursuer.handicap.delay[over(transitions).any(axis=0)]
+    assert len(renewed) > 20
+    assert np.any(renewed != delays[over(transitions).any(axis=0)])
+
+
+class Counting(AbstractPolicy):
+    """Takes the action whose index is the number of steps that it has played, and the number of its robot's side."""
+
+    observation = PAPER
+
+    @property
+    def memory(self):
+        return {"steps": jnp.int32(0)}
+
+    def __call__(self, observation, memory, bits):
+        return memory["steps"] % 9, {"steps": memory["steps"] + 1}
+
+
+@pytest.mark.parametrize("teams", [(1, 1), (2, 1)], ids=["two robots", "a team"])
+def test_memory_begins_with_a_game_and_goes_on_with_it(teams):
+    """Each robot of a side has its own; games end after seven steps, and others begin in their places."""
+    game = in_teams(replace(make_game("one-large"), max_steps=jnp.int32(7)), *teams)
+    players = BySide(solo(Counting()), stack([Counting(), Counting()]))
+    starts = jax.tree.map(lambda leaf: leaf[None], reset_batch(game, jax.random.key(0), 5))
+    games = begin(jax.tree.map(lambda leaf: leaf[0], starts), players, jnp.zeros((2, 5), jnp.uint32))
+    _, moves = jax.jit(collect, static_argnums=5)(game, players, games, starts, jax.random.key(1), 20)
+    over, expected = np.asarray(moves.terminated | moves.truncated), np.zeros(5, int)
+    for step in range(20):
+        for side in moves.sides:
+            np.testing.assert_array_equal(
+                np.asarray(side.action)[step].reshape(5, -1).T, [expected] * (side.action[0].size // 5)
+            )
+        expected = np.where(over[step], 0, expected + 1)
+    assert over.sum() >= 10
+    results = play_out(
+        game, BySide(*(solo(Counting()) for _ in Role)), jax.tree.map(lambda leaf: leaf[0], starts), jax.random.key(2)
+    )
+    assert (np.asarray(results.steps) <= 7).all()
