@@ -52,12 +52,13 @@ def offences(path):
     """Yield each docstring, attributes' too, that opens with a wrong word or contains one."""
     for node in ast.walk(ast.parse(path.read_text())):
         body = getattr(node, "body", [])
+        of_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         for line in body if isinstance(body, list) else ():
-            if isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and isinstance(line.value.value, str):
-                text = " ".join(line.value.value.split())
-                of_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-                if wrong := (of_function and OPENING.match(text)) or WORDS.search(text):
-                    yield f"{path.relative_to(REPOSITORY)}:{line.lineno}: '{wrong[0]}' in: {text[:100]}"
+            match line:
+                case ast.Expr(value=ast.Constant(value=str(text))):
+                    text = " ".join(text.split())
+                    if wrong := (of_function and OPENING.match(text)) or WORDS.search(text):
+                        yield f"{path.relative_to(REPOSITORY)}:{line.lineno}: '{wrong[0]}' in: {text[:100]}"
 
 
 @pytest.mark.parametrize(
