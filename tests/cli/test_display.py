@@ -11,8 +11,8 @@ import time
 import pytest
 from rich.console import Console
 
-from apollonius.cli.display import Display
 from apollonius.cli import display as module
+from apollonius.cli.display import Display
 from apollonius.cli.main import main
 from apollonius.io.errors import InvalidInput
 
