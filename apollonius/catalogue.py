@@ -1,4 +1,4 @@
-"""Players by name: every kind that there is, and whoever is put behind a shield."""
+"""Players by name: all kinds of players, and the shield that any of them can have."""
 
 from collections.abc import Sequence
 from dataclasses import replace

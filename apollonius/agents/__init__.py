@@ -1,1 +1,1 @@
-"""Who acts: policies, and how they are stored."""
+"""Policies: classical players, networks, shields; agents as files, and those that ship with the package."""

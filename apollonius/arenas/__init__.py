@@ -1,1 +1,1 @@
-"""Arenas and games as files: TOML, ROS maps, random ones, a gallery, a suite; and what a survey of one shows."""
+"""Arenas and games as files: TOML, JSON, ROS maps, a gallery, suites, generators, charts and surveys."""

@@ -1,1 +1,1 @@
-"""Other people's interfaces to the same game."""
+"""Gymnasium, vector and PettingZoo environments."""

@@ -1,1 +1,1 @@
-"""Judging: matches with counts and intervals. Never trains."""
+"""Matches, counts, intervals, tournaments, regret. Never trains."""

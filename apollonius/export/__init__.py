@@ -1,1 +1,1 @@
-"""JAX functions as programs that need no JAX: C, JavaScript, ONNX."""
+"""JAX functions as programs in C, and players as C or ONNX, checked against the package's own."""

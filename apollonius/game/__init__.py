@@ -1,1 +1,1 @@
-"""The rules of the game: pure, unbatched, one transition at a time."""
+"""The rules: one pure, unbatched transition."""

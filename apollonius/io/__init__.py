@@ -1,1 +1,1 @@
-"""What is read and written: errors, limits, files, arrays, one cache, worker processes."""
+"""Errors, limits, files, arrays by name, one cache, worker processes."""

@@ -1,1 +1,1 @@
-"""Training: DQN and soft actor-critic, the two stages of the curriculum, checkpoints. Never judges."""
+"""DQN and soft actor-critic, the stages of training, checkpoints. Never judges."""

@@ -1,1 +1,1 @@
-"""What a robot sees: a view of the game in its own units, and the observations that networks read, one file each."""
+"""A view of the game as one robot has it, and the observations that networks read."""

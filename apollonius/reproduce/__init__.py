@@ -1,1 +1,1 @@
-"""The paper's evaluation: each figure or table a function from a study to a finding."""
+"""The paper: a function for each figure or table."""

@@ -1,1 +1,1 @@
-"""Pictures: arenas with trails, curves, bars. The only place that draws."""
+"""Pictures: arenas, trails, curves, slices, animations, reports."""

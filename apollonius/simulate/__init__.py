@@ -1,1 +1,1 @@
-"""Robots with bodies: the same games, players and referee, with wheels, motors and friction simulated by MuJoCo."""
+"""Robots with bodies: the same games in MuJoCo."""

@@ -1,1 +1,1 @@
-"""Ground truth: the game solved by dynamic programming on a grid, with the very same rules."""
+"""Ground truth by dynamic programming on the same rules: safety, the least time to a target, the game of two."""

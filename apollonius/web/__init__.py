@@ -1,1 +1,1 @@
-"""The game in a browser: the page, the folder it is served from, and the server."""
+"""The game in a browser: the page, its folder, the server."""

@@ -1,0 +1,89 @@
+"""The rooms of the package: `python -m website.house` draws them with their sizes and the arrows between them."""
+
+import ast
+import graphlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "apollonius"
+
+
+@dataclass(frozen=True)
+class Room:
+    """A folder of the package, or a file that lies beside the folders."""
+
+    purpose: str
+    """The first line of its docstring."""
+    files: int
+    lines: int
+    imports: frozenset[str]
+    """The other rooms that its files import, without those that these import themselves."""
+
+
+def sources() -> dict[str, str]:
+    """Return the text of every module by its full name; a stub belongs to its module."""
+    found: dict[str, str] = {}
+    for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
+        name = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+        found[name] = found.get(name, "") + path.read_text()
+    return found
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module: `apollonius.game.arena` is in `game`."""
+    package, *inside = module.split(".")
+    return inside[0] if package == PACKAGE.name and inside else package
+
+
+def imported(tree: ast.AST, module: str, modules: Collection[str]) -> set[str]:
+    """Return the full names of all that the statements of a module import."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        if isinstance(node, ast.ImportFrom):
+            above = module.split(".")[: -node.level] if node.level else []
+            source = ".".join([*above, *([node.module] if node.module else [])])
+            names |= {f"{source}.{alias.name}" for alias in node.names} & set(modules) or {source}
+    return names
+
+
+def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
+    """Return all rooms, each below those that it imports. Raises graphlib.CycleError where arrows go in a circle."""
+    arrows: dict[str, set[str]] = {}
+    for module, text in texts.items():
+        names = {name for name in imported(ast.parse(text), module, texts) if name.split(".")[0] == PACKAGE.name}
+        here = room_of(module)
+        arrows.setdefault(here, set()).update({room_of(name) for name in names} - {here})
+    behind: dict[str, set[str]] = {}
+    for name in graphlib.TopologicalSorter(arrows).static_order():
+        behind[name] = arrows[name].union(*(behind[other] for other in arrows[name]))
+    found: dict[str, Room] = {}
+    for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
+        inside = {module: text for module, text in texts.items() if room_of(module) == name}
+        first = texts.get(f"{PACKAGE.name}.{name}", texts.get(name, ""))
+        direct = frozenset(other for other in arrows[name] if not any(other in behind[one] for one in arrows[name]))
+        lines = sum(len(text.splitlines()) for text in inside.values())
+        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], len(inside), lines, direct)
+    return found
+
+
+def table(found: Mapping[str, Room]) -> str:
+    """Return the rooms as a table in Markdown."""
+    rows = [f"| `{name}` | {', '.join(sorted(room.imports))} | {room.purpose} |" for name, room in found.items()]
+    return "\n".join(["| room | imports | what it is |", "|---|---|---|", *rows])
+
+
+def main() -> None:
+    """Print every room with its files, lines and arrows."""
+    for name, room in (found := rooms(sources())).items():
+        print(f"{name:<12} {room.files:3} files {room.lines:5} lines   {', '.join(sorted(room.imports))}")
+    print(
+        f"{len(found)} rooms, {sum(room.files for room in found.values())} files, "
+        f"{sum(room.lines for room in found.values())} lines of Python"
+    )
+
+
+if __name__ == "__main__":
+    main()
