@@ -1,13 +1,11 @@
-"""How much the tests notice: sampled small changes of the code ("mutants"), and which of them make a test fail.
+"""Sample small changes of the code ("mutants") and count those that make a test fail.
 
     python benchmarks/mutants.py --mutants 200 --seed 0 --out mutants.jsonl
 
-Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest, in a copy of
-the tree. The tests of its file run first, then those of its room and of what stands on it, until the first failure,
-and without the slow ones; the rest of the tests might notice a few more, so the share is a lower bound. A mutant that
-no test notices survives: it is printed, to be read. A line of the file is written for each one, and a second call goes
-on where the first one stopped. All of these tests run once without a change first, for whatever fails then would
-notice everything.
+Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest in a copy of
+the package. First all quick tests run once, a process for each file, to learn which lines each file of tests runs. For
+a mutant those that run its line are asked, the tests of its own file first, then the quick ones, until one fails. A
+mutant that no test notices survives: it is printed, to be read. A second call goes on where the first one stopped.
 """
 
 import argparse
@@ -21,44 +19,18 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 
 LIBRARIES = ("beartype", "equinox", "jax.numpy", "optax", "safetensors", "scipy.optimize", "scipy.stats")
 """Imported once, before the processes that run the tests are forked."""
 ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
-CHANGED = (
-    "game", "play", "learn/replay_buffer.py", "learn/dqn.py", "learn/archive.py",
-    "learn/opponents.py", "solve", "agents/shield.py",
-)  # fmt: skip
-"""The files and folders of the package that are changed."""
-LEARNING = "learn/test_dqn.py learn/test_replay_buffer.py learn/test_opponents.py learn/test_train_step.py learn"
-ONE_ROBOT = "solve/test_grid.py solve/test_transition_map.py solve/test_safety.py solve/test_reach.py"
-TWO_ROBOTS = "solve/test_zero_sum_game.py solve/test_response.py solve/test_joint.py solve/test_chance.py"
-FILES = "solve/test_store.py solve/test_solving.py"
-TESTS = {
-    "game": "game play",
-    "game/dynamics.py": "game play agents/test_shield.py",
-    "game/nearby.py": "game agents/test_shield.py",
-    "game/polygon.py": "game agents/test_shield.py",
-    "play": "play evaluate/test_match.py",
-    "learn": LEARNING,
-    "solve": f"{TWO_ROBOTS} {ONE_ROBOT} {FILES}",
-    "solve/grid.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
-    "solve/transition_map.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
-    "solve/motion.py": f"{ONE_ROBOT} {TWO_ROBOTS}",
-    "solve/safety.py": "solve/test_safety.py evaluate/test_match.py",
-    "solve/viability.py": "solve/test_safety.py evaluate/test_match.py",
-    "solve/reach.py": "solve/test_reach.py",
-    "solve/players.py": f"{TWO_ROBOTS} {FILES}",
-    "solve/store.py": f"{FILES} io/test_files_that_lie.py",
-    "agents/shield.py": "agents",
-}
-"""The tests that may notice, in the order in which they are asked: by the longest of these that a file's path begins
-with."""
 SWAPS: dict[type, type] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult,
@@ -73,8 +45,8 @@ SKIPPED = (ast.AnnAssign, ast.Assert, ast.Raise, ast.JoinedStr)
 """Statements that decide nothing: an annotated field without a function, a message."""
 
 
-def mutants(source: str) -> Iterator[tuple[int, str, str, str]]:
-    """Every mutant of a file: its line, what stood there, what stands there now, and the whole text."""
+def mutants(source: str) -> Iterator[tuple[range, str, str, str]]:
+    """Yield every mutant of a file: its lines, what stood there, what stands there now, and the whole text."""
     starts = [0]
     for line in source.encode().splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -87,11 +59,11 @@ def mutants(source: str) -> Iterator[tuple[int, str, str, str]]:
             begin = starts[node.lineno - 1] + node.col_offset
             end = starts[node.end_lineno - 1] + node.end_col_offset
             text = raw[:begin] + b"(" + changed.encode() + b")" + raw[end:]
-            yield node.lineno, before, changed, text.decode()
+            yield range(node.lineno, node.end_lineno + 1), before, changed, text.decode()
 
 
 def _nodes(node: ast.AST, inside: bool) -> Iterator[ast.expr]:
-    """The expressions that functions compute with; no annotations, decorators, defaults or messages."""
+    """Yield the expressions that functions compute with; no annotations, decorators, defaults or messages."""
     if isinstance(node, ast.FunctionDef):
         for statement in node.body:
             yield from _nodes(statement, True)
@@ -111,7 +83,7 @@ def _nodes(node: ast.AST, inside: bool) -> Iterator[ast.expr]:
 
 
 def _changes(node: ast.expr) -> Iterator[str]:
-    """What could stand there instead."""
+    """Yield what could stand there instead."""
     changed = copy.deepcopy(node)
     match changed:
         case ast.Compare(ops=[op]) if type(op) in SWAPS:
@@ -135,15 +107,44 @@ def _changes(node: ast.expr) -> Iterator[str]:
     yield ast.unparse(changed)
 
 
-def sample(root: Path, number: int, seed: int) -> list[tuple[str, int, str, str, str]]:
-    """Mutants of a tree: file in the package, line, before, after and text, drawn evenly from all that there are."""
-    found = []
+def sample(root: Path, number: int, seed: int) -> list[tuple[str, range, str, str, str]]:
+    """Return mutants of a tree, drawn evenly from all: file in the package, lines, before, after and text."""
     package = root / PACKAGE
-    for name in CHANGED:
-        path = package / name
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            found += [(str(file.relative_to(package)), *mutant) for mutant in mutants(file.read_text())]
+    found = [
+        (str(file.relative_to(package)), *mutant)
+        for file in sorted(package.rglob("*.py"))
+        for mutant in mutants(file.read_text())
+    ]
     return random.Random(seed).sample(found, min(number, len(found)))
+
+
+class Lines:
+    """A plugin of pytest that writes down which lines of a package the tests of a file run."""
+
+    def __init__(self, package: Path, path: Path):
+        self.package, self.path = f"{package}{os.sep}", path
+        self.found: dict[str, set[int]] = {}
+        self.began = time.monotonic()
+
+    def pytest_sessionstart(self) -> None:
+        threading.settrace(self._entered)
+        sys.settrace(self._entered)
+
+    def pytest_sessionfinish(self) -> None:
+        sys.settrace(None)
+        lines = {file.removeprefix(self.package): sorted(lines) for file, lines in self.found.items()}
+        self.path.write_text(json.dumps({"seconds": time.monotonic() - self.began, "lines": lines}))
+
+    def _entered(self, frame: FrameType, event: str, argument: object) -> Any:
+        if not frame.f_code.co_filename.startswith(self.package):
+            return None
+        lines = self.found.setdefault(frame.f_code.co_filename, set())
+
+        def passed(frame: FrameType, event: str, argument: object) -> Any:
+            lines.add(frame.f_lineno)
+            return passed
+
+        return passed(frame, event, argument)
 
 
 class FirstFailure:
@@ -161,15 +162,15 @@ class FirstFailure:
             self.path.write_text(report.nodeid)
 
 
-def noticed(tree: Path, tests: list[str], limit: float) -> str:
-    """The first test that fails, or nothing. What hangs is noticed too."""
+def noticed(tree: Path, tests: list[str], limit: float, *plugins: object) -> str:
+    """Return the first test that fails, or nothing. What hangs is noticed too."""
     name = tree.parent / "failure"
     name.write_text("")
     child = os.fork()
     if child == 0:
         status = pytest.ExitCode.INTERNAL_ERROR
         try:
-            status = _run_tests(tree, tests, name)
+            status = _run_tests(tree, tests, [FirstFailure(name), *plugins])
         finally:
             os._exit(status)
     end = time.monotonic() + limit
@@ -182,8 +183,8 @@ def noticed(tree: Path, tests: list[str], limit: float) -> str:
     return "" if os.waitstatus_to_exitcode(ended[1]) == pytest.ExitCode.OK else name.read_text() or "a crash"
 
 
-def _run_tests(tree: Path, tests: list[str], failure: Path) -> int:
-    """The whole life of a forked process: libraries are there already, the changed code is read anew."""
+def _run_tests(tree: Path, tests: list[str], plugins: Sequence[object]) -> int:
+    """Live the whole life of a forked process: libraries are there already, the changed code is read again."""
     os.setsid()
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
@@ -193,21 +194,28 @@ def _run_tests(tree: Path, tests: list[str], failure: Path) -> int:
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(tree))
     options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--timeout", "120", *QUIETLY]
-    return int(pytest.main([*options, *tests], plugins=[FirstFailure(failure)]))
+    return int(pytest.main([*options, *tests], plugins=plugins))
 
 
-def tests_of(tree: Path, file: str) -> list[str]:
-    """The files of tests that may notice a change of a file, its own first."""
-    own = str(Path(file).parent / f"test_{Path(file).name}")
-    tests = TESTS[max((start for start in TESTS if file.startswith(start)), key=len)]
-    return _files(tree, [own, *tests.split()])
+def traced(tree: Path, folder: Path, limit: float) -> dict[str, Any]:
+    """Return what every file of tests takes [s] and which lines it runs; what `folder` has is not run again."""
+    found: dict[str, Any] = {}
+    for test in sorted((tree / "tests").rglob("test_*.py")):
+        name = str(test.relative_to(tree))
+        path = folder / f"{name.replace(os.sep, '-')}.json"
+        if not path.exists():
+            if failed := noticed(tree, [name], 5 * limit, Lines(tree / PACKAGE, path)):
+                sys.exit(f"{failed} fails without any change")
+            print(f"{name} runs {sum(map(len, json.loads(path.read_text())['lines'].values()))} lines", flush=True)
+        found[name] = json.loads(path.read_text())
+    return found
 
 
-def _files(tree: Path, names: list[str]) -> list[str]:
-    """Files of tests, those of a folder for the folder, each once and in order."""
-    paths = [tree / "tests" / name for name in names]
-    files = [path for one in paths for path in (sorted(one.glob("test_*.py")) if one.is_dir() else [one])]
-    return list(dict.fromkeys(str(file.relative_to(tree)) for file in files if file.exists()))
+def tests_of(file: str, lines: range, known: dict[str, Any]) -> list[str]:
+    """Return the files of tests that run the lines of a file, its own first, then the quickest."""
+    own = f"test_{Path(file).name}"
+    asked = [name for name, one in known.items() if not set(lines).isdisjoint(one["lines"].get(file, ()))]
+    return sorted(asked, key=lambda name: (Path(name).name != own, known[name]["seconds"]))
 
 
 def main() -> None:
@@ -216,33 +224,31 @@ def main() -> None:
     parser.add_argument("--mutants", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tree", type=Path, default=ROOT, help="the tree to change a copy of (default: this one)")
-    parser.add_argument("--share", default="0/1", help="of several processes: number/processes (default: %(default)s)")
-    parser.add_argument("--limit", type=float, default=900, help="seconds for the tests of one mutant")
-    parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
+    parser.add_argument("--limit", type=float, default=300, help="seconds for the tests of one mutant")
+    parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"), help="what the tests run lies beside it")
     options = parser.parse_args()
     for library in LIBRARIES:
         importlib.import_module(library)
-    number, processes = map(int, options.share.split("/"))
-    chosen = sample(options.tree, options.mutants, options.seed)[number::processes]
+    chosen = sample(options.tree, options.mutants, options.seed)
     done = len(options.out.read_text().splitlines()) if options.out.exists() else 0
+    beside = options.out.resolve().with_suffix("")
+    beside.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(options.tree, tree, ignore=shutil.ignore_patterns(".git", ".venv", "runs"))
-        everything = _files(tree, " ".join(TESTS.values()).split())
-        if not done and (failed := noticed(tree, everything, len(TESTS) * options.limit)):
-            sys.exit(f"{failed} fails without any change")
-        for count, (file, line, before, after, text) in enumerate(chosen[done:], done + 1):
+        known = traced(tree, beside, options.limit)
+        for count, (file, lines, before, after, text) in enumerate(chosen[done:], done + 1):
             began, original = time.monotonic(), (tree / PACKAGE / file).read_text()
             (tree / PACKAGE / file).write_text(text)
-            killer = noticed(tree, tests_of(tree, file), options.limit)
+            tests = tests_of(file, lines, known)
+            killer = noticed(tree, tests, options.limit) if tests else ""
             (tree / PACKAGE / file).write_text(original)
-            record = {"file": file, "line": line, "before": before, "after": after, "killed_by": killer}
-            record["seconds"] = round(time.monotonic() - began, 1)
+            record = {"file": file, "line": lines[0], "before": before, "after": after, "killed_by": killer}
+            record |= {"tests": len(tests), "seconds": round(time.monotonic() - began, 1)}
             with options.out.open("a") as out:
                 out.write(json.dumps(record) + "\n")
-            print(
-                f"{count}/{len(chosen)} {file}:{line} {killer or 'SURVIVES: ' + before + '  ->  ' + after}", flush=True
-            )
+            said = killer or f"SURVIVES {len(tests)} files: {before}  ->  {after}"
+            print(f"{count}/{len(chosen)} {file}:{lines[0]} {said}", flush=True)
     records = [json.loads(line) for line in options.out.read_text().splitlines()]
     killed = sum(bool(record["killed_by"]) for record in records)
     print(f"{killed} of {len(records)} mutants killed ({killed / len(records):.1%})")
