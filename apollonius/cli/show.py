@@ -8,8 +8,8 @@ from apollonius.cli.options import AGENT, add_game_options, chosen_rules, comman
 from apollonius.cli.values import known_agent, new_file, real
 from apollonius.io.errors import require
 
-FORMATS = (".png", ".gif", ".webp", ".mp4", ".json")
-"""How the names of its files end."""
+MOVING = (".gif", ".webp", ".mp4")
+"""Formats of moving pictures."""
 
 
 def add_show(subparsers: Any) -> None:
@@ -18,7 +18,7 @@ def add_show(subparsers: Any) -> None:
     parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=new_file(*FORMATS), default="game.gif",
+        "--out", type=new_file(*MOVING, ".png", ".json", needs={".mp4": "video"}), default="game.gif",
         help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -30,11 +30,11 @@ def add_show(subparsers: Any) -> None:
 def run_show(options: argparse.Namespace) -> int:
     from apollonius.play.replay import load_replay, save_replay
     from apollonius.show import animation
-    from apollonius.show.parts import describe_end
+    from apollonius.show.words import describe_end
 
     if options.speed is not None:
-        moving = f"left out, as only {', '.join(animation.FORMATS)} move"
-        require(options.out.suffix in animation.FORMATS, "--speed", options.speed, moving)
+        moving = f"left out, as only {', '.join(MOVING)} move"
+        require(options.out.suffix in MOVING, "--speed", options.speed, moving)
         possible = f"from {animation.SLOWEST:g} to {animation.FASTEST:g} times real time"
         require(animation.SLOWEST <= options.speed <= animation.FASTEST, "--speed", options.speed, possible)
     display = options.display
@@ -53,15 +53,11 @@ def run_show(options: argparse.Namespace) -> int:
     display.begin(f"drawing {len(replay.states)} states")
     if options.out.suffix == ".json":
         save_replay(replay, options.out)
-    elif options.out.suffix == ".png":
-        from apollonius.show.arena import save_picture
-
-        save_picture(replay, options.out)
     else:
         animation.save_animation(replay, options.out, options.speed or 1.0)
     display.end()
     print(
-        f"{replay.pursuer} against {replay.evader}: {describe_end(replay.game, replay)} "
+        f"{replay.pursuer} against {replay.evader}: {describe_end(replay)} "
         f"({len(replay.actions)} steps, starts: {starts})"
     )
     if options.out.suffix == ".json":

@@ -208,7 +208,7 @@ class View:
 
     def begin(self) -> None:
         if self._canvas:
-            self._canvas.wipe()
+            self._canvas = Canvas(self._live.game)
             self.follow()
 
     def follow(self) -> None:

@@ -1,17 +1,21 @@
 """The paper's figures 4 to 8, its Tables II and III, and what our pursuer is held to beyond: functions of a study."""
 
+from pathlib import Path
+
 import jax.numpy as jnp
 
 from apollonius import MatchResult, Outcome
-from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, Claim, difference_claim, rate_claim
-from apollonius.evaluate.match import replay_game
+from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, difference_claim, rate_claim
+from apollonius.evaluate.match import record_game
 from apollonius.game.outcome import pursuer_wins
+from apollonius.play.replay import Replay
 from apollonius.reproduce.finding import Finding, as_data, beside_the_paper, outcome_shares, outcome_table, win_count
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
-from apollonius.show.arena import draw_game
-from apollonius.show.parts import describe_end
+from apollonius.show.animation import last_frame
+from apollonius.show.canvas import SIZE, save_side_by_side
 from apollonius.show.style import Curve, draw_bars, draw_seeds, smooth
+from apollonius.show.words import describe_end
 
 _WINDOW = 50
 """Chunks over which the reward is averaged."""
@@ -53,20 +57,31 @@ def _rewards(study: Study, name: str, seed: int, stage: str) -> Curve:
 
 def figure_5(study: Study) -> Finding:
     """Draw the first game of the match between both sides of the first seed, as they were at each moment."""
-    seed, ends = study.seeds[0], []
-    with style.picture(study.folder / "figure5.png", columns=len(MOMENTS), width=3.4, height=3.8) as panels:
-        for axes, percent in zip(panels, MOMENTS, strict=True):
-            game = replay_game(study.pairing("P_curriculum", "E_curriculum", seed, percent), index=0)
-            draw_game(axes, study.game, game, f"after {percent} % of self-play")
-            ends.append(describe_end(study.game, game))
+    seed, games = study.seeds[0], {}
+    for percent in MOMENTS:
+        match = study.pairing("P_curriculum", "E_curriculum", seed, percent)
+        games[f"after {percent} % of self-play"] = record_game(match, index=0)
+    ends = _draw_games(games, study.folder / "figure5.png")
     moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
     return Finding("Fig. 5: one start as self-play goes on", f"{moments}.", ("figure5.png",), data={"ends": ends})
+
+
+def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
+    """Draw the ends of games side by side, each above its name, and return how they ended."""
+    pictures = {name: last_frame(replay) for name, replay in games.items()}
+    save_side_by_side(pictures, path, columns=len(games), size=SIZE)
+    return [describe_end(replay) for replay in games.values()]
 
 
 def figure_6(study: Study) -> Finding:
     """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
     chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
-    claims, colours = figure_6_claims(study), [palette.PURSUER, palette.EVADER]
+    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
+    claims = (
+        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
+        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+    )
+    colours = [palette.PURSUER, palette.EVADER]
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):
         draw_bars(axes, names, [claim.mean for claim in claims], [claim.interval for claim in claims], colours)
@@ -78,17 +93,6 @@ def figure_6(study: Study) -> Finding:
     )
     data = as_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
-
-
-def figure_6_claims(study: Study, percent: int = 100) -> tuple[Claim, ...]:
-    """Return what the paper says of both pairings, at a percentage of self-play."""
-    chasing = study.matches("P_curriculum", "E_scratch", percent)
-    fleeing = study.matches("P_scratch", "E_curriculum", percent)
-    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
-    return (
-        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
-        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
-    )
 
 
 def figure_7(study: Study) -> Finding:
@@ -122,12 +126,12 @@ def figure_8(study: Study) -> Finding:
     wanted = pursuer_wins(ours) & (theirs == Outcome.PURSUER_HIT_OBSTACLE)
     if not wanted.any():
         wanted = theirs != Outcome.CAPTURED
-    index, ends = int(jnp.argmax(wanted)), []
-    with style.picture(study.folder / "figure8.png", columns=2, width=3.6, height=4.0) as panels:
-        for axes, name in zip(panels, ("P_random", "P_curriculum"), strict=True):
-            game = replay_game(study.pairing(name, "E_scratch", seed), index)
-            draw_game(axes, study.game, game, f"{name} against E_scratch")
-            ends.append(f"{name}: {describe_end(study.game, game)}")
+    index, pursuers = int(jnp.argmax(wanted)), ("P_random", "P_curriculum")
+    games = {
+        f"{name} against E_scratch": record_game(study.pairing(name, "E_scratch", seed), index) for name in pursuers
+    }
+    found = _draw_games(games, study.folder / "figure8.png")
+    ends = [f"{name}: {end}" for name, end in zip(pursuers, found, strict=True)]
     text = f"Game {index} of the match. {'; '.join(ends)}."
     return Finding("Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends})
 
@@ -138,18 +142,11 @@ SHIELDED_PURSUER = "shielded:P_curriculum"
 def table_2(study: Study) -> Finding:
     """Play both pursuers against the random evader: wins, and how many of them by capture."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
-    text, claims = beside_the_paper(results, TABLE_2), table_2_claims(study)
-    return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))
-
-
-def table_2_claims(study: Study, percent: int = 100) -> tuple[Claim, ...]:
-    """Return what the paper says of both, P_curriculum at a percentage of self-play."""
-    results = {name: study.matches(name, "random", percent) for name in TABLE_2}
     captures = {
         name: [result.outcomes["captured"] / result.games for result in matches] for name, matches in results.items()
     }
     wins = {name: [win_count(result) for result in matches] for name, matches in results.items()}
-    return (
+    claims = (
         rate_claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
         rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
         difference_claim(
@@ -157,22 +154,20 @@ def table_2_claims(study: Study, percent: int = 100) -> tuple[Claim, ...]:
             list(zip(captures["P_random"], captures["P_curriculum"], strict=True)), study.games,
         ),
     )  # fmt: skip
+    text = beside_the_paper(results, TABLE_2)
+    return Finding("Table II: against the random evader", text, claims=claims, data=as_data(results))
 
 
 def table_3(study: Study) -> Finding:
     """Play both pursuers against the evader of self-play from scratch."""
     results = {name: study.matches(name, "E_scratch") for name in TABLE_3}
-    text, claims = beside_the_paper(results, TABLE_3), (table_3_claim(study),)
-    return Finding("Table III: against E_scratch", text, claims=claims, data=as_data(results))
-
-
-def table_3_claim(study: Study, percent: int = 100) -> Claim:
-    """Return what the paper says of both, P_curriculum and E_scratch at a percentage of self-play."""
-    ours, theirs = (study.matches(name, "E_scratch", percent) for name in ("P_curriculum", "P_random"))
-    rates = [(one.pursuer_win_rate, other.pursuer_win_rate) for one, other in zip(ours, theirs, strict=True)]
-    return difference_claim(
+    pairs = zip(results["P_curriculum"], results["P_random"], strict=True)
+    rates = [(one.pursuer_win_rate, other.pursuer_win_rate) for one, other in pairs]
+    claim = difference_claim(
         "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates, study.games
     )
+    text = beside_the_paper(results, TABLE_3)
+    return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))
 
 
 def beyond(study: Study) -> Finding:

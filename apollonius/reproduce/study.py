@@ -62,7 +62,7 @@ class Study:
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
-    _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
+    _played: dict[tuple[str, str, int], Results] = field(default_factory=dict, repr=False)
 
     @property
     def is_full(self) -> bool:
@@ -92,17 +92,15 @@ class Study:
         fleeing = self.agent(evader, Role.EVADER, seed, percent)
         return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
-    def play(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Results:
-        named = (pursuer, evader, seed, percent)
+    def play(self, pursuer: str, evader: str, seed: int) -> Results:
+        named = (pursuer, evader, seed)
         if named not in self._played:
             self._played[named] = play_games(self.pairing(*named))
         return self._played[named]
 
-    def match(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> MatchResult:
-        return count(self.pairing(pursuer, evader, seed, percent), self.play(pursuer, evader, seed, percent))
-
-    def matches(self, pursuer: str, evader: str, percent: int = 100) -> list[MatchResult]:
-        return [self.match(pursuer, evader, seed, percent) for seed in self.seeds]
+    def matches(self, pursuer: str, evader: str) -> list[MatchResult]:
+        pairs = [(self.pairing(pursuer, evader, seed), self.play(pursuer, evader, seed)) for seed in self.seeds]
+        return [count(match, results) for match, results in pairs]
 
     def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
         return evaluations_of(self.metrics(name, seed, stage), stage)

@@ -1,4 +1,4 @@
-"""A game as a moving picture with words around it: GIF or WebP, or MP4 with the `video` extra. Needs no display."""
+"""A game as a picture with words around it: moving as GIF, WebP or, with the `video` extra, MP4; its end as PNG."""
 
 import errno
 import io
@@ -20,7 +20,7 @@ from apollonius.io.errors import InvalidInput, install, require
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
-from apollonius.show.parts import describe_end, describe_play, in_play, side_name
+from apollonius.show.words import describe_end, describe_play, in_play, side_name
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""
@@ -37,11 +37,10 @@ _SCALE = 80
 
 
 class Captioned:
-    """A replay's game as it goes on: above the arena names and legend, below it the clock, at the end the outcome.
+    """A game under way: above the arena names and legend, below it the clock and at the end the outcome.
 
     Args:
-        replay: the game.
-        speed: seconds of the game in one, which is said where it is not 1.
+        speed: seconds of the game in one of the picture, which is named where it is not 1.
     """
 
     def __init__(self, replay: Replay, speed: float = 1.0) -> None:
@@ -56,12 +55,12 @@ class Captioned:
         self.corner = ((width - arena.width) // 2, MARGIN + 2 * LINE)
         """Column and row of the arena's upper left corner."""
         self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
-        self._in_play = in_play(replay.game, replay)
+        self._in_play = in_play(replay)
         self._here: Sequence[float] = ()
         self._head(ImageDraw.Draw(self._page))
 
     def move(self, step: int) -> None:
-        """The robots are where they are after so many steps; all steps are gone through in their order."""
+        """Move the robots to where they are after `step` steps; to be called for each step in order."""
         self._here, self._step = self._replay.states[step].tolist(), step
         self._canvas.move(self._here, self._in_play[step].tolist())
 
@@ -71,14 +70,14 @@ class Captioned:
         draw = ImageDraw.Draw(page)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
-            clock = describe_end(self._replay.game, self._replay)
+            clock = describe_end(self._replay)
         self._write(draw, MARGIN, self._below, f"{clock}{self._pace}", INK)
         now = describe_play(self._replay.game, self._here, self._in_play[step].tolist())
         self._write(draw, page.width - MARGIN, self._below, now, INK, "rm")
         return page
 
     def _head(self, draw: ImageDraw.ImageDraw) -> None:
-        """The signs of both robots with their players' names, the reach of a capture, and a scale."""
+        """Draw the signs of both robots with their players' names, the reach of a capture, and a scale."""
         right = self._page.width - MARGIN
         first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
         reach = f"capture within {float(self._replay.game.capture_distance):g} m"
@@ -110,7 +109,7 @@ class Captioned:
         draw.text((column, row), text, fill=colour, font=self._font, anchor=anchor)
 
     def _fit(self, text: str, width: float | int) -> str:
-        """As much of a text as fits into so many pixels."""
+        """Return as much of a text as fits into a width [pixels]."""
         if self._font.getlength(text) <= width:
             return text
         while text and self._font.getlength(f"{text}...") > width:
@@ -119,12 +118,13 @@ class Captioned:
 
 
 def _round_below(length: float) -> float:
-    """The greatest of 1, 2, 5, 10, 20, ... and their tenths that is no more than a length."""
+    """Return the greatest of 1, 2, 5, 10, 20, ... and their tenths that is at most a length."""
     power = 10.0 ** floor(log10(length))
     return max(part * power for part in (1, 2, 5) if part * power <= length)
 
 
-FORMATS = (".gif", ".webp", ".mp4")
+MOVING = (".gif", ".webp", ".mp4")
+"""Formats of moving pictures."""
 SLOWEST, FASTEST = 0.05, 100.0
 """Seconds of the game that may be shown in one."""
 _SHORTEST = 0.02
@@ -134,18 +134,21 @@ _LAST_SECONDS = 2.0
 
 
 def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
-    """Write a game.
+    """Write a game as a moving picture, or its end as a PNG.
 
     Args:
-        speed: seconds of the game in one: 1 is real time. Where that asks for too many pictures a second, some steps
-            are left out; the last one never is.
+        speed: seconds of the game in one of the picture. Where that asks for too many frames a second, some steps are
+            left out; the last one never is.
 
     Raises:
-        InvalidInput: for another ending than `FORMATS` or an impossible speed, and for MP4 where `imageio-ffmpeg` is
-            not installed.
+        InvalidInput: for another format or an impossible speed, and for MP4 where `imageio-ffmpeg` is not installed.
     """
-    require(path.suffix in FORMATS, "path", path, f"a file that ends in one of {', '.join(FORMATS)}")
+    formats = (*MOVING, ".png")
+    require(path.suffix in formats, "path", path, f"a file that ends in one of {', '.join(formats)}")
     require(SLOWEST <= speed <= FASTEST, "speed", speed, f"from {SLOWEST:g} to {FASTEST:g} times real time")
+    if path.suffix == ".png":
+        write_atomically(path, _encoded(last_frame(replay), "png"))
+        return
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
     if path.suffix != ".mp4":  # where all pictures last equally long
@@ -162,9 +165,14 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
         palette = _palette()
         pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     options: dict[str, Any] = {"optimize": True} if path.suffix == ".gif" else {"method": 0, "quality": 80}
-    content, kind = io.BytesIO(), path.suffix[1:]
-    pictures[0].save(content, kind, save_all=True, append_images=pictures[1:], duration=durations, loop=0, **options)
-    write_atomically(path, content.getvalue())
+    options |= {"save_all": True, "append_images": pictures[1:], "duration": durations, "loop": 0}
+    write_atomically(path, _encoded(pictures[0], path.suffix[1:], **options))
+
+
+def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
+    content = io.BytesIO()
+    picture.save(content, kind, **options)
+    return content.getvalue()
 
 
 def _moving(replay: Replay, steps: list[int], pace: float) -> list[int]:
@@ -182,7 +190,7 @@ def _moving(replay: Replay, steps: list[int], pace: float) -> list[int]:
 
 
 def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:
-    """A picture for each of these steps of a game, or for every one; all in between leave their trail."""
+    """Yield a picture for each of these steps of a game, or for every one; those in between leave their trail."""
     picture, last = Captioned(replay, speed), len(replay.actions)
     shown = set(range(last + 1) if steps is None else steps)
     for step in range(last + 1):
@@ -191,8 +199,13 @@ def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -
             yield picture.picture()
 
 
+def last_frame(replay: Replay) -> Image.Image:
+    """Return the end of a game with all trails."""
+    return next(frames(replay, [len(replay.actions)]))
+
+
 def _palette() -> Image.Image:
-    """The colours of all frames: each of the picture's own, and its blends with the paper and the obstacles."""
+    """Return the colours of all frames: each of the picture's own, and its blends with the others."""
     own = [ImageColor.getrgb(colour) for colour in (PURSUER, EVADER, OBSTACLE, INK, PAPER)]
     colours = [
         tuple(round(a + (b - a) * part / 8) for a, b in zip(first, second, strict=True))

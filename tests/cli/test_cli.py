@@ -345,7 +345,7 @@ def test_an_odd_environment_is_refused_or_makes_no_difference(monkeypatch, varia
     ("modules", "arguments", "extra"),
     [
         (["imageio_ffmpeg"], ["show", "random", "still", "--out", "game.mp4"], "video"),
-        (["matplotlib"], ["show", "random", "still", "--out", "game.png"], "plot"),
+        (["matplotlib"], ["arena", "check", "paper", "--out", "a.png"], "plot"),
         (["ray"], ["exploit", "pursuer", "P_pool", "--on", "ray"], "ray"),
         (["mujoco"], ["simulate", "random", "still"], "sim"),
         (["jinja2"], ["report", "."], "plot"),

@@ -275,7 +275,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.cli import arena
     from apollonius.cli.exploit import ATTACKERS
     from apollonius.cli.options import LENGTHS
-    from apollonius.cli.show import FORMATS
+    from apollonius.cli.show import MOVING
     from apollonius.cli.train import BY_TABLE, PROFILES
     from apollonius.exploit.attackers import KINDS
     from apollonius.game import names
@@ -292,7 +292,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert tuple(games.PRESETS) == names.PRESETS
     assert [kind for kind in arena.KINDS if random_arena.random_arena(kind, 0).map] == list(arena.CELLS)
     assert set(PROFILES) == set(learner_config.PROFILES)
-    assert set(FORMATS) == {".png", ".json", *animation.FORMATS}
+    assert MOVING == animation.MOVING
 
 
 def test_a_value_is_shown_on_one_short_line():

@@ -19,7 +19,7 @@ from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.play.replay import Replay, as_data
 from apollonius.show import palette
-from apollonius.show.parts import in_play
+from apollonius.show.words import in_play
 
 GAMES = 200
 """Games of each pairing among which those that are shown are found."""
@@ -64,7 +64,7 @@ class Shown:
         data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
         del data["actions"]
         if self.replay.game.teams:
-            steps = in_play(self.replay.game, self.replay).sum(axis=0).tolist()
+            steps = in_play(self.replay).sum(axis=0).tolist()
             data["until"] = [step if step < len(self.replay.states) else None for step in steps]
         return data
 
