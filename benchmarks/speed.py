@@ -29,12 +29,12 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Role
-from apollonius.learn import curriculum, dqn
+from apollonius.learn import dqn
 from apollonius.learn.learner_config import PROFILES, DQNConfig
+from apollonius.learn.loop import play_and_learn
 from apollonius.learn.replay_buffer import Batch
-from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import Plan
-from apollonius.learn.train_step import play_and_learn
+from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
+from apollonius.learn.train_state import start
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.registry import find_observation
 from apollonius.play.random_bits import fold_in
@@ -112,7 +112,7 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     game, key = make_game("paper"), jax.random.key(0)
     fixed: Mapping[Role, Pool] = {} if stage == "self-play" else {Role.EVADER: solo(Still())}
     plan = Plan(config, StageConfig(env_steps=10**9) if fixed else SelfPlayConfig(env_steps=10**9))
-    state = curriculum.start(plan, game, key, fixed)
+    state = start(plan, game, key, fixed)
 
     def run(repeat: int) -> Any:
         nonlocal state

@@ -10,21 +10,21 @@ if TYPE_CHECKING:
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.tournament import Tournament
     from apollonius.evaluate.vary import VariedMatches
-    from apollonius.learn.progress import Progress
+    from apollonius.learn.metrics import MetricsLine
     from apollonius.solve.grid import Sweep
 
 
-def training_notes(progress: "Progress") -> dict[str, str]:
-    """What there is to say of a training while it goes on, by name."""
+def training_notes(line: "MetricsLine") -> dict[str, str]:
+    """Return the metrics of a chunk of training in words, by name."""
     notes = {
-        "env steps": f"{progress.env_steps:,} ({progress.env_steps_per_second:,.0f}/s)",
-        "episodes": f"{progress.episodes:,}",
-        "updates": f"{progress.updates:,}",
-        "loss": " ".join(f"{side} {loss:.3g}" for side, loss in progress.losses.items()),
-        "exploring games": _shares(progress.outcomes),
+        "env steps": f"{line.env_steps:,} ({line.env_steps_per_second:,}/s)",
+        "episodes": f"{line.episodes:,}",
+        "updates": f"{line.updates:,}",
+        "loss": " ".join(f"{side} {loss:.3g}" for side, loss in line.losses.items()),
+        "exploring games": _shares(line.outcomes),
     }
-    if progress.evaluation:
-        notes["greedy games"] = _shares(progress.evaluation.outcomes)
+    if line.evaluation:
+        notes["greedy games"] = _shares(line.evaluation.outcomes)
     return notes
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from apollonius.cli.display import Display
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
-    from apollonius.learn.progress import Progress
+    from apollonius.learn.metrics import MetricsLine
 
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
@@ -77,8 +77,8 @@ def add_resume(subparsers: Any) -> None:
 def run_train(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
-    from apollonius.learn.curriculum import load_first
     from apollonius.learn.folder import create_run
+    from apollonius.learn.run import load_first
 
     config = _requested_config(options)
     name = options.config.stem if options.config else options.preset
@@ -136,13 +136,17 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
 
-    def report(progress: "Progress") -> None:
-        if display.what != progress.stage:
-            display.begin(progress.stage)
-        display.report(progress.share, 1)
-        display.note(training_notes(progress))
-        later = stages[stages.index(progress.stage) + 1 :]
-        if progress.env_steps >= progress.total_env_steps and later:
+    notes: dict[str, str] = {}
+
+    def report(line: "MetricsLine", share: float) -> None:
+        if display.what != line.stage:
+            display.begin(line.stage)
+            notes.clear()
+        display.report(share, 1)
+        notes.update(training_notes(line))
+        display.note(notes)
+        later = stages[stages.index(line.stage) + 1 :]
+        if share >= 1 and later:
             display.begin(later[0], compiles=True)
 
     run = Run(config, folder, report)
@@ -172,8 +176,8 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     from apollonius.cli.terminal import match_table
     from apollonius.evaluate.pairings import evaluate_run, self_play_trend
-    from apollonius.learn.progress import evaluations_of, load_metrics
-    from apollonius.learn.train_state import SELF_PLAY
+    from apollonius.learn.config import SELF_PLAY
+    from apollonius.learn.metrics import evaluations_of, load_metrics
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match, result), end="\n\n", flush=True)

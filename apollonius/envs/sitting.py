@@ -18,7 +18,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Actions, GameState, Role, Timestep
 from apollonius.observe.observation import AbstractObservation, perceive
-from apollonius.play.rollout import Player, decide, fresh_player, of_robots
+from apollonius.play.rollout import SideState, begin_side, decide, of_robots
 
 Tree = TypeVar("Tree")
 SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
@@ -58,7 +58,7 @@ class Sitting:
         _, seen = perceive(self.observation, self.game, state, self.role)
         return of_robots(jnp.split(seen, self.robots[self.role]))
 
-    def answer(self, now: "Standing", bits: UInt32[Array, ""]) -> tuple[tuple[Actions, ...], Player]:
+    def answer(self, now: "Standing", bits: UInt32[Array, ""]) -> tuple[tuple[Actions, ...], SideState]:
         """Return what each robot of the opponent does, and what it carries on."""
         bits = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
         seen = perceive(self.opponent.observation, self.game, now.state, self.role.other)
@@ -68,7 +68,7 @@ class Sitting:
     def begin(self, state: GameState) -> "Standing":
         """Return games as they stand at their starts."""
         bits, robots = jnp.zeros(len(state.steps), jnp.uint32), self.robots[self.role.other]
-        opponent = fresh_player(jnp.zeros(bits.shape, jnp.int32), bits, NONE, robots, self.opponent.memory)
+        opponent = begin_side(jnp.zeros(bits.shape, jnp.int32), bits, NONE, robots, self.opponent.memory)
         return Standing(state, self.see(state), opponent)
 
     def each(self, actions: SideActions) -> tuple[Actions, ...]:
@@ -82,7 +82,7 @@ class Standing(eqx.Module):
 
     state: GameState
     seen: Float[Array, "games *robots size"]
-    opponent: Player
+    opponent: SideState
 
 
 class Told(eqx.Module):

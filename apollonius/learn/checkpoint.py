@@ -1,4 +1,4 @@
-"""The whole training state as one safetensors file: written atomically, read back to the last bit."""
+"""Checkpoints: the training state as one safetensors file, written atomically, read back to the last bit."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a greedy evaluation found: how many games had which outcome."""
+    """Outcomes of the games of a greedy evaluation."""
 
     env_steps: int
     episodes: int
@@ -36,18 +36,16 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Stand:
-    """Where a run stands: the record of a checkpoint."""
+class Standing:
+    """Metadata of a checkpoint: how far a run is."""
 
     stage: str
     chunks: int = 0
     """Chunks done of the stage."""
     seconds: float = 0.0
-    """Time they took."""
+    """Time that they took."""
     best: Evaluation | None = None
-    """Of the best pursuer so far."""
-    evaluation: Evaluation | None = None
-    """The latest."""
+    """Evaluation of the best pursuer so far."""
     metrics_bytes: int = 0
     """Size of `metrics.jsonl`."""
 
@@ -57,18 +55,18 @@ class Stand:
             require(0 <= value < 2**62, name, value, "0 or more")
 
 
-def save_checkpoint(path: Path, state: Any, stand: Stand) -> None:
-    """Write a pytree of arrays and keys, and where the run stands, so that a crash leaves the old file or the new one.
+def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
+    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one.
 
     Raises:
         OSError: when the disk is full or read-only; the previous checkpoint is untouched.
     """
     arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
-    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(stand))}))
+    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
 
 
-def load_stand(path: Path) -> Stand:
-    """Where the run of a checkpoint stands.
+def load_standing(path: Path) -> Standing:
+    """Return how far the run of a checkpoint is.
 
     Raises:
         InvalidInput: for a missing, truncated or foreign file, and a record that cannot be.
@@ -80,11 +78,11 @@ def load_stand(path: Path) -> Stand:
     if FORMAT not in metadata:
         raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
     record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
-    return from_dict(Stand, record, f"the record of '{path}'")
+    return from_dict(Standing, record, f"the record of '{path}'")
 
 
 def load_checkpoint(path: Path, template: T) -> T:
-    """The saved pytree, in the structure of `template`, whose values are not used.
+    """Return the saved pytree, in the structure of `template`, whose values are not used.
 
     Raises:
         InvalidInput: when the file does not hold this structure, or numbers that are not finite.

@@ -1,4 +1,4 @@
-"""Everything a training run can be told, with what it means; saved as `config.toml` and read back strictly."""
+"""The configuration of a training run, saved as `config.toml` and read back strictly; presets."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -11,7 +11,9 @@ from apollonius.game.types import Role
 from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 from apollonius.learn.learner_config import DQNConfig, LearnerConfig, SACConfig
-from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
+from apollonius.learn.stage_config import DistillationConfig, Plan, SelfPlayConfig, StageConfig
+
+FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:
@@ -29,7 +31,7 @@ def require_pay_in_play(game: Game, role: Role) -> None:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """A whole training run."""
+    """A training run: the game, the algorithm, the stages."""
 
     seed: int = 0
     """Seed of everything random in the run."""
@@ -96,13 +98,22 @@ class RunConfig:
 
     @property
     def first(self) -> BySide[str | None]:
-        """The agents that the sides go on from."""
+        """Names of the agents that the sides go on from."""
         return BySide(self.pursuer, self.evader)
 
     @property
     def learner(self) -> LearnerConfig:
-        """How each side learns."""
+        """The numbers of the algorithm that both sides learn by."""
         return self.sac or self.dqn
+
+    @property
+    def plans(self) -> dict[str, Plan]:
+        """The plans of the stages in their order, by name."""
+        stages: dict[str, StageConfig] = dict(
+            zip(STAGES, (self.fixed_target, self.self_play, self.distillation), strict=True)
+        )
+        asked = [FIXED_TARGET, SELF_PLAY] if self.stages == "both" else [self.stages]
+        return {stage: Plan(self.learner, stages[stage]) for stage in asked}
 
 
 PRESETS: dict[str, RunConfig] = {
@@ -130,7 +141,7 @@ _FITTING = DQNConfig(
     env_steps_per_update=5 * 2048,
     replay_capacity=1_500_000,
 )
-"""How a network is fitted to what a teacher says."""
+"""Numbers of the regression to a teacher."""
 DISTILLATIONS: dict[str, RunConfig] = {
     "evader-by-table": replace(
         RunConfig(),
@@ -146,10 +157,10 @@ DISTILLATIONS: dict[str, RunConfig] = {
         distillation=DistillationConfig(
             role="pursuer",
             teacher="P_hunter",
-            room=0.1,
+            clearance=0.1,
             env_steps=20_000_000,
             opponents=(TABLE, "E_prioritised", "E_curriculum", "E_scratch", "flee-aware", "still", "random"),
         ),
     ),
 }
-"""Trainings that distil what a solved game knows, by what they make of it."""
+"""Distillations of the solved game, by name."""

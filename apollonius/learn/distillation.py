@@ -1,14 +1,14 @@
-"""Distillation: a network learns what a solved game knows, from the states that its own games come to (DAgger).
+"""Distillation: one side learns a teacher's action values, in the states of its own games (DAgger).
 
-The student plays, at its best but for some random actions, against several opponents; among them some that know it and
-look ahead (`solve.foresight`). In these states and in some others the teacher is asked what each action is worth, and
-the network is fitted to the answers (Ross, Gordon, Bagnell, "A reduction of imitation learning and structured
-prediction to no-regret online learning", 2011; Rusu et al., "Policy distillation", 2016).
+The student plays, greedy but for some random actions, against several opponents; among them some that know it and look
+ahead (`solve.foresight`). The teacher labels these states and others, and the network is fitted to the labels (Ross,
+Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning", 2011; Rusu
+et al., "Policy distillation", 2016).
 """
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -23,36 +23,36 @@ from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, Real, RobotState, Scalar
+from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Scalar
 from apollonius.learn import dqn
-from apollonius.learn.algorithm import linear
+from apollonius.learn.learner_config import linear
+from apollonius.learn.loop import Metrics, iterated
 from apollonius.learn.replay_buffer import ReplayBuffer, add
-from apollonius.learn.stage_config import DistillationConfig
+from apollonius.learn.stage_config import DistillationConfig, Plan
 from apollonius.learn.teacher import Setting
-from apollonius.learn.train_state import LearnerState, Plan, TrainState, first_learner
-from apollonius.learn.train_step import Metrics
+from apollonius.learn.train_state import LearnerState, TrainState, first_learner
 from apollonius.observe.observation import perceive
 from apollonius.play.rollout import Games, Players, begin, collect
 from apollonius.solve.foresight import ResponsePolicy
 
 ORDER = 10.0
-"""How much more the differences between a state's actions count than their mean: they are what is chosen by."""
+"""Weight of the differences between a state's actions, relative to their mean: the choice depends on them alone."""
 SPREAD = (0.25, 0.25, 0.15, 0.3)
-"""Standard deviation of what is asked around a state: of x, y [m], v [m/s] and heading [rad]."""
+"""Standard deviation of queries around a state: of x, y [m], v [m/s] and heading [rad]."""
 NEARBY = 3.0
-"""How much farther than a capture from one another two robots are, at most, that are put close together [m]."""
+"""Largest distance beyond a capture of two robots that are put close together [m]."""
 _EDGE = 0.02
-"""How near to the walls a robot is put, at most [m]."""
+"""Least distance from the walls at which a robot is put [m]."""
 _PLANS = ((10, 1, NUM_ACTIONS), (10, 2, 3))
-"""Of near-sighted and far-sighted attackers: steps for which an action is held, how many holds they look ahead, and how
-many plans they go on from: a second and two, in a game with steps of 0.1 s."""
+"""Plans of near-sighted and far-sighted attackers: steps of a hold, holds, and plans that are followed further; one
+and two seconds, in a game with steps of 0.1 s."""
 
 
-class Answers(eqx.Module):
-    """What the nine actions are worth where something is seen."""
+class Labels(eqx.Module):
+    """Observations and the teacher's values of the nine actions there."""
 
     observation: Float[Array, "rows size"]
-    worths: Float[Array, "rows 9"]
+    values: Float[Array, "rows 9"]
 
 
 def start_distillation(
@@ -61,20 +61,26 @@ def start_distillation(
     """Return the state before the first step. The key is consumed.
 
     Args:
-        settings: in each of the arenas; of one shape.
+        settings: one in each arena, of one shape.
         network: the one to go on from; None starts from random weights.
     """
     network_key, start_key, train_key = jax.random.split(key, 3)
-    role = _config(plan).side
-    learner = first_learner(plan, role, network_key, network)
+    learner = first_learner(plan, network_key, network)
     keys = jax.random.split(start_key, len(settings))
     begun = [_first_games(plan, learner.network, *each) for each in zip(settings, keys, strict=True)]
-    block = len(jax.eval_shape(asked_states, settings[0].game, begun[0].state, key).steps)
+    block = len(jax.eval_shape(query_states, settings[0].game, begun[0].state, key).steps)
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
-    answers = ReplayBuffer(Answers(jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
-    games, learners = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun), {role: LearnerState(learner, answers)}
+    buffer = ReplayBuffer(Labels(jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
+    games = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
+    learners = {_config(plan).side: LearnerState(learner, buffer)}
     return TrainState(games, learners, train_key, iterations, env_steps, episodes)
+
+
+@functools.partial(jax.jit, static_argnames="plan")
+def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
+    starts, bits = fresh_starts(setting.game, plan.learner.games, key), jnp.zeros((2, plan.learner.games), jnp.uint32)
+    return begin(starts, _players(plan, network, setting, key), bits)
 
 
 def distillation(
@@ -83,7 +89,7 @@ def distillation(
     """Train the stage chunk by chunk; each state is consumed by the next one.
 
     Args:
-        settings: in each of the arenas, which take turns.
+        settings: one in each arena; they take turns.
         done: chunks done before.
     """
     for chunk in range(done, plan.chunks):
@@ -92,53 +98,39 @@ def distillation(
         yield state, metrics
 
 
-@partial(jax.jit, static_argnames="plan")
-def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
-    starts, bits = fresh_starts(setting.game, plan.learner.games, key), jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(starts, _players(plan, network, setting, key), bits)
-
-
-@partial(jax.jit, static_argnames="plan", donate_argnames="state")
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def _play_and_learn(
     plan: Plan, state: TrainState, setting: Setting, number: Int[Array, ""]
 ) -> tuple[TrainState, Metrics]:
-    """Train one chunk, in the arena of this number: its games go on where they were."""
+    """Train one chunk in the arena of this number, whose games are played on."""
     here = replace(state, games=jax.tree.map(lambda leaf: leaf[number], state.games))
-    after, metrics = jax.lax.scan(lambda state, _: _round(plan, state, setting), here, None, plan.iterations_per_chunk)
+    after, metrics = jax.lax.scan(
+        lambda state, _: _iterate(plan, state, setting), here, None, plan.iterations_per_chunk
+    )
     games = jax.tree.map(lambda leaf, new: leaf.at[number].set(new), state.games, after.games)
     return replace(after, games=games), jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
 
 
-def _round(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
-    """Ask the teacher, play some steps of every game, and fit the student."""
-    config, game = _config(plan), setting.game
-    role, side = config.side, state.learners[config.side]
-    key, learner = jax.random.fold_in(state.key, state.iterations), side.learner
-    ask_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
-    assert isinstance(learner, dqn.DQNLearner)
-    asked = asked_states(game, state.games.state, ask_key)
-    _, seen = perceive(learner.network.observation, game, asked, role)
-    answers = add(side.buffer, Answers(seen, setting.teacher.worths(game, asked, role)))
-
-    starts = jax.tree.map(lambda leaf: leaf[None], fresh_starts(game, plan.learner.games, start_key))
-    players = _players(plan, learner.network, setting, player_key)
-    games, moves = collect(game, players, state.games, starts, play_key, plan.learner.steps_per_iteration)
-    ended = moves.terminated | moves.truncated
-
-    env_steps = state.env_steps + plan.learner.env_steps_per_iteration
-    learner, loss = _fit(plan, learner, answers, env_steps, learn_key)
-    counts = state.iterations + 1, env_steps, state.episodes + jnp.sum(ended, dtype=jnp.int32)
-    nothing = jnp.zeros(())
-    return TrainState(games, {role: LearnerState(learner, answers)}, state.key, *counts), Metrics(
-        outcomes=jnp.stack([jnp.sum(ended & (moves.outcome == one), dtype=jnp.int32) for one in Outcome]),
-        returns=BySide(nothing, nothing),
-        losses=BySide.of(role, loss, nothing),
-        updates=jnp.asarray(config.updates, jnp.int32),
-    )
+def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainState, Metrics]:
+    """Query the teacher, play some steps of every game, fit the student."""
+    role, game, config = _config(plan).side, setting.game, plan.learner
+    side, key = state.learners[role], jax.random.fold_in(state.key, state.iterations)
+    query_key, player_key, play_key, start_key, learn_key = jax.random.split(key, 5)
+    assert isinstance(side.learner, dqn.DQNLearner)
+    network = side.learner.network
+    queries = query_states(game, state.games.state, query_key)
+    _, seen = perceive(network.observation, game, queries, role)
+    buffer = add(side.buffer, Labels(seen, setting.teacher.values(game, queries, role)))
+    starts = jax.tree.map(lambda leaf: leaf[None], fresh_starts(game, config.games, start_key))
+    players = _players(plan, network, setting, player_key)
+    games, played = collect(game, players, state.games, starts, play_key, config.steps_per_iteration)
+    env_steps = state.env_steps + config.env_steps_per_iteration
+    learner, loss = _fit(plan, side.learner, buffer, env_steps, learn_key)
+    return iterated(state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)})
 
 
 def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> BySide[Players]:
-    """Return the student, which explores by one random action a round, and all whom it meets, each in own games."""
+    """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
     student = PersistentNoise(explores, jax.random.bits(key, (games,), jnp.uint32))
@@ -152,30 +144,30 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     kinds, left = len(setting.opponents), games - config.near_sighted - config.far_sighted
     shares = [left // kinds + (number < left % kinds) for number in range(kinds)]
     shares += [config.near_sighted, config.far_sighted]
-    they = [pair for pair in zip((*setting.opponents, *attackers), shares, strict=True) if pair[1]]
-    return BySide.of(config.side, student, Apart(*map(tuple, zip(*they, strict=True))))
+    opponents = [pair for pair in zip((*setting.opponents, *attackers), shares, strict=True) if pair[1]]
+    return BySide.of(config.side, student, Apart(*map(tuple, zip(*opponents, strict=True))))
 
 
 def _fit(
-    plan: Plan, learner: dqn.DQNLearner, answers: ReplayBuffer[Answers], env_steps: Int[Array, ""], key: PRNGKeyArray
+    plan: Plan, learner: dqn.DQNLearner, buffer: ReplayBuffer[Labels], env_steps: Int[Array, ""], key: PRNGKeyArray
 ) -> tuple[dqn.DQNLearner, Scalar]:
-    """Make some updates from what the teacher has said; return their losses, added up."""
-    config, learning = _config(plan), plan.learner
-    rate = linear(learning.learning_rate, learning.final_learning_rate, config.env_steps, env_steps)
+    """Make some updates from the labels; return their losses, added up."""
+    config = plan.learner
+    rate = linear(config.learning_rate, config.final_learning_rate, plan.stage.env_steps, env_steps)
 
     def update(learner: dqn.DQNLearner, key: PRNGKeyArray) -> tuple[dqn.DQNLearner, Scalar]:
-        rows = jax.random.randint(key, (learning.batch,), 0, answers.filled)
-        asked = jax.tree.map(lambda leaf: leaf[rows], answers.rows)
-        value, gradient = eqx.filter_value_and_grad(_error)(learner.network, asked)
-        return dqn.step(learner, gradient, rate, learning.averaging), value
+        rows = jax.random.randint(key, (config.batch,), 0, buffer.filled)
+        labels = jax.tree.map(lambda leaf: leaf[rows], buffer.rows)
+        value, gradient = eqx.filter_value_and_grad(_error)(learner.network, labels)
+        return dqn.step(learner, gradient, rate, config.averaging), value
 
-    learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates))
+    learner, losses = jax.lax.scan(update, learner, jax.random.split(key, _config(plan).updates))
     return learner, jnp.sum(losses)
 
 
-def _error(network: QNetwork, answers: Answers) -> Scalar:
+def _error(network: QNetwork, labels: Labels) -> Scalar:
     """Return the mean squared error of the differences between a state's actions, and of their mean."""
-    wrong = network.batch(answers.observation) - answers.worths
+    wrong = network.batch(labels.observation) - labels.values
     mean = jnp.mean(wrong, axis=1)
     return ORDER * jnp.mean(jnp.sum((wrong - mean[:, None]) ** 2, axis=1)) + jnp.mean(mean**2)
 
@@ -185,9 +177,9 @@ def _config(plan: Plan) -> DistillationConfig:
     return plan.stage
 
 
-def asked_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
-    """Return states of a game to learn from: those visited, as many around them, and a quarter as many each with the
-    robots close together and anywhere. One who knows the student forces it into others than those of its own games.
+def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
+    """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
+    together and anywhere. An opponent that knows the student forces it into states that its own games do not visit.
 
     Args:
         visited: leaves `[games]`.
@@ -203,7 +195,7 @@ def asked_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState
 
 
 def fresh_starts(game: Game, games: int, key: PRNGKeyArray) -> GameState:
-    """Return starts of games to learn from: every other one as the game draws it, the rest moving and anywhere."""
+    """Return starts of games: every other one as the game draws it, the rest moving and anywhere."""
     rest_key, moving_key = jax.random.split(key)
     starts, others = reset_batch(game, rest_key, games), _anywhere(game, games, moving_key)
     even = jnp.arange(games) % 2 == 0

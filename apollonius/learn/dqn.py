@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import QNetwork, make_network
+from apollonius.agents.network import Network, QNetwork, make_network
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.replay_buffer import Batch
@@ -17,7 +17,7 @@ from apollonius.learn.replay_buffer import Batch
 class DQNLearner(eqx.Module):
     """One side's networks and optimiser. `updates` counts the updates so far.
 
-    `average` is the running average of the network's weights (Polyak averaging): the one that plays when it counts.
+    `average` is the running average of the network's weights (Polyak averaging), which plays in evaluations.
     """
 
     network: QNetwork
@@ -27,25 +27,21 @@ class DQNLearner(eqx.Module):
     updates: Int[Array, ""]
 
 
-def init(config: DQNConfig, key: PRNGKeyArray) -> DQNLearner:
-    """A learner from scratch. The key is consumed."""
-    return start_from(make_network(config.observation, config.width, config.depth, key))
-
-
-def start_from(network: QNetwork) -> DQNLearner:
-    """A learner that goes on from a copy of a network: its target is the network, its optimiser is fresh."""
-    own, target, average = (jax.tree.map(jnp.copy, network) for _ in range(3))
-    optimiser = _adam.init(eqx.filter(own, eqx.is_array))
-    return DQNLearner(own, target, average, optimiser, jnp.zeros((), jnp.int32))
-
-
 _adam = optax.scale_by_adam()
+
+
+def init(config: DQNConfig, key: PRNGKeyArray, network: Network | None = None) -> DQNLearner:
+    """Return a learner that goes on from a copy of a network, or from random weights. The key is consumed."""
+    first = network or make_network(config.observation, config.width, config.depth, key)
+    assert isinstance(first, QNetwork)
+    own, target, average = (jax.tree.map(jnp.copy, first) for _ in range(3))
+    return DQNLearner(own, target, average, _adam.init(eqx.filter(own, eqx.is_array)), jnp.zeros((), jnp.int32))
 
 
 def q_target(
     reward: Scalar, discount: Scalar, next_values: Float[Array, "9"], next_choice: Float[Array, "9"]
 ) -> Scalar:
-    """`reward + discount * Q_target(s', a*)`, with `a*` the best action of `next_choice` (Eq. 3).
+    """Return `reward + discount * Q_target(s', a*)`, with `a*` the best action of `next_choice` (Eq. 3).
 
     Args:
         reward: of one or more steps.
@@ -57,7 +53,7 @@ def q_target(
 
 
 def loss(network: QNetwork, target: QNetwork, batch: Batch, double: bool) -> Scalar:
-    """Mean squared temporal-difference error of a batch (Eq. 3)."""
+    """Return the mean squared temporal-difference error of a batch (Eq. 3)."""
     values = network.batch(batch.observation)
     next_values = target.batch(batch.next_observation)
     next_choice = network.batch(batch.next_observation) if double else next_values
@@ -74,7 +70,7 @@ def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQN
 
 
 def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float) -> DQNLearner:
-    """The learner after one step of Adam along a gradient.
+    """Return the learner after one step of Adam along a gradient.
 
     Args:
         averaging: part of the way that the averaged weights go towards the network; 1 takes the network itself.
@@ -88,6 +84,6 @@ def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: f
 
 
 def copy_to_target(learner: DQNLearner, due: Array) -> DQNLearner:
-    """The learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
+    """Return the learner with its target network set to its network, where that is due (Algorithm 1, line 11)."""
     target = jax.tree.map(lambda new, old: jnp.where(due, new, old), learner.network, learner.target)
     return eqx.tree_at(lambda this: this.target, learner, target)

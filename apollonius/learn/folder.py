@@ -1,4 +1,4 @@
-"""The folder of a training run: how it is made, and how its configuration is read back."""
+"""The folder of a training run: its files, its lock, its configuration."""
 
 import os
 from collections.abc import Generator
@@ -13,8 +13,8 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.learn.config import RunConfig
 
 _HOLDER = ".process"
-"""File with the number of the process that trains in a folder."""
-_LONGEST_NUMBER = 20
+"""File with the id of the process that trains in a folder."""
+_LONGEST_ID = 20
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
@@ -57,7 +57,7 @@ def held(folder: Path) -> Generator[None, None, None]:
         try:
             fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            process = holder.read_text()[:_LONGEST_NUMBER] if holder.is_file() else "another"
+            process = holder.read_text()[:_LONGEST_ID] if holder.is_file() else "another"
             raise InvalidInput(f"'{folder}' is being trained by process {process}: wait for it, or stop it.") from error
         except OSError:
             pass  # a file system without locks
@@ -73,7 +73,7 @@ def held(folder: Path) -> Generator[None, None, None]:
 
 
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:
-    """Where a run keeps an agent: the one at its end, or the one at an earlier percentage of self-play."""
+    """Return the file of an agent: the one at the end of a run, or that at an earlier percentage of self-play."""
     return run / "agents" / f"{name}{'' if percent == 100 else f'-{percent}'}.safetensors"
 
 

@@ -1,20 +1,34 @@
-"""How a side learns: what all algorithms share, deep Q-learning, soft actor-critic."""
+"""Learning in numbers: what all algorithms share, deep Q-learning, soft actor-critic."""
 
 from dataclasses import dataclass
 from math import log
+from typing import ClassVar
 
-from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, GaussianActor, Network, QNetwork, widened
+from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import require, require_positive
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.observe.registry import find_observation
 
 
+def linear(start: Real, end: Real, over: Real, env_steps: Int[Array, ""]) -> Scalar:
+    """Interpolate from `start` to `end` over the first `over` env steps; constant from then on."""
+    fraction = jnp.clip(env_steps.astype(jnp.float32) / jnp.maximum(over, 1), 0.0, 1.0)
+    value: Real = start + (end - start) * fraction
+    return value
+
+
 @dataclass(frozen=True)
 class LearnerConfig:
-    """What all algorithms share. Intervals are in environment steps: one step of one game."""
+    """The numbers that all algorithms share. Intervals are in environment steps: one step of one game."""
 
+    network: ClassVar[type[QNetwork] | type[GaussianActor]]
+    """Class of the networks that it trains."""
     observation: str = "encoded"
-    """What the network reads (`apollonius.observe`): `paper`, the 8 numbers of Eq. 7, or `encoded`."""
+    """Name of the observation that the network reads (`apollonius.observe`)."""
     width: int = 256
     """Units of each hidden layer (Fig. 3)."""
     depth: int = 4
@@ -24,8 +38,8 @@ class LearnerConfig:
     n_step: int = 16
     """Rewards summed before a value is bootstrapped, at the start of a stage: far-reaching, but of high variance."""
     final_n_step: int = 4
-    """The same at the end of a stage, reached in a straight line: less noise, and the best action is taken for granted
-    rather than the one that was explored (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
+    """Rewards summed at the end of a stage, reached in a straight line: less noise, and closer to the value of the best
+    action than of the explored one (annealed as in Schwarzer et al., "Bigger, Better, Faster", 2023)."""
     learning_rate: float = 5e-4
     """Adam's step size at the start of a stage."""
     final_learning_rate: float = 2e-5
@@ -89,11 +103,33 @@ class LearnerConfig:
         """Time steps the replay holds: the capacity, rounded down to whole iterations."""
         return self.replay_capacity // self.env_steps_per_iteration * self.steps_per_iteration
 
+    def fits(self, network: Network) -> bool:
+        """Return whether training can go on from a network: by its class, its size and the observation it reads."""
+        reads = {self.observation, find_observation(self.observation).extends}
+        size = len(network.layers) - 1, int(network.layers[0].out_features)
+        return type(network) is self.network and network.observation.name in reads and size == (self.depth, self.width)
+
+    def fitted(self, network: Network, name: str, value: object) -> Network:
+        """Return a network to go on from; one that reads a part of the observation has weights of 0 for the rest.
+
+        Args:
+            name, value: what the user gave, for the message.
+
+        Raises:
+            InvalidInput: when it does not fit.
+        """
+        wanted = f"{self.network.__name__} of {self.depth} layers of {self.width} that reads '{self.observation}'"
+        bound = f"a {wanted}, as this config trains, not one that reads '{network.observation.name}' or of another size"
+        require(self.fits(network), name, value, bound)
+        reads = find_observation(self.observation)
+        return network if network.observation is reads else widened(network, reads)
+
 
 @dataclass(frozen=True)
 class DQNConfig(LearnerConfig):
     """Deep Q-learning (section II-B), for the nine discrete actions."""
 
+    network = QNetwork
     double: bool = True
     """Let the online network choose and the target network value the next action (double Q-learning)."""
     target_period: int = 128_000
@@ -109,14 +145,18 @@ class DQNConfig(LearnerConfig):
         require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
         require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
 
+    def epsilon(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
+        """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
+        return linear(first, self.final_epsilon, self.exploration_fraction * stage, env_steps)
+
 
 @dataclass(frozen=True)
 class SACConfig(LearnerConfig):
-    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of gears.
-
-    What is not said here is as in deep Q-learning, n-step returns among it.
+    """Soft actor-critic (Haarnoja et al., "Soft actor-critic algorithms and applications", 2018), for pairs of action
+    levels; n-step returns as in deep Q-learning.
     """
 
+    network = GaussianActor
     depth: int = 3
     final_n_step: int = 8
     learning_rate: float = 1e-3
@@ -126,25 +166,25 @@ class SACConfig(LearnerConfig):
     target_averaging: float = 2e-2
     """Part of the way that the target critics go towards the critics at each update (tau)."""
     target_entropy: float = -1.0
-    """Entropy that the temperature keeps a state's actions at, on average [nats, of gears in [-1, 1]]; uniformly random
-    ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side on which
-    to pass a disc."""
+    """Mean entropy of a state's actions that the temperature is tuned to [nats, of action levels in [-1, 1]]; uniformly
+    random ones have 1.39. The paper's rule, minus the number of controls, would be -2: too sure too early of the side
+    on which to pass a disc."""
     first_temperature: float = 0.1
     """The temperature before the first update."""
     noise_steps: int = 16
-    """Steps for which a game keeps the normal numbers that its actions are drawn by (as in gSDE: Raffin et al., "Smooth
-    exploration for robotic reinforcement learning", 2021): a robot of bounded acceleration averages those away that are
-    new every 0.1 s, and never sees what it would do elsewhere."""
+    """Steps for which a game holds the noise of its actions (as in gSDE: Raffin et al., "Smooth exploration for robotic
+    reinforcement learning", 2021): a robot of bounded acceleration averages away what is new every 0.1 s."""
     critics_first: int = 500
-    """Updates of the critics alone before the actor learns, for they begin from random weights even where it does not.
-    """
+    """Updates of the critics alone before the actor learns: they begin from random weights even where it does not."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "target_averaging", "first_temperature")
         require(self.target_averaging <= 1, "target_averaging", self.target_averaging, "at most 1")
         random = 2 * log(2)
-        require(self.target_entropy < random, "target_entropy", self.target_entropy, "less than 1.39: random gears'")
+        require(
+            self.target_entropy < random, "target_entropy", self.target_entropy, "less than 1.39, as of random ones"
+        )
         require(self.critics_first >= 0, "critics_first", self.critics_first, "at least 0")
         whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"

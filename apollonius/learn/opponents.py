@@ -1,4 +1,4 @@
-"""Whom the sides of self-play meet: each other's learners, and earlier versions by a scheme."""
+"""Schemes of self-play: how opponents are drawn from the earlier versions of the other side. Free of JAX."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from apollonius.io.errors import require, require_positive
 
 @dataclass(frozen=True)
 class Scheme:
-    """A choice of the earlier versions of the other side with which a learner plays.
+    """A distribution over the earlier versions of the other side.
 
     Attributes:
-        weigh: returns how likely versions are to play, up to a factor, from the share of its recent games that each
-            lost to the other side's learner. It is compiled.
-        keeps_records: whether `weigh` looks at these shares.
+        weigh: returns weights from the share of its recent games that each version lost to the other side's learner. It
+            is compiled.
+        keeps_records: whether `weigh` depends on these shares.
         share: share of the games with an earlier version, half of them of either side; None leaves it to the config.
     """
 
@@ -28,18 +28,17 @@ SCHEMES = {
     "uniform": Scheme(),
     "prioritised-hard": Scheme(lambda lost: (1 - lost) ** 2, keeps_records=True),
 }
-"""By name. `latest`: each other and nobody else, Algorithm 2 of the paper. `uniform`: all versions equally likely,
+"""By name. `latest`: only each other, Algorithm 2 of the paper. `uniform`: all versions equally likely,
 fictitious self-play (Heinrich, Lanctot, Silver, 2015). `prioritised-hard`: the more likely, the harder to beat,
 AlphaStar's f_hard (Vinyals et al., 2019)."""
 
 
 @dataclass(frozen=True)
 class OpponentConfig:
-    """Whom the sides of self-play meet."""
+    """The opponents of both sides in self-play."""
 
     scheme: str = "latest"
-    """`latest`: each other, as in Algorithm 2. The rest: in a share of the games an earlier version, drawn by the
-    scheme."""
+    """`latest`: each other, as in Algorithm 2. Others: an earlier version in a share of the games."""
     past_share: float = 0.5
     """Share of the games with an earlier version, half of them of either side, where the scheme does not say it."""
     versions: int = 16
@@ -47,7 +46,7 @@ class OpponentConfig:
     seats: int = 8
     """Earlier versions of each side that play at a time."""
     renewal: int = 524_288
-    """Env steps between two draws of who plays. Versions are judged by games that can last to the time limit before the
+    """Env steps between two draws of opponents. Versions are judged by games that can last to the time limit before the
     next draw, so it must leave that time."""
 
     def __post_init__(self) -> None:
@@ -63,8 +62,7 @@ class OpponentConfig:
     @property
     def share(self) -> float:
         """Share of the games with an earlier version."""
-        said = self.rule.share
-        return self.past_share if said is None else said
+        return self.past_share if self.rule.share is None else self.rule.share
 
     def seat_games(self, games: int) -> int:
         """Return how many games of a batch belong to one seat."""

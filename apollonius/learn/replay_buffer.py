@@ -5,17 +5,15 @@ off at sampling time. Adding is one contiguous slice, written in place where the
 learn as one, have columns of their own, next to each other for every game.
 """
 
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from apollonius.game.types import Scalar
-
 DISCRETE, CONTINUOUS = jax.ShapeDtypeStruct((), jnp.int32), jax.ShapeDtypeStruct((2,), jnp.float32)
-"""What one action of either kind takes."""
+"""Shape and number type of an action."""
 
 
 class Row(eqx.Module):
@@ -28,14 +26,14 @@ class Row(eqx.Module):
     terminated: Bool[Array, "*steps games"]
     truncated: Bool[Array, "*steps games"]
     active: Bool[Array, "*steps games"] | None = None
-    """Of teams whether the robot was in play: what is there of one that was not is nothing to learn from."""
+    """Of teams whether the robot was in play; other transitions do not count."""
 
 
 Rows = TypeVar("Rows")
 
 
 class ReplayBuffer(eqx.Module, Generic[Rows]):
-    """The ring. `head` is the row written next, `filled` how many rows hold something."""
+    """The ring. `head` is the row written next, `filled` the number of rows that hold something."""
 
     rows: Rows
     head: Int[Array, ""]
@@ -43,11 +41,11 @@ class ReplayBuffer(eqx.Module, Generic[Rows]):
 
 
 class Batch(eqx.Module):
-    """n-step transitions: where they begin, what they are paid, and where they are valued.
+    """n-step transitions.
 
-    `reward` is the discounted sum up to the end of the window or of the game, and `discount` what the value of
-    `next_observation` counts: gamma to the number of steps taken, or 0 where the rules ended the game. `active` says of
-    teams which of them count.
+    `reward` is the discounted sum up to the end of the window or of the game, and `discount` the weight of the value of
+    `next_observation`: gamma to the number of steps taken, or 0 where the rules ended the game. `active` says of teams
+    which of them count.
     """
 
     observation: Float[Array, "batch size"]
@@ -59,26 +57,23 @@ class Batch(eqx.Module):
 
 
 def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer[Row]:
-    """An empty ring for `rows` steps of `games` games with observations of `size` numbers and actions like this one.
+    """Return an empty ring for `rows` steps of `games` games, by the sizes of observations and actions.
 
     Args:
         of_teams: whether robots can be out of play.
     """
 
-    def observations() -> Float[Array, "rows games size"]:
-        return jnp.zeros((rows, games, size), jnp.float32)
-
-    def flags() -> Bool[Array, "rows games"]:
-        return jnp.zeros((rows, games), bool)
+    def zeros(shape: tuple[int, ...] = (), dtype: Any = jnp.float32) -> Array:
+        return jnp.zeros((rows, games, *shape), dtype)
 
     empty = Row(
-        observation=observations(),
-        action=jnp.zeros((rows, games, *action.shape), action.dtype),
-        reward=jnp.zeros((rows, games), jnp.float32),
-        next_observation=observations(),
-        terminated=flags(),
-        truncated=flags(),
-        active=flags() if of_teams else None,
+        observation=zeros((size,)),
+        action=zeros(action.shape, action.dtype),
+        reward=zeros(),
+        next_observation=zeros((size,)),
+        terminated=zeros(dtype=bool),
+        truncated=zeros(dtype=bool),
+        active=zeros(dtype=bool) if of_teams else None,
     )
     return ReplayBuffer(empty, jnp.zeros((), jnp.int32), jnp.zeros((), jnp.int32))
 
@@ -93,7 +88,7 @@ def add(buffer: ReplayBuffer[Rows], new: Rows) -> ReplayBuffer[Rows]:
 
 
 def cut(buffer: ReplayBuffer[Row], games: Bool[Array, " games"]) -> ReplayBuffer[Row]:
-    """The ring after some games were broken off: their latest transitions are truncated, unless they ended them."""
+    """Return the ring after some games were broken off: their latest transitions are truncated, unless terminated."""
     rows, columns = buffer.rows.reward.shape
     latest, broken_off = (buffer.head - 1) % rows, jnp.repeat(games, columns // games.shape[0])
     truncated = buffer.rows.truncated[latest] | (broken_off & ~buffer.rows.terminated[latest])
@@ -108,10 +103,10 @@ def sample(
     n_step: Int[Array, ""] | int,
     gamma: float,
 ) -> Batch:
-    """Transitions drawn uniformly from the ring, each with the return of up to `n_step` steps. The key is consumed.
+    """Draw transitions uniformly, each with the return of up to `n_step` steps. The key is consumed.
 
     At least `max_n_step` rows must be filled, and `n_step` be from 1 to `max_n_step`. A window that meets the end of
-    its game stops there: a terminated game is worth nothing beyond, a truncated one what its final observation is.
+    its game stops there: beyond it a terminated game has no value, a truncated one that of its final observation.
     """
     rows, games = buffer.rows.reward.shape
     age_key, game_key = jax.random.split(key)
@@ -127,7 +122,7 @@ def sample(
         row = (first + ahead) % rows
         reward = reward + jnp.where(going, discount * buffer.rows.reward[row, game], 0.0)
         terminated, truncated = buffer.rows.terminated[row, game], buffer.rows.truncated[row, game]
-        discount = jnp.where(going, discount * _continues(terminated, gamma), discount)
+        discount = jnp.where(going, discount * jnp.where(terminated, 0.0, gamma), discount)
         last = jnp.where(going, row, last)
         going = going & ~terminated & ~truncated & (ahead + 1 < n_step)
     return Batch(
@@ -138,8 +133,3 @@ def sample(
         discount=discount,
         active=None if buffer.rows.active is None else buffer.rows.active[first, game],
     )
-
-
-def _continues(terminated: Bool[Array, " batch"], gamma: float) -> Float[Array, " batch"]:
-    discount: Scalar = jnp.where(terminated, 0.0, gamma)
-    return discount

@@ -18,7 +18,7 @@ import numpy as np
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.store import describe, save_agent
-from apollonius.agents.trained import greedy
+from apollonius.agents.trained import greedy, load_network
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
@@ -27,25 +27,25 @@ from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn import curriculum
-from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
-from apollonius.learn.config import RunConfig
+from apollonius.learn import loop, train_state
+from apollonius.learn.checkpoint import Evaluation, Standing, load_checkpoint, load_standing, save_checkpoint
+from apollonius.learn.config import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
 from apollonius.learn.folder import agent_file, held
-from apollonius.learn.progress import Progress, append_metrics, begin_metrics, measure
+from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
 from apollonius.learn.teacher import TABLES, Setting, make_settings
-from apollonius.learn.train_state import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, Plan, TrainState, plans_of
+from apollonius.learn.train_state import TrainState
 from apollonius.observe.registry import find_observation
 from apollonius.play.playout import play_out
 
 CHECKPOINT_SECONDS = 60.0
 """Least time between two checkpoints."""
 _EVALUATION_SEED = 20_200
-"""Of the games of evaluations, the same for all runs; the judge uses others."""
+"""Seed of the games of evaluations, the same for all runs; the final evaluation uses others."""
 
 
 class Saved(eqx.Module):
-    """What a checkpoint holds: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
+    """Content of a checkpoint: the training state and, in stage 1, the best pursuer so far by a fixed evaluation."""
 
     train: TrainState
     best: Network | None
@@ -57,7 +57,7 @@ class Run:
     Args:
         config: what to train.
         folder: where; `config.toml` must already lie there (`create_run`).
-        report: called after every chunk.
+        report: called after every chunk with its metrics and the share of the stage that is done.
         should_stop: asked after every chunk; True saves a checkpoint and ends `execute` early.
     """
 
@@ -65,7 +65,7 @@ class Run:
         self,
         config: RunConfig,
         folder: Path,
-        report: Callable[[Progress], None] = lambda progress: None,
+        report: Callable[[MetricsLine, float], None] = lambda line, share: None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> None:
         self.config = config
@@ -77,16 +77,16 @@ class Run:
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
         self.evaders = find_pool(config.evaders, Role.EVADER, self.game)
-        self.plans = plans_of(config)
+        self.plans = config.plans
 
     @cached_property
     def settings(self) -> list[Setting]:
-        """The teachers of a distillation, and whom the student meets; games are solved for it that are not yet."""
+        """Teachers and opponents of a distillation; games are solved for it that are not yet."""
         return make_settings(self.config, self.game, self.folder / TABLES)
 
     @property
     def work(self) -> dict[str, int]:
-        """About how much each stage takes, by name: its env steps, once for each side that learns."""
+        """Work of each stage, by name: its env steps, once for each side that learns."""
         sides = {FIXED_TARGET: 1, SELF_PLAY: 2, DISTILLATION: 1}
         return {stage: sides[stage] * plan.stage.env_steps for stage, plan in self.plans.items()}
 
@@ -102,121 +102,129 @@ class Run:
             return self._execute()
 
     def _execute(self) -> bool:
-        stand = load_stand(self.checkpoint) if self.checkpoint.exists() else None
-        if stand is not None and stand.stage not in self.plans:
+        standing = load_standing(self.checkpoint) if self.checkpoint.exists() else None
+        if standing is not None and standing.stage not in self.plans:
             raise InvalidInput(f"'{self.checkpoint}' is of another stage than its config.toml names: train again.")
         stages = list(self.plans)
-        done = stages.index(stand.stage) if stand else 0
         best: Network | None = None
-        for stage in stages[done:]:
-            plan = self.plans[stage]
-            if stand is None:
+        for stage in stages[stages.index(standing.stage) if standing else 0 :]:
+            if standing is None:
                 begin_metrics(self.metrics)
-            if stand is None or stand.stage != stage:
-                first = ROLES.map(lambda role: curriculum.load_first(self.config, role))
-                saved = self._start(stage, plan, BySide(first.pursuer or best, first.evader))
-                stand = Stand(stage, metrics_bytes=self.metrics.stat().st_size)
+            if standing is None or standing.stage != stage:
+                first = ROLES.map(lambda role: load_first(self.config, role))
+                saved = self._start(stage, BySide(first.pursuer or best, first.evader))
+                standing = Standing(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
-                saved = load_checkpoint(self.checkpoint, self._start(stage, plan, BySide(None, None)))
-                begin_metrics(self.metrics, stand)
-            saved, finished = self._train_stage(plan, saved, stand)
+                saved = load_checkpoint(self.checkpoint, self._start(stage, BySide(None, None)))
+                begin_metrics(self.metrics, standing)
+            saved, finished = self._train_stage(saved, standing)
             if not finished:
                 return False
             best = saved.best
         return True
 
-    def _start(self, stage: str, plan: Plan, networks: BySide[Network | None]) -> Saved:
-        """What a stage begins with, whose networks go on from these."""
-        game, key = self.game, jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
+    def _start(self, stage: str, networks: BySide[Network | None]) -> Saved:
+        """Return the beginning of a stage whose networks go on from these."""
+        plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == DISTILLATION:
             return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
-        train = curriculum.start(plan, game, key, self._fixed(stage), networks)
+        train = train_state.start(plan, self.game, key, self._fixed(stage), networks)
         return Saved(train, _copy(train.learners[Role.PURSUER].learner.average) if stage == FIXED_TARGET else None)
 
     def _fixed(self, stage: str) -> dict[Role, Pool]:
         """Return the players of the side that does not learn in a stage of the curriculum."""
         return {Role.EVADER: self.evaders} if stage == FIXED_TARGET else {}
 
-    def _train_stage(self, plan: Plan, saved: Saved, stand: Stand) -> tuple[Saved, bool]:
-        """Train one stage from where it stands. Returns what it ends with, and whether it ended by itself."""
-        train, best = saved.train, saved.best
-        if stand.stage == DISTILLATION:
-            chunks = distillation(plan, train, self.settings, stand.chunks)
+    def _train_stage(self, saved: Saved, standing: Standing) -> tuple[Saved, bool]:
+        """Train one stage from here. Returns its last state, and whether it ended by itself."""
+        train, best, stage = saved.train, saved.best, standing.stage
+        plan = self.plans[stage]
+        if stage == DISTILLATION:
+            chunks = distillation(plan, train, self.settings, standing.chunks)
         else:
-            game = plan.stage.rewarded(self.game)
-            chunks = curriculum.chunks(plan, game, train, self._fixed(stand.stage), stand.chunks)
-        began, last_save = time.monotonic() - stand.seconds, time.monotonic()
+            chunks = loop.chunks(plan, plan.stage.rewarded(self.game), train, self._fixed(stage), standing.chunks)
+        began, last_save = time.monotonic() - standing.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:
-            ended = int(train.env_steps) >= plan.stage.env_steps
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
-            before, stand = stand.chunks, replace(stand, chunks=stand.chunks + 1)
-            if _crosses(before, stand.chunks, plan.chunks, plan.stage.evaluations):
-                best, stand = self._evaluate(plan, train, best, stand)
-            self._keep_snapshots(plan, train, before, stand)
-            stand = replace(stand, seconds=time.monotonic() - began)
-            progress = measure(stand, plan, train, metrics, speed)
-            stand = replace(stand, metrics_bytes=append_metrics(self.metrics, progress, metrics, stand.seconds))
-            self.report(progress)
-            stop = self.should_stop()
+            before, standing = standing.chunks, replace(standing, chunks=standing.chunks + 1)
+            evaluation = None
+            if _crosses(before, standing.chunks, plan.chunks, plan.stage.evaluations):
+                evaluation = self._evaluate(stage, train)
+                if self._is_best(evaluation, standing):
+                    best = _copy(train.learners[Role.PURSUER].learner.average)
+                    standing = replace(standing, best=evaluation)
+            self._save_agents(train, before, standing)
+            seconds = time.monotonic() - began
+            line = measure(stage, train, metrics, evaluation, seconds, speed)
+            standing = replace(standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line))
+            self.report(line, plan.share(line.env_steps))
+            stop, ended = self.should_stop(), standing.chunks == plan.chunks
             if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
-                save_checkpoint(self.checkpoint, Saved(train, best), stand)
+                save_checkpoint(self.checkpoint, Saved(train, best), standing)
                 last_save = time.monotonic()
-            if stop and stand.chunks < plan.chunks:
+            if stop and not ended:
                 return Saved(train, best), False
             chunk_began = time.monotonic()
-        if best is not None and stand.best is not None:
-            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), asdict(stand.best), stand)
+        if best is not None and standing.best is not None:
+            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), asdict(standing.best), stage)
         return Saved(train, best), True
 
-    def _evaluate(
-        self, plan: Plan, train: TrainState, best: Network | None, stand: Stand
-    ) -> tuple[Network | None, Stand]:
-        """Greedy play from fixed starts; in stage 1 it decides which pursuer is the best so far.
+    def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
+        """Play greedily from fixed starts."""
+        networks = {role: side.learner.average for role, side in train.learners.items()}
+        distils = stage == DISTILLATION
+        fixed = solo(self.settings[0].opponents[0]) if distils else self.evaders
+        game = self.settings[0].game if distils else self.game
+        outcomes = _greedy_outcomes(game, networks, fixed, self.plans[stage].stage.evaluation_games)
+        return Evaluation(int(train.env_steps), int(train.episodes), outcomes)
+
+    def _is_best(self, evaluation: Evaluation, standing: Standing) -> bool:
+        """Return whether a pursuer of stage 1 is the best so far.
 
         Against an evader that stays that is the one with most captures (section IV), otherwise the latest: the one with
         most wins would be one that waits until a random evader has failed.
         """
-        networks = {role: side.learner.average for role, side in train.learners.items()}
-        taught = stand.stage == DISTILLATION
-        fixed = solo(self.settings[0].opponents[0]) if taught else self.evaders
-        game = self.settings[0].game if taught else self.game
-        outcomes = _greedy_outcomes(game, networks, fixed, plan.stage.evaluation_games)
-        found = Evaluation(int(train.env_steps), int(train.episodes), outcomes)
-        stand = replace(stand, evaluation=found)
-        if stand.stage != FIXED_TARGET:
-            return None, stand
-        moving = self.config.evaders != ("still",)
-        if moving or stand.best is None or outcomes["captured"] > stand.best.outcomes["captured"]:
-            return _copy(networks[Role.PURSUER]), replace(stand, best=found)
-        return best, stand
+        if standing.stage != FIXED_TARGET:
+            return False
+        if self.config.evaders != ("still",) or standing.best is None:
+            return True
+        return evaluation.outcomes["captured"] > standing.best.outcomes["captured"]
 
-    def _keep_snapshots(self, plan: Plan, train: TrainState, before: int, stand: Stand) -> None:
-        record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
-        if stand.stage == DISTILLATION and stand.chunks == plan.chunks:
-            for role, side in train.learners.items():
-                self._save_agent(side.learner.average, role, f"{role.name[0]}_optimal", record, stand)
-        if stand.stage != SELF_PLAY:
-            return
+    def _save_agents(self, train: TrainState, before: int, standing: Standing) -> None:
+        """Save the agents at the snapshots of self-play, and that of a distillation at its end."""
+        plan, stage = self.plans[standing.stage], standing.stage
         kind = "curriculum" if FIXED_TARGET in self.plans or self.config.pursuer else "scratch"
-        for percent in self.config.self_play.snapshot_percents:
-            if before < -(-plan.chunks * percent // 100) <= stand.chunks:
+        percents = {SELF_PLAY: self.config.self_play.snapshot_percents, DISTILLATION: (100,)}.get(stage, ())
+        record = {"env_steps": int(train.env_steps), "episodes": int(train.episodes)}
+        for percent in percents:
+            if before < -(-plan.chunks * percent // 100) <= standing.chunks:
                 for role, side in train.learners.items():
-                    name = f"{role.name[0]}_{kind}"
-                    self._save_agent(side.learner.average, role, name, record, stand, percent)
+                    name = f"{role.name[0]}_{'optimal' if stage == DISTILLATION else kind}"
+                    self._save_agent(side.learner.average, role, name, record, stage, percent)
 
     def _save_agent(
-        self, network: Network, role: Role, name: str, record: Mapping[str, object], stand: Stand, percent: int = 100
+        self, network: Network, role: Role, name: str, record: Mapping[str, object], stage: str, percent: int = 100
     ) -> None:
         config = to_dict(self.config)
         command = "apollonius train --config FILE, where FILE holds the config of this record"
-        training = {"command": command, "seed": self.config.seed, "stage": stand.stage, **record, "config": config}
+        training = {"command": command, "seed": self.config.seed, "stage": stage, **record, "config": config}
         agent = describe(network, role, to_dict(self.config.game), training)
         save_agent(agent, agent_file(self.folder, name, percent))
 
 
+def load_first(config: RunConfig, role: Role) -> Network | None:
+    """Return the network that a side goes on from, if the config names one.
+
+    Raises:
+        InvalidInput: when there is no such agent, or the config trains another kind of network.
+    """
+    name = config.first[role]
+    return None if name is None else config.learner.fitted(load_network(name, role), role.name.lower(), name)
+
+
 def _greedy_outcomes(game: Game, networks: Mapping[Role, Network], fixed: Pool, games: int) -> dict[str, int]:
-    """Return how many games ended how: networks play at their best, and a fixed player for a side without one."""
+    """Count the outcomes of games between greedy networks, with fixed players for a side without one."""
     start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
     players = ROLES.map(lambda role: solo(greedy(networks[role])) if role in networks else fixed)
     results = play_out(game, players, sample_starts(game, start_key, games), play_key)
@@ -224,17 +232,17 @@ def _greedy_outcomes(game: Game, networks: Mapping[Role, Network], fixed: Pool, 
 
 
 def _stage1_name(evaders: tuple[str, ...]) -> str:
-    """Name of the pursuer that learned to catch these evaders."""
+    """Return the name of the pursuer that learned to catch these evaders."""
     if evaders == ("still",):
         return "P_stage1"
     return f"P_{Path(evaders[0]).stem}" if len(evaders) == 1 else "P_pool"
 
 
 def _copy(network: Network) -> Network:
-    """The same weights in other memory: a chunk consumes the state it is given."""
+    """Copy the weights: a chunk consumes the state it is given."""
     return jax.tree.map(jnp.copy, network)
 
 
 def _crosses(before: int, after: int, total: int, times: int) -> bool:
-    """Whether one of `times` evenly spaced moments in `total` chunks, the last at the end, is in (before, after]."""
+    """Return whether one of `times` evenly spaced moments in `total` chunks is in (before, after]."""
     return after * times // total > before * times // total

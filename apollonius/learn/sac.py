@@ -11,23 +11,24 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from apollonius.agents.network import GaussianActor, Layers, apply_to_batch, make_actor, make_layers
+from apollonius.agents.network import GaussianActor, Layers, Network, apply_to_batch, make_actor, make_layers
 from apollonius.game.types import Scalar
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.replay_buffer import Batch
 from apollonius.observe.registry import find_observation
 
-Gears = Float[Array, "batch 2"]
+Actions = Float[Array, "batch 2"]
+"""Pairs of action levels in [-1, 1]."""
 
 
 class Critics(eqx.Module):
-    """Two estimates of what an action is worth, of which the lower one counts."""
+    """Two estimates of the value of an action, of which the lower one counts."""
 
     first: Layers
     second: Layers
 
-    def batch(self, observations: Float[Array, "batch size"], actions: Gears) -> Float[Array, "2 batch"]:
-        """Both values of an action in every state."""
+    def batch(self, observations: Float[Array, "batch size"], actions: Actions) -> Float[Array, "2 batch"]:
+        """Return both values of an action in every state."""
         inputs = jnp.concatenate([observations, actions], axis=1)
         return jnp.stack([apply_to_batch(layers, inputs)[:, 0] for layers in (self.first, self.second)])
 
@@ -35,7 +36,7 @@ class Critics(eqx.Module):
 class SACLearner(eqx.Module):
     """One side's networks and optimisers. `updates` counts the updates so far.
 
-    `average` is the running average of the actor's weights: the one that plays when it counts. `target` is that of the
+    `average` is the running average of the actor's weights: which plays in evaluations. `target` is that of the
     critics. `log_temperature` is the logarithm of alpha.
     """
 
@@ -51,14 +52,14 @@ class SACLearner(eqx.Module):
 _adam = optax.scale_by_adam()
 
 
-def init(config: SACConfig, key: PRNGKeyArray) -> SACLearner:
-    """A learner from scratch. The key is consumed."""
-    actor_key, critic_key = jax.random.split(key)
-    return start_from(config, make_actor(config.observation, config.width, config.depth, actor_key), critic_key)
-
-
-def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> SACLearner:
-    """A learner that goes on from a copy of an actor; its critics begin from random weights. The key is consumed."""
+def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> SACLearner:
+    """Return a learner that goes on from a copy of an actor, or from random weights; its critics begin from random
+    weights. The key is consumed.
+    """
+    if actor is None:
+        actor_key, key = jax.random.split(key)
+        actor = make_actor(config.observation, config.width, config.depth, actor_key)
+    assert isinstance(actor, GaussianActor)
     sizes = [find_observation(config.observation).size + 2, *[config.width] * config.depth, 1]
     critics = Critics(*(make_layers(sizes, critic_key) for critic_key in jax.random.split(key)))
     network, average, critics, target = (jax.tree.map(jnp.copy, part) for part in (actor, actor, critics, critics))
@@ -68,17 +69,16 @@ def start_from(config: SACConfig, actor: GaussianActor, key: PRNGKeyArray) -> SA
     return SACLearner(network, average, critics, target, log_temperature, optimiser, jnp.zeros((), jnp.int32))
 
 
-def sample(actor: GaussianActor, observations: Float[Array, "batch size"], noise: Gears) -> tuple[Gears, Array]:
-    """Actions drawn by the actor, as functions of its weights, and the logarithms of their densities (Eq. 20).
+def sample(
+    actor: GaussianActor, observations: Float[Array, "batch size"], noise: Actions
+) -> tuple[Actions, Float[Array, " batch"]]:
+    """Return actions drawn by the actor, as functions of its weights, and their log densities (Eq. 20).
 
     With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm is written as
     2 (log 2 - u - softplus(-2 u)), which neither overflows nor loses its digits far out.
 
     Args:
         noise: standard normal numbers.
-
-    Returns:
-        Gears, and log densities `[batch]`.
     """
     mean, deviation = actor.batch(observations)
     before = mean + deviation * noise
@@ -90,9 +90,9 @@ def sample(actor: GaussianActor, observations: Float[Array, "batch size"], noise
 def soft_target(
     reward: Scalar, discount: Scalar, next_values: Float[Array, "2"], log_density: Scalar, temperature: Scalar
 ) -> Scalar:
-    """`reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5).
+    """Return `reward + discount * (min(Q_1, Q_2)(s', a') - alpha log pi(a' | s'))` (Eq. 3 and 5).
 
-    Over several steps the entropy on the way is left out, so it is valued at the states that values are read at only.
+    Over several steps the entropy on the way is left out.
 
     Args:
         reward: of one or more steps.
@@ -105,23 +105,24 @@ def soft_target(
 
 
 def critics_loss(critics: Critics, batch: Batch, targets: Float[Array, " batch"]) -> Scalar:
-    """Mean squared error of both critics against the same targets, added up (Eq. 5)."""
+    """Return the mean squared error of both critics against the same targets, added up (Eq. 5)."""
     values = critics.batch(batch.observation, batch.action)
     return jnp.sum(jnp.mean((values - targets[None]) ** 2, axis=1))
 
 
 def actor_loss(
-    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Gears
+    actor: GaussianActor, critics: Critics, temperature: Scalar, batch: Batch, noise: Actions
 ) -> tuple[Scalar, Scalar]:
-    """Mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of the actions drawn."""
+    """Return the mean of `alpha log pi(a | s) - min(Q_1, Q_2)(s, a)` (Eq. 7), and the mean log density of actions."""
     actions, log_density = sample(actor, batch.observation, noise)
     values = jnp.min(critics.batch(batch.observation, actions), axis=0)
     return jnp.mean(temperature * log_density - values), jnp.mean(log_density)
 
 
 def temperature_slope(log_density: Scalar, target_entropy: float) -> Scalar:
-    """Slope of the temperature's loss `-log(alpha) (log pi + target entropy)` by log(alpha) (Eq. 18): below zero, so
-    that the temperature rises, while the mean entropy `-log pi` is lower than the wanted one.
+    """Return the slope of the temperature's loss `-log(alpha) (log pi + target entropy)` by log(alpha) (Eq. 18).
+
+    It is below zero, so that the temperature rises, while the mean entropy `-log pi` is below the target.
     """
     return -(log_density + target_entropy)
 

@@ -1,4 +1,4 @@
-"""What each stage of a training can be told: the two of the curriculum, and distillation."""
+"""The stages of a training in numbers: the two of the curriculum, and distillation; and the plan of a stage."""
 
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -11,12 +11,16 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require, require_positive
 from apollonius.io.limits import GAMES
+from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
+
+_CHUNK_ENV_STEPS = 8192
+"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
 
 
 @dataclass(frozen=True)
 class StageConfig:
-    """How long a stage of the curriculum lasts and how often it is looked at. The defaults are those of stage 1."""
+    """Length, exploration, rewards and evaluations of a stage. The defaults are those of stage 1."""
 
     env_steps: int = 19_000_000
     """Length of the stage."""
@@ -50,13 +54,13 @@ class StageConfig:
         return BySide(self.pursuer_epsilon, self.evader_epsilon)
 
     def rewarded(self, game: Game) -> Game:
-        """The game with this stage's own weights; only rewards differ, so the judge need not know."""
+        """Return the game with this stage's reward weights."""
         return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
 
 
 @dataclass(frozen=True)
 class SelfPlayConfig(StageConfig):
-    """Stage 2 as it works best: the pursuer explores little, for it has learned already, and progress weighs little.
+    """Stage 2. Its pursuer has learned already and explores little; progress weighs little.
 
     With c = 3 an evader that gains three metres on its way into a wall is paid more than it loses there.
     """
@@ -65,58 +69,45 @@ class SelfPlayConfig(StageConfig):
     pursuer_epsilon: float = 0.2
     progress: float = 1.0
     snapshots: int = 4
-    """Times at which both agents are kept, evenly spaced over the stage; the last is its end."""
+    """Times at which both agents are saved, evenly spaced over the stage; the last is its end."""
     opponents: OpponentConfig = field(default_factory=OpponentConfig)
-    """Whom both sides meet."""
-    zero_sum_within: float | None = None
-    """Distance [m] beyond which the evader, too, is paid for coming closer (`apollonius.game.reward`), in place of the
-    game's own; None leaves that, which is nowhere in the paper's game."""
+    """The opponents of both sides."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        within = self.zero_sum_within
-        require(within is None or 0 < within < inf, "zero_sum_within", within, "more than 0 and finite, or left out")
         require(1 <= self.snapshots <= 100, "snapshots", self.snapshots, "from 1 to 100")
-
-    def rewarded(self, game: Game) -> Game:
-        """The game with this stage's own weights and its own bound of the zero-sum part."""
-        weighed = super().rewarded(game)
-        if self.zero_sum_within is None:
-            return weighed
-        return replace(weighed, reward=replace(weighed.reward, zero_sum_within=self.zero_sum_within))
 
     @property
     def snapshot_percents(self) -> tuple[int, ...]:
-        """Percentages of the stage at which both agents are kept."""
+        """Percentages of the stage at which both agents are saved."""
         return tuple(round(100 * number / self.snapshots) for number in range(1, self.snapshots + 1))
 
 
 @dataclass(frozen=True)
 class DistillationConfig(StageConfig):
-    """One side learns what a teacher knows, from the states that its own games come to."""
+    """One side learns a teacher's action values, in the states of its own games."""
 
     env_steps: int = 50_000_000
     pursuer_epsilon: float = 0.04
-    """Share of random actions of a learning pursuer, each held for a round; the same to the end."""
+    """Share of random actions of a learning pursuer, each held for a round; constant."""
     evader_epsilon: float = 0.04
-    """The same of a learning evader."""
+    """Share of random actions of a learning evader, each held for a round; constant."""
     evaluations: int = 10
     evaluation_games: int = 300
     role: Literal["pursuer", "evader"] = "evader"
     """The side that learns."""
     teacher: str = TABLE
-    """Who says what each action is worth: `table`, the player by the game solved for that side, or an agent trained by
-    DQN."""
+    """Source of the action values: `table`, the player by the game solved for that side, or an agent trained by DQN."""
     opponents: tuple[str, ...] = (TABLE, "random", "P_prioritised", "P_pool", "intercept")
-    """Whom it meets, each in an equal part of the games: `table` is the other side's."""
+    """Its opponents, each in an equal part of the games: `table` is the other side's."""
     near_sighted: int = 192
     """Games against an attacker that knows the student and looks one hold of ten steps ahead."""
     far_sighted: int = 64
     """Games against one that looks two holds ahead, at four times the cost."""
     grid: tuple[int, ...] | None = None
     """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius solve game`."""
-    room: float = 0.05
-    """Where actions leave less room than this [m], the teacher's say gives way to how much they leave; 0 leaves that
+    clearance: float = 0.05
+    """Where actions leave less clearance than this [m], it counts more and the teacher's values less; 0 leaves that
     out."""
     updates: int = 8
     """Updates in a round."""
@@ -125,7 +116,7 @@ class DistillationConfig(StageConfig):
         super().__post_init__()
         require_positive(self, "updates")
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require(0 <= self.room < inf, "room", self.room, "at least 0 m and finite")
+        require(0 <= self.clearance < inf, "clearance", self.clearance, "at least 0 m and finite")
         for name in ("near_sighted", "far_sighted"):
             require(getattr(self, name) >= 0, name, getattr(self, name), "at least 0")
         require(
@@ -137,3 +128,51 @@ class DistillationConfig(StageConfig):
     def side(self) -> Role:
         """The side that learns."""
         return Role[self.role.upper()]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under `jit`."""
+
+    learner: LearnerConfig
+    stage: StageConfig
+
+    @property
+    def opponents(self) -> OpponentConfig:
+        """The opponents of both sides where both learn."""
+        return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
+
+    @property
+    def iterations_per_chunk(self) -> int:
+        """Rounds of play and updates in one compiled call."""
+        return max(8, _CHUNK_ENV_STEPS // self.learner.env_steps_per_iteration)
+
+    @property
+    def env_steps_per_chunk(self) -> int:
+        """Env steps in one compiled call."""
+        return self.iterations_per_chunk * self.learner.env_steps_per_iteration
+
+    @property
+    def chunks(self) -> int:
+        """Compiled calls in the whole stage."""
+        return -(-self.stage.env_steps // self.env_steps_per_chunk)
+
+    def share(self, env_steps: int) -> float:
+        """Return the share of the stage's work that is done after some env steps: of those that updates go with."""
+        total, idle = self.chunks * self.env_steps_per_chunk, self.learner.learning_starts
+        idle = idle if idle < total else 0
+        return max(0, env_steps - idle) / (total - idle)
+
+    @property
+    def chunks_per_assignment(self) -> int:
+        """Compiled calls between two draws of opponents."""
+        return -(-self.opponents.renewal // self.env_steps_per_chunk)
+
+    @property
+    def steps_per_assignment(self) -> int:
+        """Steps of every game between two draws of opponents."""
+        return self.chunks_per_assignment * self.env_steps_per_chunk // self.learner.games
+
+    def renews_after(self, chunks: int) -> bool:
+        """Return whether opponents are drawn again after this many chunks of a stage."""
+        return self.opponents.share > 0 and chunks > 0 and chunks % self.chunks_per_assignment == 0

@@ -1,6 +1,5 @@
-"""The teacher of a distillation: what each of the nine actions is worth in a state, as the student shall see it."""
+"""The teacher of a distillation: values of the nine actions, and the clearance that they leave."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import equinox as eqx
@@ -18,32 +17,32 @@ from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
 from apollonius.observe.observation import perceive
-from apollonius.solve.grid import Grid, Sweep, make_grid
+from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import kept_tables, reference_grid
 
 TABLES = "tables"
-"""The folder of a run in which the solved game lies."""
+"""Folder of the solved game in that of a run."""
 _AHEAD = 2
-"""Steps of an action after which the room is looked at."""
+"""Steps of an action after which the clearance is looked up."""
 DEEPEST = 0.3
-"""How much worse than the best an action is, at most, before room is looked at: bad is bad, and what a network learns
-of how bad is lost to the choice between good ones."""
+"""Largest difference to the best action, before clearance counts: capacity spent on how bad a bad action is would be
+lost to the choice between good ones."""
 STEEPNESS = 10.0
-"""What a missing metre of room costs."""
+"""Cost of a missing metre of clearance."""
 COSTLIEST = 0.8
-"""What missing room costs at most."""
+"""Largest cost of missing clearance."""
 
 
-class Room(eqx.Module):
-    """The room that a robot can keep for ever after each of its actions, by the safety table of `solve.safety`.
+class Clearance(eqx.Module):
+    """The clearance that a robot can keep for ever after each of its actions, by the safety table of `solve.safety`.
 
     Attributes:
-        motion: the robot, for as many steps as an action is looked at.
-        grid, table: the room [m] at the nodes.
-        wanted: with more than this there is nothing to worry about [m].
+        motion: of the robot, for the steps of `_AHEAD`.
+        grid, table: the clearance [m] at the nodes.
+        wanted: clearance beyond which it does not count [m].
     """
 
     motion: Motion
@@ -52,64 +51,59 @@ class Room(eqx.Module):
     wanted: Real
 
     def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
-        """What the actions are worth once their room counts, from how far each is behind the best.
+        """Return the differences to the best action, less the cost of missing clearance.
 
-        As room runs out, what a teacher prefers counts less and less, and room alone in the end: a wall is come to by
-        many steps, none of which leaves much less room than another would.
+        As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
+        many steps, none of which leaves much less clearance than another would.
         """
-        rooms = jnp.minimum(self.after(robot), self.wanted)
-        most = jnp.max(rooms)
+        left = jnp.minimum(self.after(robot), self.wanted)
+        most = jnp.max(left)
         ease = jnp.clip(most / self.wanted, 0.0, 1.0)
-        return ease * behind - jnp.minimum(STEEPNESS * (most - rooms), COSTLIEST)
+        return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
 
     def after(self, robot: RobotState) -> Float[Array, "9"]:
-        """The room after each action [m]."""
+        """Return the clearance after each action [m]."""
 
-        def room(action: Array) -> Scalar:
+        def clearance(action: Array) -> Scalar:
             course = self.motion.hold(robot, action)
             return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
 
-        return jax.vmap(room)(jnp.arange(NUM_ACTIONS))
+        return jax.vmap(clearance)(jnp.arange(NUM_ACTIONS))
 
 
 class Teacher(eqx.Module):
-    """A player that values all nine actions, and the room that they leave.
+    """A player that values all nine actions, and the clearance that they leave.
 
     Attributes:
         policy: the player.
-        scale: what a game that is lost is worth to it, about, its sign turned.
-        room: of the student's robot; None leaves it out.
+        scale: price of a lost game in its values.
+        clearance: of the student's robot; None leaves it out.
     """
 
     policy: AbstractActionValuePolicy
     scale: Real
-    room: Room | None
+    clearance: Clearance | None
 
-    def worths(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
-        """Return what the nine actions are worth in many games, in the player's own units; the best is worth what the
-        player says it is.
+    def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
+        """Return the values of the nine actions for one side, in the player's units; the best has the player's value.
 
         Args:
-            states: of the games, leaves `[games]`.
-            role: the student's side.
+            states: leaves `[games]`.
         """
         read, rows = perceive(self.policy.observation, game, states, role)
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.policy.weigh(read(row), self.policy.memory, bits)[0])(rows)
         best = jnp.max(values, axis=1, keepdims=True)
         behind = jnp.maximum((values - best) / self.scale, -DEEPEST)
-        if self.room is not None:
-            own = states.robots[role][0]
-            behind = jax.vmap(self.room.weighed)(behind, own)
+        if self.clearance is not None:
+            behind = jax.vmap(self.clearance.weighed)(behind, states.robots[role][0])
         return best + self.scale * (behind - jnp.max(behind, axis=1, keepdims=True))
 
 
 class Setting(eqx.Module):
-    """One arena: the teacher there, and the opponents that the student meets.
+    """The game in one arena, the teacher there, and the student's opponents.
 
     Attributes:
-        game: the rules.
-        teacher: whose worths are learned.
         opponents: each plays an equal part of the games that the attackers leave.
         table: the other side's player by the solved game, by which the attackers look ahead.
     """
@@ -120,69 +114,44 @@ class Setting(eqx.Module):
     table: SaddlePolicy
 
 
-def make_settings(
-    config: RunConfig,
-    game: Game,
-    folder: Path | None,
-    report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
-) -> list[Setting]:
+def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Setting]:
     """Return the settings of a run, one in each arena; games are solved whose tables do not lie in the folder.
 
-    All have one shape, so that what is compiled for one serves all.
+    All have one shape, so that one compilation serves all.
 
     Args:
         game: that of the run, with charts where players read them.
-        report: told after each sweep.
 
     Raises:
-        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or there are robots of
-            several makes.
+        InvalidInput: when a player cannot be found, the teacher does not value the nine actions, or robots are of
+            several kinds.
     """
-    scenario, role = game.scenario, config.distillation.side
-    if scenario is None:
-        grid, hold = reference_grid(game, role)
-        return [_make_setting(config, game, game, grid.counts, hold, folder, report)]
-    makes = "robots of several makes"
-    require(scenario.makes is None, "game", makes, "one of one make: whom a table teaches has the table's robots")
+    stage, role, scenario = config.distillation, config.distillation.side, game.scenario
+    kinds = "robots of several kinds"
+    require(scenario is None or scenario.makes is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
-    return [
-        _make_setting(config, one, scenario.game(game, jnp.asarray(number)), counts, grids[0][1], folder, report)
-        for number, one in enumerate(alone)
-    ]
 
+    def setting(number: int, one: Game) -> Setting:
+        here = game if scenario is None else scenario.game(game, jnp.asarray(number))
+        tables = kept_tables(one, stage.grid, folder, played=here)
 
-def _make_setting(
-    config: RunConfig,
-    alone: Game,
-    game: Game,
-    counts: tuple[int, ...],
-    hold: int,
-    folder: Path | None,
-    report: Callable[[Role, Sweep], None],
-) -> Setting:
-    """Return one of them.
+        def player(name: str, role: Role) -> Named:
+            return Named(name, tables[role]) if name == TABLE else find_player(name, role, here)
 
-    Args:
-        alone: the game as its file has it, which is solved.
-        game: as it is played.
-        counts, hold: of the grid on which the room that is left is known.
-    """
-    stage, role = config.distillation, config.distillation.side
-    tables = kept_tables(alone, stage.grid, folder, report, game)
+        found = player(stage.teacher, role)
+        values = isinstance(found.policy, AbstractActionValuePolicy)
+        require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
+        assert isinstance(found.policy, AbstractActionValuePolicy)
+        clearance = None
+        if stage.clearance > 0:
+            grid = make_grid(here.arena, here.body(role), counts)
+            safety = solve_safety(here, role, grid, grids[0][1])
+            clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
+        opponents = tuple(player(name, role.other).policy for name in stage.opponents)
+        return Setting(
+            here, Teacher(found.policy, price_of_losing(found, here), clearance), opponents, tables[role.other]
+        )
 
-    def player(name: str, role: Role) -> Named:
-        return Named(name, tables[role]) if name == TABLE else find_player(name, role, game)
-
-    found = player(stage.teacher, role)
-    values = isinstance(found.policy, AbstractActionValuePolicy)
-    require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
-    assert isinstance(found.policy, AbstractActionValuePolicy)
-    room = None
-    if stage.room > 0:
-        grid = make_grid(game.arena, game.body(role), counts)
-        room = Room(motion_of(game, role, _AHEAD), grid, solve_safety(game, role, grid, hold).table, stage.room)
-    teacher = Teacher(found.policy, price_of_losing(found, game), room)
-    opponents = tuple(player(name, role.other).policy for name in stage.opponents)
-    return Setting(game, teacher, opponents, tables[role.other])
+    return [setting(number, one) for number, one in enumerate(alone)]

@@ -1,96 +1,43 @@
-"""What a stage of training is and what changes in it: the plan, the learning sides, the games under way."""
+"""What changes while a stage is trained, and how it begins (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Pool, Seated, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.by_side import BySide
-from apollonius.game.types import Role, Scalar
-from apollonius.learn import archive
-from apollonius.learn.algorithm import Learner, algorithm_of
-from apollonius.learn.config import RunConfig
-from apollonius.learn.learner_config import LearnerConfig
-from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.replay_buffer import ReplayBuffer
-from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.play.rollout import Games
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import ROLES, Role, Scalar
+from apollonius.learn import archive, dqn, replay_buffer, sac
+from apollonius.learn.learner_config import DQNConfig, SACConfig
+from apollonius.learn.stage_config import Plan
+from apollonius.observe.registry import find_observation
+from apollonius.play.rollout import Games, begin
 
-_CHUNK_ENV_STEPS = 8192
-"""Env steps between two looks from outside (progress, checkpoints, Ctrl-C), where iterations are small enough."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The fixed part of a stage: how to learn and for how long. Hashable, so it is static under `jit`."""
-
-    learner: LearnerConfig
-    stage: StageConfig
-
-    @property
-    def opponents(self) -> OpponentConfig:
-        """Whom both sides meet where both learn."""
-        return self.stage.opponents if isinstance(self.stage, SelfPlayConfig) else OpponentConfig()
-
-    @property
-    def iterations_per_chunk(self) -> int:
-        """Rounds of play and updates in one compiled call."""
-        return max(8, _CHUNK_ENV_STEPS // self.learner.env_steps_per_iteration)
-
-    @property
-    def env_steps_per_chunk(self) -> int:
-        """Env steps in one compiled call."""
-        return self.iterations_per_chunk * self.learner.env_steps_per_iteration
-
-    @property
-    def chunks_per_sitting(self) -> int:
-        """Compiled calls between two changes of opponents."""
-        return -(-self.opponents.renewal // self.env_steps_per_chunk)
-
-    @property
-    def sitting(self) -> int:
-        """Steps of every game between two changes of opponents."""
-        return self.chunks_per_sitting * self.env_steps_per_chunk // self.learner.games
-
-    def renews_after(self, chunks: int) -> bool:
-        """Whether opponents change after so many chunks of a stage."""
-        return self.opponents.share > 0 and chunks > 0 and chunks % self.chunks_per_sitting == 0
-
-    @property
-    def chunks(self) -> int:
-        """Compiled calls in the whole stage."""
-        return -(-self.stage.env_steps // self.env_steps_per_chunk)
-
-
-FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "distillation"
-
-
-def plans_of(config: RunConfig) -> dict[str, Plan]:
-    """Return the plans of a run's stages in their order, by name."""
-    stages: dict[str, StageConfig] = dict(
-        zip(STAGES, (config.fixed_target, config.self_play, config.distillation), strict=True)
-    )
-    asked = [FIXED_TARGET, SELF_PLAY] if config.stages == "both" else [config.stages]
-    return {stage: Plan(config.learner, stages[stage]) for stage in asked}
+Learner = dqn.DQNLearner | sac.SACLearner
+"""One side's networks and optimisers: `network` plays while it learns, `average` in evaluations."""
+NO_NETWORKS: BySide[Network | None] = BySide(None, None)
+"""Both sides start from random weights."""
 
 
 class LearnerState(eqx.Module):
-    """One learning side: its networks and its memory, of what it has played or of what it has been told."""
+    """One learning side: its networks and its replay buffer."""
 
     learner: Learner
-    buffer: ReplayBuffer[Any]
+    buffer: replay_buffer.ReplayBuffer[Any]
 
 
 class TrainState(eqx.Module):
     """Everything that changes while a stage is trained.
 
-    `learners` are the sides that learn. `key` is folded with the number of iterations, never replaced. `env_steps`
-    counts steps of single games. `archives` hold the earlier versions of both sides, None where nobody meets them.
+    `key` is folded with the number of iterations, never replaced. `env_steps` counts steps of single games. `archives`
+    hold the earlier versions of both sides; None where the scheme has none.
     """
 
     games: Games
@@ -102,27 +49,67 @@ class TrainState(eqx.Module):
     archives: BySide[archive.Archive] | None = None
 
 
-def first_learner(plan: Plan, role: Role, key: PRNGKeyArray, network: Network | None = None) -> Learner:
-    """Return one side's learner that goes on from a network, or from scratch. The key is consumed."""
-    algorithm = algorithm_of(plan.learner)
-    if network is None:
-        return algorithm.init(plan.learner, key)
-    return algorithm.start_from(plan.learner, network, key)
+def start(
+    plan: Plan,
+    game: Game,
+    key: PRNGKeyArray,
+    fixed: Mapping[Role, Pool],
+    networks: BySide[Network | None] = NO_NETWORKS,
+) -> TrainState:
+    """Return the state before the first step: empty replay buffers and first networks.
+
+    Args:
+        key: consumed.
+        fixed: the players of a side that does not learn: in Algorithm 1 an evader that stays, in Algorithm 2 none.
+        networks: those to go on from, in Algorithm 2 the best pursuer of stage 1; None starts from random weights.
+    """
+    config, learning = plan.learner, [role for role in Role if role not in fixed]
+    *network_keys, stage_key = jax.random.split(key, 1 + len(learning))
+
+    def first(role: Role, key: PRNGKeyArray) -> LearnerState:
+        columns, size = config.games * len(game.bodies[role]), find_observation(config.observation).size
+        action = replay_buffer.CONTINUOUS if isinstance(config, SACConfig) else replay_buffer.DISCRETE
+        buffer = replay_buffer.init(config.rows, columns, size, action, game.teams is not None)
+        return LearnerState(first_learner(plan, key, networks[role]), buffer)
+
+    learners = {role: first(role, key) for role, key in zip(learning, network_keys, strict=True)}
+    archives = None
+    if plan.opponents.share > 0:
+        archives = ROLES.map(lambda role: archive.init(learners[role].learner.network, plan.opponents))
+    start_key, member_key, train_key = jax.random.split(stage_key, 3)
+    playing = ROLES.map(lambda role: players(plan, role, learners, fixed, archives, jnp.ones(())))
+    bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
+    games = begin(reset_batch(game, start_key, config.games), playing, bits, plan.stage.disturbance)
+    iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
+    return TrainState(games, learners, train_key, iterations, env_steps, episodes, archives)
+
+
+def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
+    """Return a learner that goes on from a copy of a network, or from random weights. The key is consumed."""
+    match plan.learner:
+        case SACConfig() as config:
+            return sac.init(config, key, network)
+        case config:
+            assert isinstance(config, DQNConfig)
+            return dqn.init(config, key, network)
 
 
 def players(
     plan: Plan,
     role: Role,
-    learning: Mapping[Role, Network],
+    learners: Mapping[Role, LearnerState],
     fixed: Mapping[Role, Pool],
     archives: BySide[archive.Archive] | None,
     amount: Scalar,
 ) -> Pool | Seated:
-    """Who plays one side: a given pool, or its learner, exploring by some amount (`agents.trained.exploring`), and, in
-    the seats, its earlier versions.
+    """Return the players of one side: the fixed ones, or its learner and, in the seats, its earlier versions.
+
+    Args:
+        amount: how much the learner explores (`apollonius.agents.trained.exploring`).
     """
     if role in fixed:
         return fixed[role]
+    learner = exploring(learners[role].learner.network, amount)
     if archives is None:
-        return solo(exploring(learning[role], amount))
-    return archive.seat(archives[role], plan.opponents, role, learning[role], amount, plan.learner.games)
+        return solo(learner)
+    return archive.seat(archives[role], plan.opponents, role, learner, plan.learner.games)

@@ -1,10 +1,5 @@
-"""One game from its start to its end, step by step: how it went, and as a file that plays again to the same bits.
+"""The course of one game, and replays: files of games that play again to the same bits."""
 
-`trace` follows a game of a match. A `Replay` is such a game with all that it takes to play it again: the rules, the
-start and all robots' actions.
-"""
-
-import functools
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,12 +15,13 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import together
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, ROLES, GameState, Outcome, RobotState
+from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require
 from apollonius.io.limits import MOST_COUNTED, SEED
-from apollonius.play.rollout import begin, random_bits_of, step_games
+from apollonius.play.playout import AbstractWatcher, play_out
+from apollonius.play.rollout import Transition
 
 FORMAT = 1
 """Version of the file format."""
@@ -35,8 +31,8 @@ _LONGEST_NAME = 1_000
 """Most characters of a player's name."""
 
 AllActions = Int[Array, "steps robots"] | Float[Array, "steps robots 2"]
-"""Actions of the pursuers and then of the evaders in every step: 0..8, or the gears of all where one side's are
-continuous. A discrete action moves a robot by its gears to the same bits."""
+"""Actions of the pursuers and then of the evaders in every step: 0..8, or the action levels of all where one side's are
+continuous. A discrete action moves a robot by its levels to the same bits."""
 
 
 class Trajectory(eqx.Module):
@@ -47,44 +43,49 @@ class Trajectory(eqx.Module):
     outcome: Int[Array, ""]
 
 
+class _Recorder(AbstractWatcher):
+    """The number of steps of a game, and all robots' actions in them.
+
+    Attributes:
+        actions: of a game that has not begun, zeros for as many steps as it can last.
+    """
+
+    actions: AllActions
+
+    def begin(self) -> tuple[Int[Array, ""], AllActions]:
+        return jnp.zeros((), jnp.int32), self.actions
+
+    def follow(
+        self, known: tuple[Int[Array, ""], AllActions], transition: Transition
+    ) -> tuple[Int[Array, ""], AllActions]:
+        step, actions = known
+        sides = [list(side.action) if side.reward.ndim else [side.action] for side in transition.sides]
+        return step + 1, actions.at[step].set(together(*sides[Role.PURSUER], *sides[Role.EVADER]))
+
+
 def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
-    """The course of one of the games that `play_out` plays with the same arguments.
+    """Return the course of one of the games that `play_out` plays with the same arguments.
 
     Args:
-        players: who plays either side.
         starts: initial states, leaves `[games]`.
         key: consumed.
         index: which of the games.
     """
-    # Cut on the host, where nothing is compiled for it.
-    start = jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[index], starts))
-    number = jax.device_put(np.array([index], np.int32))
-    actions = _actions(game, players, start, key, number, int(game.max_steps))
-    states, outcomes = jax.device_get(play_actions(game, start, actions))
-    last = int(np.argmax(outcomes != Outcome.ONGOING))
-    course = jax.tree.map(lambda leaf: leaf[: last + 2], states), np.asarray(actions)[: last + 1], outcomes[last]
+    start = jax.tree.map(lambda leaf: np.asarray(leaf)[index : index + 1], starts)
+    shape = int(game.max_steps), sum(len(side) for side in start.robots)
+    continuous = any(pool.members.continuous for pool in players)
+    blank = np.zeros((*shape, 2), np.float32) if continuous else np.zeros(shape, np.int32)
+    results = play_out(game, players, start, key, slots=1, watcher=_Recorder(jax.device_put(blank)), first=index)
+    actions, steps = results.watched[1][0], int(results.steps[0])
+    alone = jax.device_put(jax.tree.map(lambda leaf: leaf[0], start))
+    states, outcomes = jax.device_get(play_actions(game, alone, actions))
+    course = jax.tree.map(lambda leaf: leaf[: steps + 1], states), np.asarray(actions)[:steps], outcomes[steps - 1]
     return Trajectory(*jax.device_put(course))
-
-
-@functools.partial(jax.jit, static_argnames="length")
-def _actions(
-    game: Game, players: BySide[Pool], start: GameState, key: PRNGKeyArray, index: Int[Array, "1"], length: int
-) -> Int[Array, "length robots"] | Float[Array, "length robots 2"]:
-    """All robots' actions in a game of `play_out`; it never stops."""
-    state = jax.tree.map(lambda leaf: leaf[None], start)
-    games = begin(state, players, random_bits_of(key, index, jnp.full(1, -1)))
-
-    def one_step(games: Any, _: None) -> tuple[Any, Int[Array, " robots"] | Float[Array, "robots 2"]]:
-        bits = random_bits_of(key, index, games.state.steps)
-        after, transition = step_games(game, players, games, bits)
-        return after, together(*(action for role in ROLES for action in transition.actions_of(role, game=0)))
-
-    return jax.lax.scan(one_step, games, None, length)[1]
 
 
 @jax.jit
 def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
-    """States before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
+    """Return states before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
 
     def one_step(
         state: GameState, action: Shaped[Array, "robots ..."]
@@ -99,17 +100,16 @@ def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[Gam
 
 @dataclass(frozen=True)
 class Replay:
-    """A game that was played, complete.
+    """A game that was played, with all that it takes to play it again.
 
     Attributes:
         game: the rules.
-        pursuer, evader: what the players are called.
+        pursuer, evader: names of the players.
         seed, games, index: the match, and which of its games this is.
         states: of all robots, x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
-        actions: of the pursuers and the evaders, 0..8; or the gears of all, where one side's are continuous.
-        outcome: how it ended.
-        tolerance: how far [m, m/s, rad] states may be from those of the game played again: 0 where these very rules
-            recorded it, more where a program did that rounds otherwise.
+        actions: of the pursuers and the evaders, 0..8; or the action levels of all, where one side's are continuous.
+        tolerance: of the states of the game played again [m, m/s, rad]: 0 where these rules recorded it, more for a
+            program that rounds otherwise.
     """
 
     game: Game
@@ -124,10 +124,9 @@ class Replay:
     tolerance: float = 0.0
 
     def first_difference(self) -> int | None:
-        """The first step whose state comes out otherwise when the game is played again; None where all are the same.
+        """Return the first step whose state differs when the game is played again, None where all are the same.
 
-        A machine that computes otherwise, or another version of the rules, may differ. The number of steps stands for
-        an outcome that differs where no state does.
+        The number of steps stands for an outcome that differs where no state does.
         """
         states, outcomes = self._again()
         away = np.abs(as_rows(states) - self.states)
@@ -138,7 +137,7 @@ class Replay:
         return None if int(outcomes[-1]) == self.outcome else len(self.actions)
 
     def trajectory(self) -> Trajectory:
-        """The game as it was recorded."""
+        """Return the game as it was recorded."""
         pursuers, again = len(self.game.bodies.pursuer), self._again()[0] if self.game.teams else None
         states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
         if again is not None:
@@ -146,24 +145,24 @@ class Replay:
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
-        """The game played again, as `play_actions`."""
+        """Play the game again, as `play_actions`."""
         start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
         return play_actions(self.game, start, jnp.asarray(self.actions))
 
 
 def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:
-    """States as rows of 4 numbers for each robot."""
+    """Return states as rows of 4 numbers for each robot."""
     return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
 
 
 def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: int = 1) -> GameState:
-    """The state of a row of 4 numbers for each robot, the first ones pursuers, and the steps played; all are active."""
+    """Return the state of a row of 4 numbers for each robot, pursuers first, after some steps; all are active."""
     robots = tuple(RobotState(*row[first : first + 4]) for first in range(0, len(row), 4))
     return replace(GameState.at_start(BySide(robots[:pursuers], robots[pursuers:])), steps=steps)
 
 
 def as_data(replay: Replay) -> dict[str, Any]:
-    """A replay as JSON-like data, which keeps every bit of it."""
+    """Return a replay as JSON-like data, without loss of bits."""
     return {
         "format": FORMAT,
         "game": to_dict(replay.game),
@@ -185,7 +184,7 @@ def save_replay(replay: Replay, path: Path) -> None:
 
 
 def load_replay(path: Path) -> Replay:
-    """The replay of a file.
+    """Return the replay of a file.
 
     Raises:
         InvalidInput: when it is missing, no replay, of another version, or cannot have been played.
@@ -214,7 +213,7 @@ def load_replay(path: Path) -> Replay:
 
 @dataclass(frozen=True)
 class _Record:
-    """A replay as its file says it."""
+    """A replay as its file has it."""
 
     format: int
     game: dict[str, Any]
@@ -238,7 +237,7 @@ class _Record:
 
 
 def _numbers(data: list[Any], kind: type, name: str) -> np.ndarray:
-    """Nested lists of numbers as an array: whole ones where the kind is; neither texts nor truths pass for them."""
+    """Return nested lists of numbers as an array, of integers where the kind is; refuse strings and booleans."""
     try:
         found = np.array(data)
     except ValueError:  # lists of different lengths

@@ -17,22 +17,21 @@ from apollonius.agents.policy import Memory
 from apollonius.agents.pool import Apart, PersistentNoise, Pool, Read, Seated
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Action, Actions, GameState, Role
+from apollonius.game.types import ROLES, Actions, GameState, Role
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.random_bits import fold_in, random_bits
 
 Players = Pool | Seated | Apart | PersistentNoise
-"""All who play one side of a batch of games."""
+"""The players of one side of a batch of games."""
 
 
 class Experience(eqx.Module):
-    """One side's part of a batch of transitions; leaves start with the axes of the batch.
+    """One side's part of a batch of transitions; leaves have the axes of the batch and, in teams, one of robots.
 
-    `episode_return` is the sum of its rewards since the game began, this step included. `member` is the player of the
-    side's pool that acted; it is the same for all transitions of a game. An observation is the numbers that the players
-    read: of those that read the view itself there are none. Of a team, all leaves but `member` have one more axis after
-    those of the batch: its robots. In games of teams `active` is whether a robot was in play before the step, and
-    `lost` whether the step put it out; games of two are over then.
+    `episode_return` is the sum of its rewards since the game began, this step included. `member`, without an axis of
+    robots, is the player of the side's pool, the same in all transitions of a game. Observations of players that read
+    the view itself are empty. In teams `active` is whether a robot was in play before the step, `lost` whether the step
+    put it out.
     """
 
     observation: Float[Array, "*rows size"]
@@ -53,17 +52,16 @@ class Transition(eqx.Module):
     terminated: Bool[Array, "*batch"]
     truncated: Bool[Array, "*batch"]
 
-    def actions_of(self, role: Role, game: int) -> list[Action]:
-        """The actions of one side's robots in one game of a batch along one axis."""
-        side = self.sides[role]
-        return list(side.action[game]) if side.reward.ndim > 1 else [side.action[game]]
+    @property
+    def ended(self) -> Bool[Array, "*batch"]:
+        """Where a game ended."""
+        return self.terminated | self.truncated
 
 
-class Player(eqx.Module):
+class SideState(eqx.Module):
     """What one side of each game carries from start to end.
 
-    Team mates are the same member. Of a team, `episode_return` has one more axis after that of the games: its robots;
-    the leaves of `memory` are `[games, robots, ...]` of one robot, too.
+    Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of `memory` always.
     """
 
     member: Int[Array, " games"]
@@ -76,26 +74,26 @@ class Games(eqx.Module):
     """A batch of games under way."""
 
     state: GameState
-    sides: BySide[Player]
+    sides: BySide[SideState]
 
 
 def begin(
     starts: GameState, players: BySide[Players], bits: UInt32[Array, "2 games"], disturbance: Disturbance = NONE
 ) -> Games:
-    """Games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
+    """Return games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
     members = ROLES.map(lambda role: players[role].sample(bits[role]))
 
-    def player(role: Role) -> Player:
-        return fresh_player(members[role], bits[role], disturbance, len(starts.robots[role]), players[role].memory)
+    def side(role: Role) -> SideState:
+        return begin_side(members[role], bits[role], disturbance, len(starts.robots[role]), players[role].memory)
 
-    return Games(starts, ROLES.map(player))
+    return Games(starts, ROLES.map(side))
 
 
-def fresh_player(
+def begin_side(
     member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance, robots: int = 1,
     memory: Memory = (),
-) -> Player:  # fmt: skip
-    """Return members of a pool at the beginnings of games, with handicaps drawn from random bits where there are any.
+) -> SideState:  # fmt: skip
+    """Return one side at the beginnings of games, with handicaps drawn from random bits where there are any.
 
     Args:
         robots: of the side in each game.
@@ -104,11 +102,11 @@ def fresh_player(
     handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
     shape = (len(bits), robots)
     begun = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *jnp.shape(leaf))), memory)
-    return Player(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), begun, handicap)
+    return SideState(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), begun, handicap)
 
 
 def of_robots(values: Sequence[Array]) -> Array:
-    """What a side has in many games: that of its robot or, of a team, those of its robots along a second axis."""
+    """Return the value of a side's robot in each game or, of a team, those of its robots along a second axis."""
     return values[0] if len(values) == 1 else jnp.stack(values, axis=1)
 
 
@@ -119,7 +117,7 @@ def step_games(
     bits: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
-    """Every game one step on; nothing is reset. `bits` are fresh and random for each side of each game."""
+    """Play every game one step on, without resets. `bits` are fresh random bits for each side of each game."""
 
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[tuple[Read, Any]]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
@@ -149,12 +147,12 @@ def step_games(
         return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
-    sides = ROLES.map(lambda role: Player(games.sides[role].member, returns[role], acted[role][1], handicaps[role]))
+    sides = ROLES.map(lambda role: SideState(games.sides[role].member, returns[role], acted[role][1], handicaps[role]))
     return Games(after.state, sides), transition
 
 
 def decide(
-    players: Players, side: Player, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
+    players: Players, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of each of a side's robots in many games, and their next memory.
 
@@ -168,7 +166,7 @@ def decide(
     if isinstance(players, Pool) or robots == 1:
         actions, after = players.act(member, read, *given)
         actions = tuple(jnp.split(actions, robots))
-    else:  # who sits where is known by the game's place in the batch
+    else:  # the opponent depends on the game's place in the batch
         each = [jax.tree.map(lambda leaf, part=part: jnp.split(leaf, robots)[part], given) for part in range(robots)]
         acted = [players.act(side.member, read, *own) for own in each]
         actions = tuple(action for action, _ in acted)
@@ -177,12 +175,12 @@ def decide(
 
 
 def bits_of_team(bits: UInt32[Array, " games"], robots: int) -> UInt32[Array, " rows"]:
-    """Random bits for each robot of a team in many games, from those of its side: the first robot's are just these."""
+    """Return random bits for each robot of a team in many games, from those of its side: the first robot's."""
     return jnp.concatenate([bits, *(_mixed(bits, number) for number in range(1, robots))])
 
 
 def _mixed(bits: UInt32[Array, " games"], number: int) -> UInt32[Array, " games"]:
-    """Other bits for each number: an odd step of the golden ratio and the finaliser of MurmurHash3 (Appleby, 2011)."""
+    """Mix in a number: an odd step of the golden ratio and the finaliser of MurmurHash3 (Appleby, 2011)."""
     mixed = bits + jnp.uint32(number * 0x9E3779B9 & 0xFFFFFFFF)
     mixed = (mixed ^ (mixed >> 16)) * jnp.uint32(0x85EBCA6B)
     mixed = (mixed ^ (mixed >> 13)) * jnp.uint32(0xC2B2AE35)
@@ -201,21 +199,19 @@ def collect(
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
     Args:
-        players: who plays either side.
         starts: fresh initial states, leaves `[rows, games]`; a game that finishes at step t takes its own column of
             row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
         key: consumed.
-        steps: how many steps each game plays.
         disturbance: how the robots depart from those of the rules; the games must have begun with the same.
 
     Returns:
-        The games as they then stand, and the transitions, leaves `[steps, games]`.
+        The games after them, and the transitions, leaves `[steps, games]`.
     """
     rows = jax.tree.leaves(starts)[0].shape[0]
     batch = games.state.steps.shape[0]
 
     def sample(step_key: PRNGKeyArray) -> tuple[UInt32[Array, "2 games"], UInt32[Array, "2 games"]]:
-        """Random bits for the actions and for the next members of the pools; lone members need none of their own."""
+        """Draw bits for the actions and for the next members of the pools; lone members share those of the actions."""
         kinds = 2 if any(pool.samples for pool in players) else 1
         bits = random_bits(step_key, (2 * kinds, batch))
         return bits[:2], bits[-2:]
@@ -223,10 +219,9 @@ def collect(
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         bits, fresh_bits = sample(fold_in(key, step))
         after, transition = step_games(game, players, games, bits, disturbance)
-        over = transition.terminated | transition.truncated
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
         fresh = begin(fresh_state, players, fresh_bits, disturbance)
-        return jax.vmap(reset_where_done)(over, fresh, after), transition
+        return jax.vmap(reset_where_done)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
 
@@ -234,7 +229,7 @@ def collect(
 def random_bits_of(
     key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
 ) -> UInt32[Array, "2 games"]:
-    """Random bits of either side: they depend on the game's index and its step alone; step -1 is the beginning."""
+    """Return random bits of either side, by the game's index and its step alone; step -1 is the beginning."""
 
     def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
         return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
@@ -243,5 +238,5 @@ def random_bits_of(
 
 
 def reset_where_done(over: Bool[Array, ""], new: Any, old: Any) -> Any:
-    """The new one of a game that is over, else the old one."""
+    """Return the new state of a game that is over, else the old one."""
     return jax.tree.map(lambda new, old: jnp.where(over, new, old), new, old)

@@ -11,7 +11,7 @@ from apollonius.game.by_side import BySide
 from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
-from apollonius.learn.progress import MetricsLine, evaluations_of, last_metrics, load_metrics
+from apollonius.learn.metrics import MetricsLine, evaluations_of, last_metrics, load_metrics
 from apollonius.play.playout import Results
 
 RUN_OF = {

@@ -22,7 +22,7 @@ from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results
 from apollonius.play.replay import Replay, as_rows, as_state
-from apollonius.play.rollout import Games, Player, random_bits_of, step_games
+from apollonius.play.rollout import Games, SideState, random_bits_of, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import SIDES, Physics
 
@@ -132,11 +132,11 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
 def _choose(
     game: Game,
     players: BySide[Pool],
-    sides: BySide[Player],
+    sides: BySide[SideState],
     rows: Float32[Array, "games 8"],
     length: Int[Array, " games"],
     key: PRNGKeyArray,
-) -> tuple[Choice, BySide[Player]]:
+) -> tuple[Choice, BySide[SideState]]:
     state, bits = jax.vmap(as_state)(rows, length), random_bits_of(key, jnp.arange(rows.shape[0]), length)
     ideal, moves = step_games(game, players, Games(state, sides), bits)
     actions = moves.sides.map(lambda side: side.action)

@@ -2,7 +2,6 @@
 
 import jax.numpy as jnp
 import pytest
-
 from apollonius.learn.algorithm import linear
 
 

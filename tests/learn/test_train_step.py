@@ -11,6 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from apollonius.learn.curriculum import start
+from apollonius.learn.train_step import Metrics, play_and_learn
 
 from apollonius.agents.classical import Still
 from apollonius.agents.disturbance import Disturbance
@@ -19,9 +21,7 @@ from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
-from apollonius.learn.curriculum import start
 from apollonius.learn.train_state import TrainState
-from apollonius.learn.train_step import Metrics, play_and_learn
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
 EVADER = {Role.EVADER: solo(Still())}

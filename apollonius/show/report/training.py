@@ -17,11 +17,10 @@ from apollonius.game.types import Outcome
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
 from apollonius.learn.checkpoint import Evaluation
-from apollonius.learn.config import RunConfig
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, RunConfig
 from apollonius.learn.folder import load_config
-from apollonius.learn.progress import MetricsLine, evaluations_of, load_metrics
+from apollonius.learn.metrics import MetricsLine, evaluations_of, load_metrics
 from apollonius.learn.stage_config import StageConfig
-from apollonius.learn.train_state import FIXED_TARGET, SELF_PLAY
 from apollonius.show import palette
 from apollonius.show.report.page import GAMES, ORDER, SEED, Judged, Page, Section, Shown, games_to_show
 from apollonius.show.style import Curve, draw_rate, inline_svg, smooth

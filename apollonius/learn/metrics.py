@@ -1,4 +1,4 @@
-"""What a run tells while it goes on, and the file that keeps it: the truth behind every curve."""
+"""Metrics of a training run: a line of `metrics.jsonl` for each chunk, the source of every curve."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -10,62 +10,16 @@ from apollonius.arenas.record import from_dict
 from apollonius.game.outcome import counts_by_name, require_counts
 from apollonius.io.document import parse_json, read_bytes, to_json
 from apollonius.io.errors import InvalidInput, require
-from apollonius.learn.checkpoint import Evaluation, Stand
-from apollonius.learn.train_state import Plan, TrainState
-from apollonius.learn.train_step import Metrics
+from apollonius.learn.checkpoint import Evaluation, Standing
+from apollonius.learn.loop import Metrics
+from apollonius.learn.train_state import TrainState
 
 _MOST_BYTES = 2**24
 """Largest `metrics.jsonl` [bytes]: some 40,000 chunks."""
 _LARGEST_MEAN = 1e12
-"""Beyond this no mean reward of a game is, and no loss of a training that learns."""
+"""Bound on mean returns and losses, beyond which a training has diverged."""
 _TAIL = 8192
 """Bytes in which the last line of metrics is looked for; a line has less than a thousand."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a run tells while it goes on: where it stands, and the latest chunk."""
-
-    stage: str
-    env_steps: int
-    total_env_steps: int
-    episodes: int
-    updates: int
-    env_steps_per_second: float
-    outcomes: dict[str, int]
-    """Games finished in the latest chunk, by outcome; players explore."""
-    losses: dict[str, float]
-    """Mean loss of each learning side's updates in the latest chunk."""
-    evaluation: Evaluation | None
-    """The latest greedy evaluation, if there was one in this stage."""
-    share: float
-    """Part of the stage's work that is done, from 0 to 1: of the env steps that updates go with."""
-
-
-def measure(stand: Stand, plan: Plan, train: TrainState, metrics: Metrics, speed: float) -> Progress:
-    """The progress after a chunk.
-
-    Args:
-        stand: where the run stands after it.
-        train: the state then.
-        metrics: sums over the chunk.
-        speed: env steps per second in the chunk.
-    """
-    updates, env_steps, total = int(metrics.updates), int(train.env_steps), plan.chunks * plan.env_steps_per_chunk
-    idle = plan.learner.learning_starts if plan.learner.learning_starts < total else 0
-    losses = {role.name.lower(): float(metrics.losses[role]) / max(1, updates) for role in train.learners}
-    return Progress(
-        stage=stand.stage,
-        env_steps=env_steps,
-        total_env_steps=total,
-        episodes=int(train.episodes),
-        updates=int(next(iter(train.learners.values())).learner.updates),
-        env_steps_per_second=speed,
-        outcomes=counts_by_name(np.asarray(metrics.outcomes)),
-        losses={name: round(loss, 6) for name, loss in losses.items()},
-        evaluation=stand.evaluation,
-        share=max(0, env_steps - idle) / (total - idle),
-    )
 
 
 @dataclass(frozen=True)
@@ -101,47 +55,62 @@ class MetricsLine:
         return sum(self.outcomes.values())
 
 
-def begin_metrics(path: Path, stand: Stand | None = None) -> None:
-    """Make an empty `metrics.jsonl`, or cut off what was written after the checkpoint.
+def measure(
+    stage: str, train: TrainState, metrics: Metrics, evaluation: Evaluation | None, seconds: float, speed: float
+) -> MetricsLine:
+    """Return the line of a chunk.
 
     Args:
-        stand: where the run stands by its checkpoint; None at its beginning.
-
-    Raises:
-        InvalidInput: when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
-    """
-    if stand is not None:
-        chunks = [line.stage for line in load_metrics(path, stand.metrics_bytes)].count(stand.stage)
-        bound = f"the {stand.chunks:,} that its checkpoint says; train again"
-        require(chunks == stand.chunks, f"chunks of {stand.stage} in '{path}'", chunks, bound)
-    with open(path, "ab") as file:
-        file.truncate(stand.metrics_bytes if stand else 0)
-
-
-def append_metrics(path: Path, progress: Progress, metrics: Metrics, seconds: float) -> int:
-    """Add a line for one chunk to `metrics.jsonl`; return the file's size [bytes].
+        train: the state after it.
+        metrics: sums over it.
+        evaluation: the one at its end.
+        seconds: that the stage has taken.
+        speed: env steps per second in the chunk.
 
     Raises:
         InvalidInput: when the losses are beyond all bounds, so that the weights are no good.
     """
-    games = max(1, sum(progress.outcomes.values()))
-    ours = progress.evaluation and progress.evaluation.env_steps == progress.env_steps
+    outcomes, updates = counts_by_name(np.asarray(metrics.outcomes)), int(metrics.updates)
+    games = max(1, sum(outcomes.values()))
     try:
-        line = MetricsLine(
-            stage=progress.stage,
-            env_steps=progress.env_steps,
-            episodes=progress.episodes,
-            updates=progress.updates,
+        return MetricsLine(
+            stage=stage,
+            env_steps=int(train.env_steps),
+            episodes=int(train.episodes),
+            updates=int(next(iter(train.learners.values())).learner.updates),
             seconds=round(seconds, 2),
-            env_steps_per_second=round(progress.env_steps_per_second),
-            outcomes=progress.outcomes,
+            env_steps_per_second=round(speed),
+            outcomes=outcomes,
             pursuer_return=round(float(metrics.returns.pursuer) / games, 4),
             evader_return=round(float(metrics.returns.evader) / games, 4),
-            losses=progress.losses,
-            evaluation=progress.evaluation if ours else None,
+            losses={
+                role.name.lower(): round(float(metrics.losses[role]) / max(1, updates), 6) for role in train.learners
+            },
+            evaluation=evaluation,
         )
     except InvalidInput as error:
         raise InvalidInput(f"the training has diverged ({error}): train again with a lower learning_rate.") from error
+
+
+def begin_metrics(path: Path, standing: Standing | None = None) -> None:
+    """Make an empty `metrics.jsonl`, or cut off what was written after a checkpoint.
+
+    Args:
+        standing: that of the checkpoint; None at the beginning of a run.
+
+    Raises:
+        InvalidInput: when the checkpoint does not say where the line of its last chunk ends; nothing is cut off.
+    """
+    if standing is not None:
+        chunks = [line.stage for line in load_metrics(path, standing.metrics_bytes)].count(standing.stage)
+        bound = f"the {standing.chunks:,} that its checkpoint says; train again"
+        require(chunks == standing.chunks, f"chunks of {standing.stage} in '{path}'", chunks, bound)
+    with open(path, "ab") as file:
+        file.truncate(standing.metrics_bytes if standing else 0)
+
+
+def append_metrics(path: Path, line: MetricsLine) -> int:
+    """Add a line to `metrics.jsonl`; return the file's size [bytes]."""
     with open(path, "a") as file:
         file.write(to_json({name: value for name, value in asdict(line).items() if value is not None}) + "\n")
         file.flush()
@@ -171,7 +140,7 @@ def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]
 
 
 def last_metrics(path: Path) -> tuple[str | None, int]:
-    """The stage of the last whole line of a `metrics.jsonl` and its env steps; None and 0 where there is none yet."""
+    """Return the stage and env steps of the last whole line of a `metrics.jsonl`; None and 0 if there is none."""
     if not path.is_file():
         return None, 0
     with open(path, "rb") as file:

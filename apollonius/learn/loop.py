@@ -1,0 +1,224 @@
+"""Algorithms 1 and 2: every game is played on, each learning side stores its transitions and updates its network.
+
+In Algorithm 1 the other side is fixed; in Algorithm 2 both sides learn, against each other and, by a scheme, against
+earlier versions (`apollonius.learn.archive`), which are drawn again at intervals.
+"""
+
+import functools
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from apollonius.agents.pool import PersistentNoise, Pool, Seated
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game, reset_batch
+from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
+from apollonius.learn import archive, dqn, replay_buffer, sac
+from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
+from apollonius.learn.stage_config import Plan
+from apollonius.learn.train_state import Learner, LearnerState, TrainState, players
+from apollonius.play.rollout import Games, Transition, begin, collect, reset_where_done
+
+_STARTS_PER_CHUNK = 4096
+"""Initial states drawn before each chunk; a game that ends takes one of them."""
+_STARTS_IN_ARENAS = 1024
+"""Initial states drawn in games of several arenas, where each takes as long to draw as some ten steps to play."""
+
+
+class Metrics(eqx.Module):
+    """Sums over a chunk: finished games by outcome, their returns, and each learner's losses and number of updates.
+
+    The return of a team is the mean of its robots'.
+    """
+
+    outcomes: Int[Array, " outcomes"]
+    returns: BySide[Scalar]
+    losses: BySide[Scalar]
+    updates: Int[Array, ""]
+
+
+def chunks(
+    plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool], done: int = 0
+) -> Iterator[tuple[TrainState, Metrics]]:
+    """Train a stage chunk by chunk.
+
+    Args:
+        game: with the rewards of the stage.
+        state: before the next chunk; each state is consumed by the next one.
+        fixed: the players of a side that does not learn.
+        done: chunks done before.
+    """
+    for chunk in range(done, plan.chunks):
+        if plan.renews_after(chunk):
+            state = renew_opponents(plan, game, state)
+        state, metrics = play_and_learn(plan, game, state, fixed)
+        yield state, metrics
+
+
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
+def play_and_learn(plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool]) -> tuple[TrainState, Metrics]:
+    """Return the state after a chunk and its metrics. The state is consumed: replay buffers are updated in place."""
+    steps, games = plan.learner.steps_per_iteration, plan.learner.games
+    drawn_at_once = _STARTS_PER_CHUNK if game.scenario is None else _STARTS_IN_ARENAS
+    rows = max(1, drawn_at_once // (games * steps))
+    drawn = reset_batch(game, _key(state, 0), rows * steps * games)
+    starts = jax.tree.map(lambda leaf: leaf.reshape(rows, steps, games), drawn)
+
+    def one_iteration(state: TrainState, index: Int[Array, ""]) -> tuple[TrainState, Metrics]:
+        fresh = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, index % rows, keepdims=False), starts)
+        return _iterate(plan, game, state, fixed, fresh)
+
+    after, metrics = jax.lax.scan(one_iteration, state, jnp.arange(plan.iterations_per_chunk))
+    return after, jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), metrics)
+
+
+def _iterate(
+    plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool], starts: GameState
+) -> tuple[TrainState, Metrics]:
+    """Play some steps of every game, store the transitions, make the updates of each learning side."""
+    config, (play_key, *learn_keys) = plan.learner, jax.random.split(_key(state, 1), 3)
+    playing = ROLES.map(lambda role: _playing(plan, role, state, fixed))
+    games, played = collect(
+        game, playing, state.games, starts, play_key, config.steps_per_iteration, plan.stage.disturbance
+    )
+    env_steps = state.env_steps + config.env_steps_per_iteration
+    learned = {
+        role: _learn(plan, side, _row(played, role), env_steps, learn_keys[role])
+        for role, side in state.learners.items()
+    }
+    return iterated(state, games, played, env_steps, learned, _recorded(plan, game, state, played))
+
+
+def iterated(
+    state: TrainState,
+    games: Games,
+    played: Transition,
+    env_steps: Int[Array, ""],
+    learned: Mapping[Role, tuple[LearnerState, Scalar]],
+    archives: BySide[archive.Archive] | None = None,
+) -> tuple[TrainState, Metrics]:
+    """Return the state after an iteration, and its metrics.
+
+    Args:
+        played: leaves `[steps, games]`.
+        learned: the sides that learn, and the losses of their updates.
+    """
+    ended, first = played.ended, min(learned)
+    learners = {role: side for role, (side, _) in learned.items()}
+    episodes = state.episodes + jnp.sum(ended.astype(jnp.int32))
+    after = TrainState(games, learners, state.key, state.iterations + 1, env_steps, episodes, archives)
+
+    def finished(returns: Array) -> Scalar:
+        of_side = returns if returns.ndim == 2 else jnp.mean(returns, axis=2)
+        return jnp.sum(jnp.where(ended, of_side, 0.0))
+
+    return after, Metrics(
+        outcomes=jnp.stack([jnp.sum((ended & (played.outcome == one)).astype(jnp.int32)) for one in Outcome]),
+        returns=played.sides.map(lambda side: finished(side.episode_return)),
+        losses=ROLES.map(lambda role: learned[role][1] if role in learned else jnp.zeros(())),
+        updates=learners[first].learner.updates - state.learners[first].learner.updates,
+    )
+
+
+def _playing(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Pool | Seated | PersistentNoise:
+    """Return the players of one side: of one that learns they explore, by soft actor-critic with noise that lasts."""
+    match plan.learner:
+        case DQNConfig() as dqn_config:
+            epsilon = dqn_config.epsilon(plan.stage.epsilon[role], plan.stage.env_steps, state.env_steps)
+            return players(plan, role, state.learners, fixed, state.archives, epsilon)
+        case config:
+            assert isinstance(config, SACConfig)
+            playing = players(plan, role, state.learners, fixed, state.archives, jnp.ones(()))
+            iterations = config.noise_steps // config.steps_per_iteration
+            if role in fixed or iterations == 1:
+                return playing
+            key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // iterations)
+            return PersistentNoise(playing, jax.random.bits(key, (config.games,), jnp.uint32))
+
+
+def _learn(
+    plan: Plan, side: LearnerState, new: replay_buffer.Row, env_steps: Int[Array, ""], key: PRNGKeyArray
+) -> tuple[LearnerState, Scalar]:
+    """Store one side's transitions and make its updates; return their losses, added up."""
+    config, stage = plan.learner, plan.stage.env_steps
+    buffer = replay_buffer.add(side.buffer, new)
+    rate = linear(config.learning_rate, config.final_learning_rate, stage, env_steps)
+    n_step = jnp.round(linear(config.n_step, config.final_n_step, stage, env_steps)).astype(jnp.int32)
+
+    def update(learner: Learner, key: PRNGKeyArray) -> tuple[Learner, Scalar]:
+        batch = replay_buffer.sample(buffer, key, config.batch, config.n_step, n_step, config.gamma)
+        match learner, config:
+            case dqn.DQNLearner(), DQNConfig():
+                return dqn.update(learner, batch, rate, config)
+            case sac.SACLearner(), SACConfig():
+                return sac.update(learner, batch, jax.random.fold_in(key, 2), rate, config)
+            case _:
+                raise AssertionError(config)
+
+    def updates(learner: Learner) -> tuple[Learner, Scalar]:
+        learner, losses = jax.lax.scan(update, learner, jax.random.split(key, config.updates_per_iteration))
+        return learner, jnp.sum(losses)
+
+    enough = (env_steps >= config.learning_starts) & (buffer.filled > config.n_step)
+    learner, loss = jax.lax.cond(enough, updates, lambda learner: (learner, jnp.zeros(())), side.learner)
+    if isinstance(config, DQNConfig) and isinstance(learner, dqn.DQNLearner):
+        before = env_steps - config.env_steps_per_iteration
+        learner = dqn.copy_to_target(learner, env_steps // config.target_period > before // config.target_period)
+    return LearnerState(learner, buffer), loss
+
+
+def _row(played: Transition, role: Role) -> replay_buffer.Row:
+    """Return one side's transitions, of a team those of each robot, whose game is over when it is out of play."""
+    side, flags = played.sides[role], (played.terminated, played.truncated)
+    made = side.observation, side.action, side.reward, side.next_observation
+    if side.active is None or side.lost is None:
+        return replay_buffer.Row(*made, *flags)
+    robots = side.reward.size // played.terminated.size
+    terminated, truncated = (jnp.repeat(flag, robots, axis=1).reshape(side.lost.shape) for flag in flags)
+    row = replay_buffer.Row(*made, terminated | side.lost, truncated & ~side.lost, side.active)
+    (steps, games), after = played.terminated.shape, side.reward.ndim
+    return jax.tree.map(lambda leaf: leaf.reshape(steps, games * robots, *leaf.shape[after:]), row)
+
+
+def _recorded(plan: Plan, game: Game, state: TrainState, played: Transition) -> BySide[archive.Archive] | None:
+    """Return the archives with the games counted that say how good their versions are."""
+    if (old := state.archives) is None:
+        return None
+    before = state.iterations * plan.learner.steps_per_iteration % plan.steps_per_assignment
+    over = archive.counted(played.ended, state.games.state.steps, before, plan.steps_per_assignment, game.max_steps)
+    return ROLES.map(lambda role: archive.record(old[role], plan.opponents, role, played.outcome, over))
+
+
+@functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
+def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
+    """Add both learners to their archives where that is due, and draw the opponents in the seats again.
+
+    The games of seats are broken off and begin again, so that an opponent never changes within a game. The state is
+    consumed.
+    """
+    old, config, games = state.archives, plan.opponents, plan.learner.games
+    assert old is not None
+    interval = max(1, plan.stage.env_steps // config.versions)
+    due = state.env_steps // interval > (state.env_steps - plan.steps_per_assignment * games) // interval
+    start_key, *keys = jax.random.split(_key(state, 2), 3)
+    averages = {role: side.learner.average for role, side in state.learners.items()}
+    entered = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
+    archives = ROLES.map(lambda role: archive.renew(entered[role], config, keys[role]))
+    seated = jnp.arange(games) < config.first_game(len(Role), games)
+    bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
+    playing = ROLES.map(lambda role: players(plan, role, state.learners, {}, archives, jnp.ones(())))
+    begun = begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance)
+    learners = {
+        role: replace(side, buffer=replay_buffer.cut(side.buffer, seated)) for role, side in state.learners.items()
+    }
+    broken_off = jax.vmap(reset_where_done)(seated, begun, state.games)
+    return replace(state, games=broken_off, learners=learners, archives=archives)
+
+
+def _key(state: TrainState, use: int) -> PRNGKeyArray:
+    """Return the key of an iteration for one use."""
+    return jax.random.fold_in(jax.random.fold_in(state.key, use), state.iterations)
