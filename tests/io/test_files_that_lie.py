@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tomli_w
-from apollonius.learn.progress import MetricsLine, load_metrics
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.numpy import load, save
@@ -36,6 +35,7 @@ from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
 from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
+from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report.training import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution

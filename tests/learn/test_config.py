@@ -4,17 +4,28 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import pytest
 
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
+from apollonius.game.presets import in_teams, make_game
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.learner_config import PROFILES, DQNConfig
-from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
+from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
+from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from tests.documents import REPOSITORY
+
+TEAM = in_teams(make_game("paper"), 2, 1)
+WINS, HUNTED = (in_teams(make_game("zero-sum"), *size) for size in ((2, 1), (1, 2)))
+
+
+def met_by(scheme, **numbers):
+    return SelfPlayConfig(opponents=OpponentConfig(scheme=scheme, **numbers))
+
 
 SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
 
@@ -23,10 +34,8 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
     ("kind", "values", "named"),
     [
         (DQNConfig, {"batch": 0}, "batch = 0 .*more than 0"),
-        (DQNConfig, {"width": -1}, "width = -1 .*more than 0"),
         (DQNConfig, {"learning_rate": math.nan}, "learning_rate = nan .*more than 0"),
         (DQNConfig, {"replay_capacity": 10**12}, "replay_capacity = 1000000000000 .*at least 1"),
-        (DQNConfig, {"batch": 10**12}, "batch = 1000000000000 .*at least 1"),
         (DQNConfig, {"depth": 10**6}, "depth = 1000000 .*at most 64"),
         (DQNConfig, {"width": 10**6}, "width = 1000000 .*at most 8,192"),
         (StageConfig, {"evaluation_games": 10**10}, "evaluation_games = 10000000000 .*at least 1"),
@@ -40,14 +49,33 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
         (SelfPlayConfig, {"snapshots": 0}, "snapshots = 0 .*from 1 to 100"),
         (RunConfig, {"evaders": ("random",)}, "evaders = random .*stages is 'fixed-target'"),
-        (StageConfig, {"progress": float("nan")}, "progress = nan .*finite"),
         (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
         (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
-        (SelfPlayConfig, {"zero_sum_within": 0.0}, "zero_sum_within = 0.0 .*more than 0 and finite"),
-        (SelfPlayConfig, {"zero_sum_within": math.inf}, "zero_sum_within = inf .*more than 0 and finite"),
         (DQNConfig, {"observation": "raster"}, "observation = raster .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
         (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
+        (RunConfig, {"stages": "distillation", "game": TEAM}, "robots = 2 v 1 .* a distillation knows"),
+        (RunConfig, {"sac": SACConfig(), "game": TEAM}, "robots = 2 v 1 .* soft actor-critic knows"),
+        (RunConfig, {"game": WINS, "stages": "fixed-target"}, "reward.profile = zero-sum .*'paper'"),
+        (RunConfig, {"game": WINS, "stages": "self-play"}, "reward.profile = zero-sum .*'paper'"),
+        (RunConfig, {"game": HUNTED, "stages": "self-play"}, "reward.profile = zero-sum .*'paper'"),
+        (SACConfig, {"noise_steps": 0}, "noise_steps = 0 .*a multiple of env_steps_per_update"),
+        (SACConfig, {"noise_steps": 6, "env_steps_per_update": 4096}, "noise_steps = 6 .*a multiple"),
+        (OpponentConfig, {"scheme": "newest"}, "scheme = newest .*one of latest, uniform"),
+        (OpponentConfig, {"past_share": 0.0}, "past_share = 0.0"),
+        (OpponentConfig, {"seats": 0}, "seats = 0"),
+        (OpponentConfig, {"versions": 0}, "versions = 0"),
+        (OpponentConfig, {"renewal": 0}, "renewal = 0"),
+        (RunConfig, {"self_play": met_by("uniform", seats=129)}, "games = 512 .* seats"),
+        (RunConfig, {"self_play": met_by("prioritised-hard", renewal=511_999)}, r"renewal = 511999 .* = 512,000"),
+        (DistillationConfig, {"opponents": ()}, "opponents = none"),
+        (DistillationConfig, {"clearance": -0.1}, "clearance = -0.1"),
+        (DistillationConfig, {"far_sighted": -1}, "far_sighted = -1"),
+        (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
+        (DistillationConfig, {"updates": 0}, "updates = 0"),
+        (DistillationConfig, {"disturbance": Disturbance(delay=1)}, "disturbance = "),
+        (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
+        (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],
 )
 def test_what_cannot_be_trained_is_refused(kind, values, named):
@@ -55,14 +83,13 @@ def test_what_cannot_be_trained_is_refused(kind, values, named):
         kind(**values)
 
 
-def test_the_replay_that_is_asked_for_is_enough():
+def test_what_is_just_possible_is_not_refused():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
+    RunConfig(self_play=met_by("uniform", renewal=1, seats=128))
+    RunConfig(game=HUNTED, stages="fixed-target")  # its game is over when it is out
 
 
-ASYMMETRIC = replace(PRESETS["quick"], self_play=SelfPlayConfig(zero_sum_within=2.0))
-
-
-@pytest.mark.parametrize("config", [*PRESETS.values(), ASYMMETRIC], ids=[*PRESETS, "asymmetric"])
+@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS)
 def test_a_config_comes_back_from_its_file(config, tmp_path):
     create_run(config, tmp_path / "run")
     assert load_config(tmp_path / "run" / "config.toml") == config
@@ -72,14 +99,6 @@ def test_a_table_that_is_given_in_part_keeps_the_defaults_of_its_own_stage(tmp_p
     path = tmp_path / "config.toml"
     path.write_text("[self_play]\nevaluations = 3\n")
     assert load_config(path) == replace(RunConfig(), self_play=SelfPlayConfig(evaluations=3))
-
-
-def test_the_example_with_disturbed_robots_is_what_it_says_and_comes_back_from_its_file(tmp_path):
-    config = load_config(Path(__file__).parents[2] / "examples" / "robust.toml")
-    noise = {"position_noise": 0.01, "speed_noise": 0.01, "heading_noise": 0.01}
-    assert config.self_play.disturbance == Disturbance(delay=1, limits=0.1, turn_time=0.6, **noise)
-    create_run(config, tmp_path / "run")
-    assert load_config(tmp_path / "run" / "config.toml") == config
 
 
 def shared(one, other):
@@ -117,13 +136,23 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
     assert config.env_steps_per_iteration == env_steps_per_update * updates
 
 
-def test_the_zero_sum_part_of_a_stage_is_its_own_or_else_the_games():
-    game = PRESETS["quick"].game
-    bounded = replace(game, reward=replace(game.reward, zero_sum_within=4.0))
-    assert ASYMMETRIC.self_play.rewarded(game).reward.zero_sum_within == 2.0
-    assert ASYMMETRIC.self_play.rewarded(bounded).reward.zero_sum_within == 2.0
-    assert SelfPlayConfig().rewarded(bounded).reward.zero_sum_within == 4.0
-    assert SelfPlayConfig().rewarded(game) == replace(game, reward=replace(game.reward, progress=1.0))
+def test_a_stage_has_its_own_reward_weights():
+    reward = StageConfig(progress=2.0, failure=30.0).rewarded(make_game("paper")).reward
+    assert reward == replace(make_game("paper").reward, progress=2.0, failure=30.0)
+
+
+@pytest.mark.parametrize(
+    ("end", "over", "env_steps", "value"),
+    [
+        (0.1, 1000.0, 0, 1.0),
+        (0.1, 1000.0, 250, 0.775),
+        (0.1, 1000.0, 10**9, 0.1),
+        (2.0, 10.0, 4, 1.4),
+        (0.1, 0.0, 1, 0.1),
+    ],
+)
+def test_a_schedule_goes_in_a_straight_line_and_stays(end, over, env_steps, value):
+    assert linear(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
 
 
 def test_the_paper_profile_is_plain_dqn():

@@ -6,8 +6,6 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from apollonius.learn.curriculum import load_first, start
-from apollonius.learn.train_step import play_and_learn
 
 from apollonius.agents.network import GaussianActor, make_actor
 from apollonius.agents.pool import solo
@@ -22,10 +20,11 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.loop import play_and_learn
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.run import Run
-from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import Plan
+from apollonius.learn.run import Run, load_first
+from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
+from apollonius.learn.train_state import start
 from tests.learn.tiny import CHUNK, GAME, RUN, SMALL
 from tests.matches import a_match
 

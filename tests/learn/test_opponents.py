@@ -7,8 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.curriculum import renew_opponents, start
-from apollonius.learn.train_step import play_and_learn
 from scipy.stats import chisquare
 
 from apollonius.agents.disturbance import NONE, Disturbance
@@ -20,9 +18,10 @@ from apollonius.game.game import reset_batch
 from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import archive as archives
+from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.stage_config import SelfPlayConfig
-from apollonius.learn.train_state import Plan, players
+from apollonius.learn.stage_config import Plan, SelfPlayConfig
+from apollonius.learn.train_state import players, start
 from apollonius.play.rollout import collect
 from tests.acting import act_in_rows
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN, STAGE

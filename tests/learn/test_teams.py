@@ -6,8 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from apollonius.learn.curriculum import load_first, renew_opponents, start
-from apollonius.learn.train_step import play_and_learn
 
 from apollonius.agents.classical import Still
 from apollonius.agents.network import make_network
@@ -18,9 +16,11 @@ from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
 from apollonius.learn.learner_config import SACConfig
+from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.stage_config import SelfPlayConfig
-from apollonius.learn.train_state import Plan
+from apollonius.learn.run import load_first
+from apollonius.learn.stage_config import Plan, SelfPlayConfig
+from apollonius.learn.train_state import start
 from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, SMALL, STAGE
 
 PURSUERS = 2

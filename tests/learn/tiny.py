@@ -8,8 +8,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig
-from apollonius.learn.stage_config import SelfPlayConfig, StageConfig
-from apollonius.learn.train_state import Plan
+from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 
 CHUNK = 8192
 """Env steps of a chunk: 128 iterations of 64 games."""
