@@ -134,8 +134,8 @@ def test_every_command_in_the_text_can_be_given(document, monkeypatch):
 def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
     path = tmp_path / "game.toml"
     path.write_text(block.code)
-    if "[self_play" in block.code:
-        assert load_config(path).self_play != RunConfig().self_play
+    if "[self_play" in block.code or "[game." in block.code:
+        assert load_config(path) != RunConfig()
     elif "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
         game = find_game(str(path))
         assert game.scenario is not None or game.capture_distance == 0.6

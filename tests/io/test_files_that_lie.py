@@ -32,7 +32,7 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
-from apollonius.learn.checkpoint import Evaluation, Stand, load_checkpoint, load_stand, save_checkpoint
+from apollonius.learn.checkpoint import Evaluation, Standing, load_checkpoint, load_standing, save_checkpoint
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
 from apollonius.learn.metrics import MetricsLine, load_metrics
@@ -44,7 +44,7 @@ GAME = make_game("paper")
 COUNTS = counts_by_name([0, 2, 0, 0, 0, 0, 0, 2, 0])
 RESULT = MatchResult(4, COUNTS, 0.5, (0.15, 0.85), 0.0, (0.0, 0.49), 0.5, 500.0, 20.0, 0.0, 5.0, (0.5, 1.0))
 STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
-STAND = Stand("self-play", 3, 1.5, None, Evaluation(8, 2, COUNTS), 9)
+STANDING = Standing("self-play", 3, 1.5, Evaluation(8, 2, COUNTS), 9)
 
 
 def write_agent(path):
@@ -57,7 +57,7 @@ def write_table(path):
 
 
 def write_checkpoint(path):
-    save_checkpoint(path, STATE, STAND)
+    save_checkpoint(path, STATE, STANDING)
 
 
 def write_replay(path):
@@ -87,7 +87,7 @@ def write_config(path):
 
 
 def write_metrics(path):
-    line = MetricsLine("self-play", 8, 2, 1, 0.5, 16, COUNTS, 1.5, -2.0, {"pursuer": 0.1}, STAND.evaluation)
+    line = MetricsLine("self-play", 8, 2, 1, 0.5, 16, COUNTS, 1.5, -2.0, {"pursuer": 0.1}, STANDING.best)
     path.write_text(json.dumps(asdict(line)) + "\n")
 
 
@@ -96,7 +96,7 @@ def write_evaluation(path):
 
 
 def read_checkpoint(path):
-    return load_stand(path), load_checkpoint(path, STATE)
+    return load_standing(path), load_checkpoint(path, STATE)
 
 
 KINDS: dict[str, tuple[Any, Any, str]] = {
@@ -191,7 +191,7 @@ LIES = [
         {"kind": "game", "payoff": "win", "counts": [900, 900, 9, 9]},
     )],
     ("checkpoint", {"chunks": -1}), ("checkpoint", {"chunks": "3"}), ("checkpoint", {"seconds": float("nan")}),
-    ("checkpoint", {"evaluation": 3}), ("checkpoint", {"best": {"outcomes": {"won": 1}}}),
+    ("checkpoint", {"best": 3}), ("checkpoint", {"best": {"outcomes": {"won": 1}}}),
     ("checkpoint", {"metrics_bytes": 2**70}), ("checkpoint", {"stage": None}),
     ("replay", {"actions": [[0.5, 1], [1, 1], [1, 1]]}), ("replay", {"actions": [["1", "1"]] * 3}),
     ("replay", {"actions": [[10**30, 1]] * 3}), ("replay", {"states": [[1e30] * 8] * 4}),

@@ -82,8 +82,8 @@ def test_an_unknown_place_is_refused(tmp_path):
 def train_and_be_lost_once(folder, should_stop):
     """A training whose worker is killed in the middle, the first time."""
 
-    def die_in_the_middle(progress):
-        if progress.env_steps == 3 * CHUNK and not (folder / "lost").exists():
+    def die_in_the_middle(line, share):
+        if line.env_steps == 3 * CHUNK and not (folder / "lost").exists():
             (folder / "lost").touch()
             os.kill(os.getpid(), signal.SIGKILL)
 

@@ -1,11 +1,8 @@
-"""A training run in its folder: what it leaves there, and that stopping it in any way changes nothing."""
+"""A training run in its folder: its files, and that stopping it in any way changes nothing."""
 
 import errno
 import json
 import os
-import signal
-import subprocess
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,20 +13,20 @@ import numpy as np
 import pytest
 from safetensors.numpy import load, save
 
-from apollonius.agents.network import make_network
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn import curriculum
+from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module
-from apollonius.learn.checkpoint import FORMAT, load_stand
+from apollonius.learn.checkpoint import FORMAT, load_standing
 from apollonius.learn.folder import create_run, held, load_config
 from apollonius.learn.opponents import OpponentConfig
-from apollonius.learn.run import Run
+from apollonius.learn.run import Run, load_first
 from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, GAME, RUN
 
-REPOSITORY = Path(__file__).parents[2]
+KEY = jax.random.key(0)
 CHECKPOINT = "checkpoint.safetensors"
 TIMES = ("seconds", "env_steps_per_second")
 """What a metrics line says about the clock; everything else in it must come out the same."""
@@ -136,7 +133,7 @@ def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
 def test_a_finished_run_resumed_has_nothing_left_to_do(uninterrupted):
     before = agents(uninterrupted), metrics(uninterrupted)
     reports = []
-    assert Run(RUN, uninterrupted, reports.append).execute()
+    assert Run(RUN, uninterrupted, lambda *report: reports.append(report)).execute()
     assert reports == []
     assert (agents(uninterrupted), metrics(uninterrupted)) == before
 
@@ -159,7 +156,7 @@ def kill_at(moment, count, monkeypatch):
         replace_file(source, target)
 
     monkeypatch.setattr(os, "replace", replace_or_die)
-    return lambda progress: happens("chunk")
+    return lambda line, share: happens("chunk")
 
 
 @pytest.mark.parametrize(
@@ -167,11 +164,8 @@ def kill_at(moment, count, monkeypatch):
     [
         pytest.param("checkpoint.safetensors", 1, id="before the first checkpoint"),
         pytest.param("chunk", 3, id="between metrics and checkpoint"),
-        pytest.param("checkpoint.safetensors", 3, id="while a checkpoint is written"),
-        pytest.param("P_stage1.safetensors", 1, id="at the end of stage 1"),
         pytest.param("checkpoint.safetensors", 5, id="before the first checkpoint of stage 2"),
         pytest.param("E_curriculum-50.safetensors", 1, id="between two agents"),
-        pytest.param("chunk", 8, id="after the last chunk"),
     ],
 )
 @pytest.mark.usefixtures("checkpoint_after_every_chunk")
@@ -184,60 +178,18 @@ def test_a_run_killed_and_resumed_ends_the_same(uninterrupted, tmp_path, monkeyp
     assert not list(folder.rglob("*.tmp"))
 
 
-CHILD = """
-import os, signal, sys
-from pathlib import Path
-from apollonius.io.cache import keep_compilations
-from apollonius.learn import run
-from tests.learn.tiny import RUN
-
-keep_compilations()
-
-def die_in_self_play(progress):
-    if progress.stage == "self-play" and progress.env_steps == 3 * 8192:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-run.CHECKPOINT_SECONDS = 0.0
-run.Run(RUN, Path(sys.argv[1]), die_in_self_play).execute()
-"""
-
-
-def test_a_process_killed_by_the_system_leaves_a_run_that_ends_the_same(uninterrupted, tmp_path):
-    folder = begin(tmp_path / "run")
-    child = subprocess.run([sys.executable, "-c", CHILD, str(folder)], cwd=REPOSITORY, check=False)
-    assert child.returncode == -signal.SIGKILL
-    assert len(metrics(folder)) == 7
-    assert Run(RUN, folder).execute()
-    assert_same_end(folder, uninterrupted)
-
-
 def test_two_processes_never_train_in_one_folder(tmp_path):
+    """A lock of one process holds against a second one of its own, too."""
     folder = begin(tmp_path / "run")
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, folder], cwd=REPOSITORY, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as child:
-        assert child.stdout.readline() == "holds\n"
-        before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-        for begins in (Run(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
-            with pytest.raises(InvalidInput, match=f"is being trained by process {child.pid}: wait for it"):
-                begins()
-        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-        child.kill()  # which lets go of the folder
     (folder / "half.tmp").touch()
     with held(folder):
         assert not (folder / "half.tmp").exists()
+        before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for begins in (Run(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
+            with pytest.raises(InvalidInput, match=f"is being trained by process {os.getpid()}: wait for it"):
+                begins()
+        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     assert not (folder / ".process").exists()
-
-
-HOLD = """
-import sys
-from pathlib import Path
-from apollonius.learn.folder import held
-
-with held(Path(sys.argv[1])):
-    print("holds", flush=True)
-    sys.stdin.read()
-"""
 
 
 @pytest.mark.usefixtures("checkpoint_after_every_chunk")
@@ -262,14 +214,14 @@ def test_a_full_disk_spares_the_last_checkpoint(uninterrupted, tmp_path, monkeyp
 def self_play_starts(monkeypatch):
     """The pursuer's and the evader's network with which each self-play began."""
     networks = []
-    start = curriculum.start
+    start = train_state.start
 
     def recorded(plan, game, key, fixed, first):
         if not fixed:
             networks.append(jax.tree.map(jnp.copy, tuple(first)))
         return start(plan, game, key, fixed, first)
 
-    monkeypatch.setattr(curriculum, "start", recorded)
+    monkeypatch.setattr(train_state, "start", recorded)
     return networks
 
 
@@ -295,64 +247,29 @@ def test_self_play_goes_on_from_the_best_pursuer_of_stage_1(self_play_starts, tm
     assert eqx.tree_equal(self_play_starts, [(best.network, None)])
 
 
-@pytest.mark.slow
-def test_stage_1_against_a_moving_evader_keeps_the_last_pursuer(tmp_path, monkeypatch):
-    """A random evader mostly loses by itself, so the one with most wins may be one that waits."""
-    wins = iter([(1, 5), (2, 9), (8, 2), (3, 0)])
-    seen = []
+def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path, monkeypatch):
+    """No update is made, so what is kept is what was given: of the last evaluation, not of that with most captures."""
+    captures, seen = iter([3, 1]), []
 
     def scripted_evaluation(game, players, starts, key):
-        seen.append(type(players.evader.members).__name__)
-        captured, failed = next(wins)
-        games = jnp.arange(64)
-        outcome = jnp.where(games < captured + failed, Outcome.EVADER_OUT_OF_RANGE, Outcome.NO_RESULT)
-        return Results(jnp.where(games < captured, Outcome.CAPTURED, outcome), jnp.ones(64, jnp.int32))
+        seen.append(players.evader.size)
+        captured = jnp.arange(64) < next(captures)
+        return Results(jnp.where(captured, Outcome.CAPTURED, Outcome.NO_RESULT), jnp.ones(64, jnp.int32))
 
     monkeypatch.setattr(run_module, "play_out", scripted_evaluation)
-    config = replace(RUN, stages="fixed-target", evaders=("random",))
-    folder = begin(tmp_path / "run", config)
-    assert Run(config, folder).execute()
-    assert seen == ["Uniform"] * 4
-    assert list(agents(folder)) == ["P_random"]
-    training = load_agent(folder / "agents" / "P_random.safetensors").header.training
-    assert (training["env_steps"], training["outcomes"]["captured"]) == (4 * CHUNK, 3)
-
-
-def test_a_moving_evader_gives_another_training_than_one_that_stays(uninterrupted, tmp_path):
-    config = replace(RUN, stages="fixed-target", evaders=("random",))
-    folder = begin(tmp_path / "run", config)
-    assert not Run(config, folder, should_stop=stop_after(1)).execute()
-    (first,) = metrics(folder)
-    assert first["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
-
-
-@pytest.mark.slow
-def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path):
-    """No update in the first chunk, so what plays in it is what was given."""
     mine = uninterrupted / "agents"
-    evaders = (str(mine / "E_curriculum.safetensors"), "random", str(mine / "E_curriculum-25.safetensors"))
+    evaders = (str(mine / "E_curriculum.safetensors"), str(mine / "E_curriculum-25.safetensors"))
     config = replace(RUN, stages="fixed-target", evaders=evaders, pursuer=str(mine / "P_stage1.safetensors"))
-    config = replace(config, dqn=replace(config.dqn, learning_starts=5 * CHUNK))
+    stage = replace(config.fixed_target, env_steps=2 * CHUNK, evaluations=2)
+    config = replace(config, dqn=replace(config.dqn, learning_starts=5 * CHUNK), fixed_target=stage)
     folder = begin(tmp_path / "run", config)
     assert Run(config, folder).execute()
     assert list(agents(folder)) == ["P_pool"]
-    given, kept = (load_agent(path).network for path in (Path(config.pursuer), folder / "agents/P_pool.safetensors"))
-    assert eqx.tree_equal(given, kept)
-
-
-def test_the_price_of_a_failure_is_the_stages_own(tmp_path):
-    """Some pursuers fail in the first chunk, where nothing has been learned yet: only the price differs."""
-    returns = []
-    for failure in (10.0, 30.0):
-        config = replace(RUN, stages="fixed-target", fixed_target=replace(RUN.fixed_target, failure=failure))
-        folder = begin(tmp_path / str(failure), config)
-        assert not Run(config, folder, should_stop=stop_after(1)).execute()
-        (first,) = metrics(folder)
-        returns.append(first["pursuer_return"])
-    games = sum(first["outcomes"].values())
-    failed = sum(first["outcomes"][name] for name in ("pursuer_hit_obstacle", "pursuer_out_of_range", "both_failed"))
-    assert failed > 0
-    assert returns[0] - returns[1] == pytest.approx(20.0 * failed / games, abs=1e-3)
+    given, kept = (load_agent(path) for path in (Path(config.pursuer), folder / "agents/P_pool.safetensors"))
+    assert eqx.tree_equal(given.network, kept.network)
+    assert kept.header.training["outcomes"]["captured"] == 1
+    assert seen == [2, 2]
+    assert metrics(folder)[0]["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
 
 
 def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uninterrupted, tmp_path):
@@ -384,15 +301,20 @@ def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uni
 
 
 @pytest.mark.parametrize(
-    ("network", "named"),
-    [(("encoded", 16, 1), "'paper'.*'encoded'"), (("paper", 8, 1), "16.*8"), (("paper", 16, 2), "1.*2")],
-    ids=["observation", "width", "depth"],
+    "network",
+    [
+        make_network("encoded", 16, 1, KEY),
+        make_network("paper", 8, 1, KEY),
+        make_network("paper", 16, 2, KEY),
+        make_actor("paper", 16, 1, KEY),
+    ],
+    ids=["observation", "width", "depth", "algorithm"],
 )
-def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, network, named):
+def test_a_first_pursuer_of_another_kind_than_the_config_trains_is_refused(tmp_path, network):
     path = tmp_path / "P.safetensors"
-    save_agent(describe(make_network(*network, jax.random.key(0)), Role.PURSUER, {}, {}), path)
-    with pytest.raises(InvalidInput, match=f"{path}.*{named}"):
-        curriculum.load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
+    save_agent(describe(network, Role.PURSUER, {}, {}), path)
+    with pytest.raises(InvalidInput, match=f"{path}.*a QNetwork of 1 layers of 16 that reads 'paper', as this config"):
+        load_first(replace(RUN, stages="self-play", pursuer=str(path)), Role.PURSUER)
 
 
 def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_path):
@@ -406,67 +328,59 @@ def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_p
 
 def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
     weights = []
-    play_and_learn = curriculum.play_and_learn
+    play_and_learn = loop.play_and_learn
 
     def recorded(plan, game, *rest):
         weights.append(game.reward.progress)
         return play_and_learn(plan, game, *rest)
 
-    monkeypatch.setattr(curriculum, "play_and_learn", recorded)
+    monkeypatch.setattr(loop, "play_and_learn", recorded)
     Run(RUN, begin(tmp_path / "run"), should_stop=stop_after(5)).execute()
     assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
 
 
-def test_another_seed_trains_another_agent_and_stage_1_can_stand_alone(uninterrupted, tmp_path):
-    config = replace(RUN, stages="fixed-target", seed=1)
-    folder = begin(tmp_path / "run", config)
-    assert Run(config, folder).execute()
-    assert list(agents(folder)) == ["P_stage1"]
-    mine, theirs = (load_agent(path / "agents" / "P_stage1.safetensors").network for path in (folder, uninterrupted))
-    assert not np.any(mine.layers[0].weight == theirs.layers[0].weight)
+def replaced_checkpoint(folder, content):
+    (folder / CHECKPOINT).write_bytes(content)
+    return folder
 
 
-@pytest.mark.parametrize("kept", [0, 7, 1000, -1])
-def test_a_truncated_checkpoint_is_refused(uninterrupted, tmp_path, kept):
-    folder = begin(tmp_path / "run")
-    content = (uninterrupted / "checkpoint.safetensors").read_bytes()
-    (folder / "checkpoint.safetensors").write_bytes(content[:kept])
-    with pytest.raises(InvalidInput, match=r"not a whole checkpoint.*train again"):
-        Run(RUN, folder).execute()
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        (lambda content, agent: content[:7], "not a whole checkpoint.*train again"),
+        (lambda content, agent: content[:-1], "not a whole checkpoint.*train again"),
+        (lambda content, agent: agent, "no checkpoint of this version.*train again"),
+    ],
+    ids=["a few bytes", "all but one", "an agent"],
+)
+def test_what_is_no_whole_checkpoint_is_refused(uninterrupted, tmp_path, changed, named):
+    content = changed((uninterrupted / CHECKPOINT).read_bytes(), agents(uninterrupted)["P_curriculum"])
+    with pytest.raises(InvalidInput, match=named):
+        Run(RUN, replaced_checkpoint(begin(tmp_path / "run"), content)).execute()
 
 
 @pytest.mark.parametrize("lie", [lambda end, line: end - 40, lambda end, line: end - line, lambda end, line: end + 1])
 def test_a_checkpoint_that_lies_about_the_metrics_is_refused_and_cuts_nothing(uninterrupted, tmp_path, lie):
-    folder = begin(tmp_path / "run")
-    content, stand = ((uninterrupted / "checkpoint.safetensors").read_bytes(), load_stand(uninterrupted / CHECKPOINT))
-    whole = (uninterrupted / "metrics.jsonl").read_bytes()
-    lying = replace(stand, metrics_bytes=lie(len(whole), len(whole.splitlines(keepends=True)[-1])))
-    (folder / CHECKPOINT).write_bytes(save(load(content), {FORMAT: json.dumps(asdict(lying))}))
+    content, whole = ((uninterrupted / name).read_bytes() for name in (CHECKPOINT, "metrics.jsonl"))
+    size = lie(len(whole), len(whole.splitlines(keepends=True)[-1]))
+    lying = asdict(replace(load_standing(uninterrupted / CHECKPOINT), metrics_bytes=size))
+    folder = replaced_checkpoint(begin(tmp_path / "run"), save(load(content), {FORMAT: json.dumps(lying)}))
     (folder / "metrics.jsonl").write_bytes(whole)
     with pytest.raises(InvalidInput, match=r"metrics.jsonl.*checkpoint says; train again|no record of training"):
         Run(RUN, folder).execute()
     assert (folder / "metrics.jsonl").read_bytes() == whole
 
 
-def test_an_agent_is_no_checkpoint(uninterrupted, tmp_path):
-    folder = begin(tmp_path / "run")
-    (folder / "checkpoint.safetensors").write_bytes(agents(uninterrupted)["P_curriculum"])
-    with pytest.raises(InvalidInput, match=r"no checkpoint of this version.*train again"):
-        Run(RUN, folder).execute()
-
-
 @pytest.mark.parametrize(
     "changed",
     [
         replace(RUN, dqn=replace(DQN, depth=2)),
-        replace(RUN, dqn=replace(DQN, width=32)),
         replace(RUN, dqn=replace(DQN, replay_capacity=2 * CHUNK)),
         replace(RUN, stages="fixed-target"),
     ],
-    ids=["depth", "width", "replay_capacity", "stages"],
+    ids=["depth", "replay_capacity", "stages"],
 )
 def test_a_checkpoint_of_another_config_is_refused(uninterrupted, tmp_path, changed):
-    folder = begin(tmp_path / "run", changed)
-    (folder / "checkpoint.safetensors").write_bytes((uninterrupted / "checkpoint.safetensors").read_bytes())
+    folder = replaced_checkpoint(begin(tmp_path / "run", changed), (uninterrupted / CHECKPOINT).read_bytes())
     with pytest.raises(InvalidInput, match="train again"):
         Run(changed, folder).execute()

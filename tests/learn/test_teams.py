@@ -15,13 +15,12 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import dqn, replay_buffer
-from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import load_first
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from apollonius.learn.train_state import start
-from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, SMALL, STAGE
+from tests.learn.tiny import CHUNK, DQN, GAME, PLAN, RUN, STAGE
 
 PURSUERS = 2
 TEAM = in_teams(GAME, PURSUERS, 1)
@@ -128,25 +127,3 @@ def test_an_agent_that_reads_egocentric_goes_on_in_teams(tmp_path):
     assert not weight[:, network.observation.size :].any()
     with pytest.raises(InvalidInput, match="'paper'"):
         load_first(replace(config, dqn=replace(DQN, observation="paper")), Role.PURSUER)
-
-
-def test_what_does_not_learn_in_teams_yet_says_so():
-    with pytest.raises(InvalidInput, match=r"robots = 2 v 1 .* a distillation knows"):
-        replace(RUN, game=TEAM, stages="distillation")
-    with pytest.raises(InvalidInput, match=r"robots = 2 v 1 .* soft actor-critic knows"):
-        replace(RUN, game=TEAM, sac=SACConfig(**SMALL))
-
-
-ZERO_SUM = replace(GAME, reward=replace(GAME.reward, profile="zero-sum"))
-
-
-@pytest.mark.parametrize(("stages", "size"), [("fixed-target", (2, 1)), ("self-play", (2, 1)), ("self-play", (1, 2))])
-def test_a_team_that_would_not_learn_that_it_lost_is_refused(stages, size):
-    with pytest.raises(InvalidInput, match=r"reward.profile = zero-sum .*'paper'"):
-        replace(RUN, game=in_teams(ZERO_SUM, *size), stages=stages)
-
-
-def test_one_robot_learns_for_wins_alone_against_a_team():
-    """Its game is over when it is out of play, and the side's pay is its own."""
-    config = replace(RUN, game=in_teams(ZERO_SUM, 1, 2), stages="fixed-target")
-    assert config.game.reward.profile == "zero-sum"

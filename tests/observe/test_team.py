@@ -6,9 +6,7 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
-from apollonius.agents.network import make_network, widened
 from apollonius.arenas.charting import charted
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
@@ -16,11 +14,9 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, RobotState, RobotStatus, Role
-from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
-from apollonius.observe.view import look
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
@@ -110,17 +106,3 @@ def test_of_many_mates_the_nearest_are_seen():
     crowd = [ME, *((2.0, 4.5 + away, 0.0, 0.0) for away in (2.5, 1.0, 2.0, 0.5))]
     distances = 1 / slots(seen(crowd, [PREY])[0])[:MATES, 3] - 1
     np.testing.assert_allclose(distances, [1.0, 1.5, 2.5], atol=1e-4)
-
-
-def test_a_network_for_egocentric_does_the_same_where_it_goes_on():
-    """With weights of 0 for what is new; so an agent of the zoo begins to learn in teams as it is."""
-    network = make_network(EGOCENTRIC.name, 64, 2, jax.random.key(0))
-    wide = widened(network, TEAM)
-    numbers = jax.random.normal(jax.random.key(1), (64, TEAM.size))
-    assert wide.observation is TEAM
-    np.testing.assert_allclose(wide.batch(numbers), network.batch(numbers[:, :FIRST]), atol=1e-5)
-
-
-def test_who_has_no_chart_is_told():
-    with pytest.raises(InvalidInput, match="chart"):
-        TEAM(look(Game(), state([ME], [PREY]), Role.PURSUER))
