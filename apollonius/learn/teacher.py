@@ -135,23 +135,21 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
 
     def setting(number: int, one: Game) -> Setting:
         here = game if scenario is None else scenario.game(game, jnp.asarray(number))
-        tables = kept_tables(one, stage.grid, folder, played=here)
-
-        def player(name: str, role: Role) -> Named:
-            return Named(name, tables[role]) if name == TABLE else find_player(name, role, here)
-
-        found = player(stage.teacher, role)
-        values = isinstance(found.policy, AbstractActionValuePolicy)
+        named = {(name, role.other) for name in stage.opponents} | {(stage.teacher, role)}
+        players = {each: find_player(*each, here) for each in named if each[0] != TABLE}
+        values = stage.teacher == TABLE or isinstance(players[stage.teacher, role].policy, AbstractActionValuePolicy)
         require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
+        tables = kept_tables(one, stage.grid, folder, played=here)
+        players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
+        found = players[stage.teacher, role]
         assert isinstance(found.policy, AbstractActionValuePolicy)
         clearance = None
         if stage.clearance > 0:
             grid = make_grid(here.arena, here.body(role), counts)
             safety = solve_safety(here, role, grid, grids[0][1])
             clearance = Clearance(motion_of(here, role, _AHEAD), grid, safety.table, stage.clearance)
-        opponents = tuple(player(name, role.other).policy for name in stage.opponents)
-        return Setting(
-            here, Teacher(found.policy, price_of_losing(found, here), clearance), opponents, tables[role.other]
-        )
+        teacher = Teacher(found.policy, price_of_losing(found, here), clearance)
+        opponents = tuple(players[name, role.other].policy for name in stage.opponents)
+        return Setting(here, teacher, opponents, tables[role.other])
 
     return [setting(number, one) for number, one in enumerate(alone)]

@@ -272,17 +272,6 @@ def test_a_given_pursuer_goes_on_against_several_evaders(uninterrupted, tmp_path
     assert metrics(folder)[0]["outcomes"] != metrics(uninterrupted)[0]["outcomes"]
 
 
-def test_self_play_from_a_given_pursuer_is_the_second_half_of_the_curriculum(uninterrupted, tmp_path):
-    config = replace(RUN, stages="self-play", pursuer=str(uninterrupted / "agents" / "P_stage1.safetensors"))
-    folder = begin(tmp_path / "run", config)
-    assert Run(config, folder).execute()
-    assert metrics(folder) == metrics(uninterrupted)[4:]
-    assert sorted(agents(folder)) == CURRICULUM
-    for name in CURRICULUM:
-        mine, theirs = (load_agent(path / "agents" / f"{name}.safetensors") for path in (folder, uninterrupted))
-        assert eqx.tree_equal(mine.network, theirs.network)
-
-
 def test_self_play_goes_on_from_given_agents_and_resumes_without_their_files(uninterrupted, self_play_starts, tmp_path):
     first = tmp_path / "P.safetensors", tmp_path / "E.safetensors"
     for path, name in zip(first, ("P_stage1", "E_curriculum"), strict=True):
