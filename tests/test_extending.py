@@ -128,7 +128,7 @@ def test_a_new_scheme_is_read_from_configs_and_draws_who_sits(monkeypatch):
     assert line in DOCUMENT.read_text()
     recent = eval(f"{{{line}}}", {"Scheme": opponents.Scheme, "jnp": jnp})["recent"]
     monkeypatch.setitem(opponents.SCHEMES, "recent", recent)
-    config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "seats": 7000}, "a config")
+    config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "slots": 7000}, "a config")
     assert config.share == 0.5
-    seats = renew(archive_of(3, config), config, jax.random.key(0)).seats
-    np.testing.assert_allclose(np.bincount(seats) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
+    slots = renew(archive_of(3, config), config, jax.random.key(0)).slots
+    np.testing.assert_allclose(np.bincount(slots) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)

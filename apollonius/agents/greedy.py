@@ -8,8 +8,7 @@ from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy, 
 from apollonius.agents.uniform import uniform_action
 from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
-from apollonius.observe.charted import Charted
-from apollonius.observe.observation import AbstractObservation, Whole
+from apollonius.observe.observation import AbstractObservation, Charted, Whole
 
 
 class Greedy(AbstractActionValuePolicy):

@@ -7,8 +7,7 @@ from apollonius.agents.network import GaussianActor, inferred
 from apollonius.agents.policy import AbstractContinuous, Memory
 from apollonius.game.chart import Chart
 from apollonius.game.types import Scalar
-from apollonius.observe.charted import Charted
-from apollonius.observe.observation import AbstractObservation, Whole
+from apollonius.observe.observation import AbstractObservation, Charted, Whole
 
 
 class SquashedMean(AbstractContinuous):

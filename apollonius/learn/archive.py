@@ -1,7 +1,7 @@
-"""Archives of earlier versions of a side, and the seats in which some of them play.
+"""Archives of earlier versions of a side, and the slots in which some play.
 
-Some games of a batch belong to seats: there an earlier version of one side, frozen and greedy, plays the other side's
-learner. The versions in the seats are drawn again at intervals, by the scheme.
+Some games of a batch belong to slots: there an earlier version of one side, frozen and greedy, plays the other side's
+learner. The versions in the slots are drawn again at intervals, by the scheme.
 """
 
 from dataclasses import replace
@@ -28,21 +28,21 @@ class Archive(eqx.Module):
 
     Attributes:
         networks: leaves with a leading axis of length `versions`, of which `count` are filled.
-        games, lost: recent games that count (`counted`) of each version, and how many of them it lost.
-        seats: the version in each seat.
-        seated: the networks of the seats, leaves with a leading axis of length `seats`.
+        games, lost: recent games that count (`counted`) of each version, and those that it lost.
+        slots: the version in each slot.
+        in_slots: the networks of the slots, leaves with a leading axis of length `slots`.
     """
 
     networks: Network
     count: Int[Array, ""]
     games: Float[Array, " versions"]
     lost: Float[Array, " versions"]
-    seats: Int[Array, " seats"]
-    seated: Network
+    slots: Int[Array, " slots"]
+    in_slots: Network
 
 
 def init(network: Network, config: OpponentConfig) -> Archive:
-    """Return an archive of one version, which has all seats."""
+    """Return an archive of one version, which has all slots."""
 
     def repeated(times: int) -> Network:
         return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], times, axis=0), network)
@@ -52,8 +52,8 @@ def init(network: Network, config: OpponentConfig) -> Archive:
         count=jnp.ones((), jnp.int32),
         games=jnp.zeros(config.versions, jnp.float32),
         lost=jnp.zeros(config.versions, jnp.float32),
-        seats=jnp.zeros(config.seats, jnp.int32),
-        seated=repeated(config.seats),
+        slots=jnp.zeros(config.slots, jnp.int32),
+        in_slots=repeated(config.slots),
     )
 
 
@@ -68,22 +68,22 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
 
 
 def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
-    """Return the probability of each version to get a seat."""
+    """Return the probability of each version to get a slot."""
     filled = jnp.arange(archive.games.shape[0]) < archive.count
     weights = jnp.where(filled, config.rule.weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
     return weights / jnp.sum(weights)
 
 
 def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
-    """Return the archive with its seats drawn again and its records discounted. The key is consumed."""
+    """Return the archive with its slots drawn again and its records discounted. The key is consumed."""
     chance = probabilities(archive, config)
-    seats = jax.random.choice(key, chance.shape[0], (config.seats,), p=chance).astype(jnp.int32)
+    slots = jax.random.choice(key, chance.shape[0], (config.slots,), p=chance).astype(jnp.int32)
     return replace(
         archive,
         games=FORGETTING * archive.games,
         lost=FORGETTING * archive.lost,
-        seats=seats,
-        seated=jax.tree.map(lambda leaf: leaf[seats], archive.networks),
+        slots=slots,
+        in_slots=jax.tree.map(lambda leaf: leaf[slots], archive.networks),
     )
 
 
@@ -120,31 +120,31 @@ def record(
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
 ) -> Archive:
-    """Return the archive with these games of its seats recorded. A game without a winner is lost by the pursuer.
+    """Return the archive with these games of its slots recorded. A game without a winner is lost by the pursuer.
 
     Args:
         over: where games end that count (`counted`).
     """
-    first, games = config.first_game(role, outcome.shape[1]), config.seat_games(outcome.shape[1])
-    theirs = slice(first, first + config.seats * games)
+    first, games = config.first_game(role, outcome.shape[1]), config.slot_games(outcome.shape[1])
+    theirs = slice(first, first + config.slots * games)
     lost = pursuer_wins(outcome[:, theirs]) ^ (role == Role.PURSUER)
 
-    def by_seat(which: Bool[Array, "steps theirs"]) -> Float[Array, " seats"]:
-        return jnp.sum(which.astype(jnp.float32).reshape(-1, config.seats, games), axis=(0, 2))
+    def by_slot(which: Bool[Array, "steps theirs"]) -> Float[Array, " slots"]:
+        return jnp.sum(which.astype(jnp.float32).reshape(-1, config.slots, games), axis=(0, 2))
 
     return replace(
         archive,
-        games=archive.games.at[archive.seats].add(by_seat(over[:, theirs])),
-        lost=archive.lost.at[archive.seats].add(by_seat(over[:, theirs] & lost)),
+        games=archive.games.at[archive.slots].add(by_slot(over[:, theirs])),
+        lost=archive.lost.at[archive.slots].add(by_slot(over[:, theirs] & lost)),
     )
 
 
-def seat(archive: Archive, config: OpponentConfig, role: Role, learner: AbstractPolicy, games: int) -> Seated:
-    """Return the players of one side of a batch of games: its learner and, in the seats, earlier versions."""
+def players(archive: Archive, config: OpponentConfig, role: Role, learner: AbstractPolicy, games: int) -> Seated:
+    """Return the players of one side of a batch of games: its learner and, in the slots, earlier versions."""
     return Seated(
         at_large=learner,
-        seated=greedy(archive.seated),
-        seats=config.seats,
+        seated=greedy(archive.in_slots),
+        seats=config.slots,
         first=config.first_game(role, games),
-        games=config.seat_games(games),
+        games=config.slot_games(games),
     )

@@ -53,10 +53,10 @@ class RunConfig:
     """Players that the pursuer of stage 1 learns to catch: `still`, as in Algorithm 1, or others, of whom each game
     meets one."""
     pursuer: str | None = None
-    """Agent that the pursuer of a lone stage goes on from; None is from scratch. Where `team` is trained, one
-    that reads `egocentric` goes on with weights of 0 for what is new."""
+    """Agent that the pursuer of a lone stage starts from; None is from scratch. Where `team` is trained, one
+    that reads `egocentric` is extended by weights of 0 for what is new."""
     evader: str | None = None
-    """Agent that the evader of a lone self-play or distillation goes on from; None is from scratch (Algorithm 2)."""
+    """Agent that the evader of a lone self-play or distillation starts from; None is from scratch (Algorithm 2)."""
 
     def __post_init__(self) -> None:
         SEED.require("seed", self.seed)
@@ -65,8 +65,8 @@ class RunConfig:
         for role in (Role.PURSUER,) if self.stages == "fixed-target" else Role:
             require_pay_in_play(self.game, role)
         past, games = self.self_play.opponents, self.learner.games
-        seated = past.share == 0 or past.seat_games(games) > 0
-        require(seated, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.seats} seats")
+        fits = past.share == 0 or past.slot_games(games) > 0
+        require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
         longest = games * self.game.max_steps
         require(
             past.renewal >= longest or not past.rule.keeps_records, "renewal", past.renewal,

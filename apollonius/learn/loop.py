@@ -24,7 +24,7 @@ from apollonius.learn.train_state import Learner, LearnerState, TrainState, play
 from apollonius.play.rollout import Games, Transition, begin, collect, reset_where_done
 
 _STARTS_PER_CHUNK = 4096
-"""Initial states drawn before each chunk; a game that ends takes one of them."""
+"""Initial states drawn before each chunk; a game that ends takes one."""
 _STARTS_IN_ARENAS = 1024
 """Initial states drawn in games of several arenas, where each takes as long to draw as some ten steps to play."""
 
@@ -195,9 +195,9 @@ def _recorded(plan: Plan, game: Game, state: TrainState, played: Transition) -> 
 
 @functools.partial(jax.jit, static_argnames="plan", donate_argnames="state")
 def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
-    """Add both learners to their archives where that is due, and draw the opponents in the seats again.
+    """Add both learners to their archives where that is due, and draw the opponents in the slots again.
 
-    The games of seats are broken off and begin again, so that an opponent never changes within a game. The state is
+    The games of slots are broken off and begin again, so that an opponent never changes within a game. The state is
     consumed.
     """
     old, config, games = state.archives, plan.opponents, plan.learner.games
@@ -208,14 +208,14 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     averages = {role: side.learner.average for role, side in state.learners.items()}
     entered = ROLES.map(lambda role: archive.enter(old[role], averages[role], due))
     archives = ROLES.map(lambda role: archive.renew(entered[role], config, keys[role]))
-    seated = jnp.arange(games) < config.first_game(len(Role), games)
+    in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
     playing = ROLES.map(lambda role: players(plan, role, state.learners, {}, archives, jnp.ones(())))
     begun = begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance)
     learners = {
-        role: replace(side, buffer=replay_buffer.cut(side.buffer, seated)) for role, side in state.learners.items()
+        role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots)) for role, side in state.learners.items()
     }
-    broken_off = jax.vmap(reset_where_done)(seated, begun, state.games)
+    broken_off = jax.vmap(reset_where_done)(in_slots, begun, state.games)
     return replace(state, games=broken_off, learners=learners, archives=archives)
 
 

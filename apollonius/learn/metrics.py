@@ -140,7 +140,7 @@ def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]
 
 
 def last_metrics(path: Path) -> tuple[str | None, int]:
-    """Return the stage and env steps of the last whole line of a `metrics.jsonl`; None and 0 if there is none."""
+    """Return the stage and env steps of the last whole line of a `metrics.jsonl`; None and 0 without one."""
     if not path.is_file():
         return None, 0
     with open(path, "rb") as file:

@@ -12,10 +12,10 @@ class Scheme:
     """A distribution over the earlier versions of the other side.
 
     Attributes:
-        weigh: returns weights from the share of its recent games that each version lost to the other side's learner. It
-            is compiled.
+        weigh: returns weights from the share of its recent games that each version lost to the other side's learner;
+            compiled.
         keeps_records: whether `weigh` depends on these shares.
-        share: share of the games with an earlier version, half of them of either side; None leaves it to the config.
+        share: share of the games with an earlier version, half with one of either side; None leaves it to the config.
     """
 
     weigh: Callable[[Any], Any] = lambda lost: lost**0
@@ -40,10 +40,10 @@ class OpponentConfig:
     scheme: str = "latest"
     """`latest`: each other, as in Algorithm 2. Others: an earlier version in a share of the games."""
     past_share: float = 0.5
-    """Share of the games with an earlier version, half of them of either side, where the scheme does not say it."""
+    """Share of the games with an earlier version, half with one of either side, where the scheme does not say it."""
     versions: int = 16
     """Earlier versions kept of each side, taken evenly over the stage."""
-    seats: int = 8
+    slots: int = 8
     """Earlier versions of each side that play at a time."""
     renewal: int = 524_288
     """Env steps between two draws of opponents. Versions are judged by games that can last to the time limit before the
@@ -51,7 +51,7 @@ class OpponentConfig:
 
     def __post_init__(self) -> None:
         require(self.scheme in SCHEMES, "scheme", self.scheme, f"one of {', '.join(SCHEMES)}")
-        require_positive(self, "versions", "seats", "renewal")
+        require_positive(self, "versions", "slots", "renewal")
         require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
 
     @property
@@ -64,10 +64,10 @@ class OpponentConfig:
         """Share of the games with an earlier version."""
         return self.past_share if self.rule.share is None else self.rule.share
 
-    def seat_games(self, games: int) -> int:
-        """Return how many games of a batch belong to one seat."""
-        return int(self.share * games) // (2 * self.seats)
+    def slot_games(self, games: int) -> int:
+        """Return how many games of a batch belong to one slot."""
+        return int(self.share * games) // (2 * self.slots)
 
     def first_game(self, role: int, games: int) -> int:
-        """Return the first game of a batch that belongs to a seat of a side: earlier pursuers sit before evaders."""
-        return role * self.seats * self.seat_games(games)
+        """Return the first game of a batch that belongs to a slot of a side: earlier pursuers sit before evaders."""
+        return role * self.slots * self.slot_games(games)

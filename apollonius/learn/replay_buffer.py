@@ -45,7 +45,7 @@ class Batch(eqx.Module):
 
     `reward` is the discounted sum up to the end of the window or of the game, and `discount` the weight of the value of
     `next_observation`: gamma to the number of steps taken, or 0 where the rules ended the game. `active` says of teams
-    which of them count.
+    which transitions count.
     """
 
     observation: Float[Array, "batch size"]

@@ -52,7 +52,7 @@ class Saved(eqx.Module):
 
 
 class Run:
-    """One training run. `execute` begins it or goes on from its checkpoint.
+    """One training run. `execute` begins it or resumes it from its checkpoint.
 
     Args:
         config: what to train.
@@ -214,7 +214,7 @@ class Run:
 
 
 def load_first(config: RunConfig, role: Role) -> Network | None:
-    """Return the network that a side goes on from, if the config names one.
+    """Return the network that a side starts from, if the config names one.
 
     Raises:
         InvalidInput: when there is no such agent, or the config trains another kind of network.

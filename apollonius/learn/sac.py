@@ -53,7 +53,7 @@ _adam = optax.scale_by_adam()
 
 
 def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> SACLearner:
-    """Return a learner that goes on from a copy of an actor, or from random weights; its critics begin from random
+    """Return a learner that starts from a copy of an actor, or from random weights; its critics begin from random
     weights. The key is consumed.
     """
     if actor is None:

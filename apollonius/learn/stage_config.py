@@ -35,7 +35,7 @@ class StageConfig:
     evaluations: int = 40
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
-    """Games in each of them, always from the same starts."""
+    """Games in each evaluation, always from the same starts."""
     disturbance: Disturbance = field(default_factory=Disturbance)
     """How the robots of both sides depart from those of the rules while training; by default not at all."""
 

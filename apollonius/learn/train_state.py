@@ -85,7 +85,7 @@ def start(
 
 
 def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
-    """Return a learner that goes on from a copy of a network, or from random weights. The key is consumed."""
+    """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
     match plan.learner:
         case SACConfig() as config:
             return sac.init(config, key, network)
@@ -102,7 +102,7 @@ def players(
     archives: BySide[archive.Archive] | None,
     amount: Scalar,
 ) -> Pool | Seated:
-    """Return the players of one side: the fixed ones, or its learner and, in the seats, its earlier versions.
+    """Return the players of one side: the fixed ones, or its learner and, in the slots, its earlier versions.
 
     Args:
         amount: how much the learner explores (`apollonius.agents.trained.exploring`).
@@ -112,4 +112,4 @@ def players(
     learner = exploring(learners[role].learner.network, amount)
     if archives is None:
         return solo(learner)
-    return archive.seat(archives[role], plan.opponents, role, learner, plan.learner.games)
+    return archive.players(archives[role], plan.opponents, role, learner, plan.learner.games)

@@ -1,4 +1,4 @@
-"""Several trainings at a time: those that are not finished; one that was stopped goes on."""
+"""Several trainings at a time; those that were stopped are resumed."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -39,14 +39,14 @@ def train_runs(
 
 
 def train(folder: Path, should_stop: ShouldStop) -> bool:
-    """One run, from its checkpoint if it has one."""
+    """Train one run, from its checkpoint if it has one."""
     from apollonius.learn.run import Run
 
     return Run(load_config(folder / "config.toml"), folder, should_stop=should_stop).execute()
 
 
 def _is_finished(folder: Path, config: RunConfig, agents: Sequence[str]) -> bool:
-    """Whether the agents of a run are there. Its config, where there is one, must be the one asked for."""
+    """Return whether the agents of a run are there; its config, if any, must be the given one."""
     if not (folder / "config.toml").is_file():
         return False
     if load_config(folder / "config.toml") != config:

@@ -1,4 +1,4 @@
-"""What a robot sees from where it is, in its own frame: the same in every arena, so that it carries over to others."""
+"""The view in a robot's own frame: the same in every arena, so that players carry over to others."""
 
 import jax
 import jax.numpy as jnp
@@ -12,21 +12,21 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import Robot, View
 
 RAYS = 32
-"""Directions in which it is looked how far a wall or an obstacle is, the first one ahead, counter-clockwise."""
+"""Directions of rays to walls and obstacles, the first one ahead, counter-clockwise."""
 COURSES = 16
-"""Directions, every other one of those, in which it is looked how far the opponent would have to go."""
+"""Directions, every other one of those, of points whose path lengths from the opponent are given."""
 NEAR, AHEAD = 1.5, 5.0
-"""How far in them [m], before an obstacle."""
+"""Distances of these points [m], unless an obstacle is nearer."""
 _BEFORE = 0.1
-"""How far before it [m]."""
+"""Distance of a point from such an obstacle [m]."""
 _SHARPNESS = 4.0
-"""How much the best direction counts more than one along which nothing is gained."""
+"""Sharpness of the softmax over directions."""
 _SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 """Units of the limits: those of the paper's robots."""
 
 
 class Egocentric(AbstractObservation):
-    """The robots, and of the arena rays and ways.
+    """The robots, and of the arena rays and path lengths.
 
     Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
     and the room where it stands and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
@@ -48,7 +48,7 @@ class Egocentric(AbstractObservation):
     charted = True
 
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """The numbers for a view.
+        """Return the numbers of a view.
 
         Raises:
             InvalidInput: in an arena without a chart.
@@ -72,14 +72,14 @@ class Egocentric(AbstractObservation):
 
 @fusion_barrier
 def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
-    """Cosine and sine of a heading, which several numbers are made of."""
+    """Return cosine and sine of a heading, which several numbers share."""
     return jnp.cos(heading), jnp.sin(heading)
 
 
 def _robots(
     view: View, chart: Chart, ahead: tuple[Scalar, Scalar], away: tuple[Scalar, Scalar], distance: Scalar
 ) -> Float[Array, "23"]:
-    """What is seen of both robots."""
+    """Return the numbers of both robots."""
     (cos, sin), (dx, dy) = ahead, away
     other = view.opponent
     their_cos, their_sin = turned(other.state.heading)
@@ -107,7 +107,7 @@ def _motion(robot: Robot) -> list[Real]:
 
 
 def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
-    """Of the body here, and at the point where braking straight ahead would stop it."""
+    """Return the clearance of the body here, and at the point where braking straight ahead would stop it."""
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
     here, there = chart.room(state.x, state.y), chart.room(state.x + braking * cos, state.y + braking * sin)
@@ -115,7 +115,7 @@ def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]
 
 
 def on_two_scales(length: Scalar) -> list[Scalar]:
-    """A length [m] on two scales, one that tells near ones apart and one for all."""
+    """Return a length [m] on two scales, one for near ones and one for all."""
     return [1 / (1 + length), jnp.log1p(length) / 2]
 
 
@@ -128,7 +128,7 @@ def _ways(
     cos: Float[Array, "16"],
     sin: Float[Array, "16"],
 ) -> Float[Array, "37"]:
-    """How far the opponent has to go to the robot, and to places around it."""
+    """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
     far = jnp.maximum(distance, 1e-6)
     is_seen = chart.range(own.x, own.y, away[0] / far, away[1] / far) >= jnp.minimum(distance, FARTHEST)
@@ -138,7 +138,7 @@ def _ways(
     whole = chart.way_from(stop, here)
 
     def from_ahead(reach: float) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
-        """How far ahead it is looked, and the opponent's way to there."""
+        """Return the distances of the points ahead, and the opponent's path lengths to them."""
         along = jnp.clip(ranges - _BEFORE, 0.0, reach)
         places = jax.vmap(chart.places)(own.x + along * cos, own.y + along * sin)
         return along, from_stop(stop, places)

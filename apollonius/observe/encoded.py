@@ -1,4 +1,4 @@
-"""Both states, encoded for a network: no jump where a heading wraps, and what is near at hand."""
+"""Both states, encoded for a network: no jump where a heading wraps, and clearances."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,6 @@ class Encoded(AbstractObservation):
     size = 17
 
     def __call__(self, view: View) -> Float[Array, "17"]:
-        """The seventeen numbers."""
         arena, own, opponent = view.arena, view.own.state, view.opponent.state
         parts: list[Scalar] = []
         directions = [_turned(robot.state.heading) for robot in view.robots]
@@ -43,12 +42,12 @@ class Encoded(AbstractObservation):
 
 @fusion_barrier
 def _turned(heading: Scalar) -> tuple[Scalar, Scalar]:
-    """Cosine and sine of a heading, which several numbers are made of."""
+    """Return cosine and sine of a heading, which several numbers share."""
     return jnp.cos(heading), jnp.sin(heading)
 
 
 def _clearances(arena: Arena, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
-    """Clearance [m] of the body here, and at the point where braking straight ahead would stop it."""
+    """Return the clearance [m] of the body here, and at the point where braking straight ahead would stop it."""
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
     here = arena.clearance(state.x, state.y)

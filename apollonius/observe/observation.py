@@ -1,8 +1,8 @@
-"""What a player reads of a view: the view itself, or a row of numbers that an observation makes of it."""
+"""Observations: the view itself, or a row of numbers that is made of it."""
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
+from apollonius.game.chart import Chart
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Real, Role, Scalar
 from apollonius.observe.view import Robot, View, look_from, rows_of
@@ -21,10 +22,10 @@ class Whole:
     """The view itself, for players that follow a rule."""
 
     charted: ClassVar[bool] = False
-    """Whether it reads the arena's chart (`apollonius.arenas.charting`)."""
+    """Whether it needs the arena's chart (`apollonius.arenas.charting`)."""
 
     def __call__(self, view: View) -> Any:
-        """What is read of a view."""
+        """Return the observation of a view."""
         return view
 
 
@@ -36,24 +37,39 @@ class AbstractObservation(Whole):
     """The numbers that a network reads."""
 
     name: ClassVar[str]
-    """What files call it."""
+    """Its name in files."""
     size: ClassVar[int]
-    """How many numbers they are."""
-    measures: ClassVar[bool] = True
-    """Whether the arena is in them by more than its walls."""
+    """The number of numbers."""
     extends: ClassVar[str | None] = None
-    """Name of the observation that the first of these numbers are, if they are one: its networks can go on here."""
+    """Name of the observation that the first numbers are, if any: its networks can be trained further with this one."""
 
     @abstractmethod
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """The numbers for a view."""
+        """Return the numbers of a view."""
+
+
+@dataclass(frozen=True)
+class Charted(Whole):
+    """An observation with a chart of its own, for games whose arena has none.
+
+    Attributes:
+        observation: needs a chart.
+        chart: of the arena that is played in.
+    """
+
+    observation: AbstractObservation
+    chart: Chart
+
+    def __call__(self, view: View) -> Float[Array, " size"]:
+        """Return the numbers of a view."""
+        return self.observation(replace(view, arena=replace(view.arena, chart=self.chart)))
 
 
 def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> tuple[Callable[[Any], Any], Any]:
-    """Return the function from a row to what a player reads, and a row for each robot of a side in each game.
+    """Return the function from a row to a player's observation, and a row for each robot of a side in each game.
 
-    Numbers are made here, for all rows at once. A whole view is made where a player reads it: outside, all that games
-    have in common would be stored once for each of them.
+    Numbers are made here, for all rows at once. A whole view is made inside the player's `vmap`: outside, all that
+    games have in common would be stored once for each.
 
     Args:
         states: of the games, leaves `[games]`.
@@ -65,12 +81,12 @@ def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> t
 
 
 def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
-    """A number mapped from [low, high] to [-1, 1]."""
+    """Map a number from [low, high] to [-1, 1]."""
     return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
 
 
 def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:
-    """A robot's x, y and v, mapped from their limits to [-1, 1]."""
+    """Return a robot's x, y and v, mapped from their limits to [-1, 1]."""
     body, state = robot.body, robot.state
     return [
         scaled(state.x, arena.x_min, arena.x_max),

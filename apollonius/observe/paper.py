@@ -18,10 +18,8 @@ class Paper(AbstractObservation):
 
     name = "paper"
     size = 8
-    measures = False
 
     def __call__(self, view: View) -> Float[Array, "8"]:
-        """The eight numbers."""
         return jnp.stack(
             [
                 number

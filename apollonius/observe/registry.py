@@ -14,11 +14,11 @@ from apollonius.observe.view import look
 
 _ALL = PAPER, ENCODED, EGOCENTRIC, TEAM
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
-"""By the names that files and configurations have for them."""
+"""By their names in files and configurations."""
 
 
 def find_observation(name: str) -> AbstractObservation:
-    """The observation of this name.
+    """Return the observation of this name.
 
     Raises:
         InvalidInput: for an unknown name; lists the known ones.
@@ -28,5 +28,5 @@ def find_observation(name: str) -> AbstractObservation:
 
 
 def observe(game: Game, state: GameState, role: Role, name: str) -> Float[Array, " size"]:
-    """The observation of this name of what one side sees; errors as `find_observation`."""
+    """Return the observation of this name for one side; errors as `find_observation`."""
     return find_observation(name)(look(game, state, role))

@@ -1,4 +1,4 @@
-"""What a robot sees of two teams: the nearest opponent as in a game of two, and the robots around it one by one."""
+"""The view of two teams: the nearest opponent as in a game of two, and the robots around one by one."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.view import Robot, View
 
 MATES, OPPONENTS = 3, 2
-"""Mates that are seen, and opponents besides the nearest; of more, those whose centres are nearest."""
+"""Mates, and opponents besides the nearest; of more, those whose centres are nearest."""
 OF_A_ROBOT = 13
-"""Numbers of each of them."""
+"""Numbers of each other robot."""
 _SPEED = 1.2
 """Unit of speeds: the paper's robots' top speed [m/s]."""
 
@@ -29,8 +29,8 @@ class Team(AbstractObservation):
     robot and it; the length w of the shortest way to it as log(1 + w) / 2, and that of its way to the nearest opponent
     as 1 / (1 + w) and log(1 + w) / 2; and whether that opponent is between them: 0 where the way from one to the other
     leads through it, 1 where one is on the other's way to it (their Gromov product there, over its largest value). All
-    are 0 of one that is not there, so that a network reads teams of every size, and one for `egocentric` goes on here
-    with weights of 0 for what is new.
+    are 0 of one that is not there, so that a network reads teams of every size, and one for `egocentric` can be
+    trained further with weights of 0 for the rest.
     """
 
     name = "team"
@@ -39,7 +39,7 @@ class Team(AbstractObservation):
     extends = EGOCENTRIC.name
 
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """The numbers for a view.
+        """Return the numbers of a view.
 
         Raises:
             InvalidInput: in an arena without a chart.
@@ -59,12 +59,12 @@ class Team(AbstractObservation):
 
 
 def _in_order(own: RobotState, robots: Sequence[Robot]) -> Sequence[Robot]:
-    """Robots, the active one that is nearest first."""
+    """Return the robots by distance, active ones first."""
     return by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
 
 
 def _way(chart: Chart, start: tuple[RobotState, Places], end: tuple[RobotState, Places]) -> Scalar:
-    """Length [m] of the shortest way between two robots, which is nowhere shorter than their distance."""
+    """Return the path length [m] between two robots, at least their distance."""
     away = jnp.sqrt(distance_squared(start[0], end[0]))
     return jnp.maximum(chart.way(start[1], end[1]), away)
 
@@ -72,7 +72,7 @@ def _way(chart: Chart, start: tuple[RobotState, Places], end: tuple[RobotState, 
 def _of_a_robot(
     chart: Chart, view: View, ends: tuple[Places, Places], own_way: Scalar, robot: Robot
 ) -> Float[Array, "13"]:
-    """What is seen of a robot besides the nearest opponent.
+    """Return the numbers of a robot besides the nearest opponent.
 
     Args:
         ends: the places of the robot that looks and of that opponent.

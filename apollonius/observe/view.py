@@ -1,4 +1,4 @@
-"""What one robot sees, as it is: bodies, states and the arena, in metres, m/s and radians."""
+"""The view of one robot: bodies, states and the arena, in metres, m/s and radians."""
 
 from dataclasses import replace
 from typing import TypeVar
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class Robot(eqx.Module):
-    """A robot that is seen: its body's limits, its state, and whether it is in play."""
+    """A robot in a view: its body's limits, its state, and whether it is in play."""
 
     body: Unicycle
     state: RobotState
@@ -28,14 +28,14 @@ class Robot(eqx.Module):
 
 
 class View(eqx.Module):
-    """What one robot sees. Nothing in it is scaled.
+    """The view of one robot. Nothing in it is scaled.
 
     Attributes:
         arena: walls and obstacles.
         own: the robot itself.
         mates: the other robots of its side.
         opponents: the robots of the other side.
-        capture_distance: how near to each other they are when one is caught [m].
+        capture_distance: distance at which an evader is captured [m].
     """
 
     arena: Arena
@@ -57,7 +57,7 @@ class View(eqx.Module):
 
 
 def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
-    """What one robot sees in a state of the game.
+    """Return the view of one robot in a state of the game.
 
     Args:
         role, number: its side, and which of its robots it is.
@@ -74,8 +74,8 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
 
 
 Row = tuple[GameState, Int[Array, ""] | None]
-"""One robot's place in one game: the state with the side's robots in an order that begins with it, and its number,
-which is None where its side has only one robot."""
+"""One robot in one game: the state with the side's robots in an order that begins with it, and its number; None for the
+only robot of a side."""
 
 
 def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
@@ -102,7 +102,7 @@ def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows
 
 
 def look_from(game: Game, role: Role, row: Row) -> View:
-    """Return what the robot of one row of `rows_of` sees."""
+    """Return the view of the robot of one row of `rows_of`."""
     state, number = row
     return look(game if number is None else _turned(game.at(state), role, number), state, role)
 
@@ -114,7 +114,7 @@ def _in_rows(*states: GameState) -> GameState:
 
 
 def _turned(game: Game, role: Role, number: Int[Array, ""]) -> Game:
-    """A game in one arena with the limits of one side's robots in another order: those of this number come first."""
+    """Return a game in one arena with the bodies of one side in another order, that of this number first."""
     bodies = game.bodies[role]
 
     def at(place: int) -> Unicycle:

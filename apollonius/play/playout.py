@@ -157,7 +157,7 @@ def _advance(
 
     Args:
         starts: of waiting games.
-        first: the number of the first of them.
+        first: the number of the first one.
         count: the number of starts; the other rows are padding.
         steps: most steps.
         more: whether other games will wait when these have begun; then it ends early rather than leave slots empty.

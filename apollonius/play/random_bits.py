@@ -1,6 +1,6 @@
-"""Random bits: those that `jax.random` makes of the same keys, in one pass.
+"""Random bits, the same as those of `jax.random`, in one pass.
 
-On the CPU, JAX's hash is a loop of five turns: it goes through memory five times and, for a single key, spends its time
+On the CPU, JAX's hash is a loop of five turns: each goes through memory, and, for a single key, spends its time
 on the loop. Here the turns stand one after the other, and all of them happen where a number is made.
 """
 
@@ -19,7 +19,7 @@ _TURNS = 5
 
 
 def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
-    """Random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit.
+    """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit.
 
     Args:
         key: consumed.
@@ -31,7 +31,7 @@ def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "...
 
 
 def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
-    """The key that a key and a number of 32 bits make: `jax.random.fold_in(key, number)`, bit by bit."""
+    """Return the key of a key and a number of 32 bits: `jax.random.fold_in(key, number)`, bit by bit."""
     if not _is_known(key):
         return jax.random.fold_in(key, number)
     data = jnp.stack(_hash(jax.random.key_data(key), number.astype(jnp.uint32)))
@@ -39,7 +39,7 @@ def fold_in(key: PRNGKeyArray, number: Int[Array, ""]) -> PRNGKeyArray:
 
 
 def _is_known(key: PRNGKeyArray) -> bool:
-    """Whether JAX hashes such keys, and counts words, as is done here: its default."""
+    """Return whether JAX hashes such keys, and counts words, as here: its default."""
     return jax.random.key_impl(key) == "threefry2x32" and jax.config.values["jax_threefry_partitionable"]
 
 
@@ -49,7 +49,7 @@ def _words(shape: tuple[int, ...], key: UInt32[Array, "2"]) -> UInt32[Array, "..
 
 
 def _hash(key: UInt32[Array, "2"], counter: UInt32[Array, "..."]) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
-    """Two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
+    """Return two words of each counter: Threefry-2x32 with 20 rounds (Salmon et al., 2011)."""
     keys = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
     high, low = jnp.full_like(counter, keys[0]), counter + keys[1]
     for turn in range(_TURNS):

@@ -54,7 +54,7 @@ class Transition(eqx.Module):
 
     @property
     def ended(self) -> Bool[Array, "*batch"]:
-        """Where a game ended."""
+        """True where a game ended."""
         return self.terminated | self.truncated
 
 

@@ -63,10 +63,10 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (SACConfig, {"noise_steps": 6, "env_steps_per_update": 4096}, "noise_steps = 6 .*a multiple"),
         (OpponentConfig, {"scheme": "newest"}, "scheme = newest .*one of latest, uniform"),
         (OpponentConfig, {"past_share": 0.0}, "past_share = 0.0"),
-        (OpponentConfig, {"seats": 0}, "seats = 0"),
+        (OpponentConfig, {"slots": 0}, "slots = 0"),
         (OpponentConfig, {"versions": 0}, "versions = 0"),
         (OpponentConfig, {"renewal": 0}, "renewal = 0"),
-        (RunConfig, {"self_play": met_by("uniform", seats=129)}, "games = 512 .* seats"),
+        (RunConfig, {"self_play": met_by("uniform", slots=129)}, "games = 512 .* slots"),
         (RunConfig, {"self_play": met_by("prioritised-hard", renewal=511_999)}, r"renewal = 511999 .* = 512,000"),
         (DistillationConfig, {"opponents": ()}, "opponents = none"),
         (DistillationConfig, {"clearance": -0.1}, "clearance = -0.1"),
@@ -85,7 +85,7 @@ def test_what_cannot_be_trained_is_refused(kind, values, named):
 
 def test_what_is_just_possible_is_not_refused():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
-    RunConfig(self_play=met_by("uniform", renewal=1, seats=128))
+    RunConfig(self_play=met_by("uniform", renewal=1, slots=128))
     RunConfig(game=HUNTED, stages="fixed-target")  # its game is over when it is out
 
 

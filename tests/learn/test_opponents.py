@@ -1,4 +1,4 @@
-"""Opponents from the past: their seats, how they are drawn and judged, and that none changes within a game."""
+"""Opponents from the past: their slots, how they are drawn and judged, and that none changes within a game."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -22,10 +22,10 @@ from tests.acting import act_in_rows
 from tests.learn.tiny import CHUNK, DQN, GAME, STAGE
 
 SCHEMES = ("uniform", "prioritised-hard")
-CONFIG = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
+CONFIG = OpponentConfig(scheme="uniform", versions=4, slots=2, renewal=CHUNK)
 GAMES = DQN.games
-SEAT_GAMES = 8
-"""Half of 64 games, shared by two seats of either side."""
+SLOT_GAMES = 8
+"""Half of 64 games, shared by two slots of either side."""
 
 
 def networks(count, seed=0):
@@ -72,7 +72,7 @@ def test_versions_enter_when_due_while_there_is_room():
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_seats_follow_the_stated_distribution(scheme):
+def test_slots_follow_the_stated_distribution(scheme):
     config = replace(CONFIG, scheme=scheme, versions=5)
     archive = replace(
         archive_of(4, config),
@@ -84,8 +84,8 @@ def test_seats_follow_the_stated_distribution(scheme):
     after = jax.jit(jax.vmap(lambda key: archives.renew(archive, config, key)))(
         jax.random.split(jax.random.key(3), 5000)
     )
-    drawn = np.asarray(after.seats)
-    assert same(after.seated, jax.tree.map(lambda leaf: leaf[drawn], archive.networks))
+    drawn = np.asarray(after.slots)
+    assert same(after.in_slots, jax.tree.map(lambda leaf: leaf[drawn], archive.networks))
     assert same(after.games, jnp.broadcast_to(archive.games / 2, (5000, 5)))
     assert same(after.lost, jnp.broadcast_to(archive.lost / 2, (5000, 5)))
     seen = np.bincount(drawn.ravel(), minlength=5)
@@ -99,20 +99,20 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     rng = np.random.default_rng(0)
     outcome = rng.integers(1, len(Outcome), (7, GAMES))
     over = rng.random((7, GAMES)) < 0.2
-    before = replace(archive_of(4), seats=jnp.asarray([2, 0]))
+    before = replace(archive_of(4), slots=jnp.asarray([2, 0]))
     archive = archives.record(before, CONFIG, role, jnp.asarray(outcome), jnp.asarray(over))
     pursuer_won = np.isin(outcome, [Outcome.CAPTURED, Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE])
     lost = over & (~pursuer_won if role == Role.PURSUER else pursuer_won)
-    first = 0 if role == Role.PURSUER else 2 * SEAT_GAMES
-    for seat, version in enumerate([2, 0]):
-        theirs = slice(first + seat * SEAT_GAMES, first + (seat + 1) * SEAT_GAMES)
+    first = 0 if role == Role.PURSUER else 2 * SLOT_GAMES
+    for slot, version in enumerate([2, 0]):
+        theirs = slice(first + slot * SLOT_GAMES, first + (slot + 1) * SLOT_GAMES)
         assert archive.games[version] == over[:, theirs].sum()
         assert archive.lost[version] == lost[:, theirs].sum()
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
 DURATION, LONGEST = 1024, 1000
-"""Steps between two changes of seats, and that a game can last, as in self-play by default."""
+"""Steps between two changes of slots, and that a game can last, as in self-play by default."""
 
 
 def simulated(rng, games):
@@ -128,7 +128,7 @@ def simulated(rng, games):
 
 @pytest.mark.parametrize("steps", [DURATION, 64], ids=["at once", "in pieces"])
 def test_the_record_of_a_version_is_its_share_of_all_games_long_ones_too(steps):
-    """Of all that end before seats change hands pursuers would win some 87 %: long games are broken off."""
+    """Of all that end before slots change hands pursuers would win some 87 %: long games are broken off."""
     rng, games = np.random.default_rng(0), 2048
 
     @jax.jit
@@ -183,15 +183,15 @@ def played():
 
 def test_no_opponent_changes_within_a_game(played):
     before, after = played[3], played[4]
-    seated = np.arange(GAMES) < 4 * SEAT_GAMES
-    assert before.games.state.steps[seated].max() > 0
-    assert after.games.state.steps[seated].tolist() == [0] * seated.sum()
-    assert after.games.sides.pursuer.episode_return[seated].tolist() == [0] * seated.sum()
-    assert same(*(jax.tree.map(lambda leaf: leaf[~seated], state.games) for state in (before, after))), (
+    in_slots = np.arange(GAMES) < 4 * SLOT_GAMES
+    assert before.games.state.steps[in_slots].max() > 0
+    assert after.games.state.steps[in_slots].tolist() == [0] * in_slots.sum()
+    assert after.games.sides.pursuer.episode_return[in_slots].tolist() == [0] * in_slots.sum()
+    assert same(*(jax.tree.map(lambda leaf: leaf[~in_slots], state.games) for state in (before, after))), (
         "games at large go on"
     )
     for one, other in pairwise(played[:4]):
-        assert same(one.archives.pursuer.seated, other.archives.pursuer.seated)
+        assert same(one.archives.pursuer.in_slots, other.archives.pursuer.in_slots)
     members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
@@ -201,7 +201,7 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
         before, after = (state.learners[role].buffer for state in played[3:5])
         last = int(before.head) - 1
         terminated = before.rows.terminated[last]
-        assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SEAT_GAMES] == [True] * 4 * SEAT_GAMES
+        assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SLOT_GAMES] == [True] * 4 * SLOT_GAMES
         assert same(before.rows.terminated, after.rows.terminated)
         assert not (after.rows.truncated[last] & terminated).any()
         assert same(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
@@ -215,16 +215,16 @@ def test_the_version_that_enters_is_the_average_that_learned(played):
     assert not same(entered, first)
 
 
-def test_seated_games_that_began_in_time_end_in_the_records(played):
+def test_games_in_slots_that_began_in_time_end_in_the_records(played):
     """Those of the first chunk, which the memory still holds: 128 steps, of which a game can last 100."""
-    for role, first in ((Role.PURSUER, 0), (Role.EVADER, 2 * SEAT_GAMES)):
+    for role, first in ((Role.PURSUER, 0), (Role.EVADER, 2 * SLOT_GAMES)):
         rows = played[1].learners[role].buffer.rows
-        over = np.asarray(rows.terminated | rows.truncated)[:, first : first + 2 * SEAT_GAMES]
+        over = np.asarray(rows.terminated | rows.truncated)[:, first : first + 2 * SLOT_GAMES]
         ends = [np.flatnonzero(game) for game in over.T]
         begins = [np.concatenate([[0], game[:-1] + 1]) for game in ends]
         counted = sum(int(np.sum(game <= CHUNK // GAMES - GAME.max_steps)) for game in begins)
         archive = played[1].archives[role]
-        assert over.sum() > counted == archive.games[0] >= 2 * SEAT_GAMES
+        assert over.sum() > counted == archive.games[0] >= 2 * SLOT_GAMES
         assert 0 < archive.lost[0] < archive.games[0]
 
 
@@ -240,7 +240,7 @@ def test_opponents_change_no_sooner_than_asked():
 
 
 def test_a_version_that_is_due_between_two_renewals_enters_at_the_next():
-    """Every chunk and a half; seats are renewed after each chunk, though less is asked for."""
+    """Every chunk and a half; slots are renewed after each chunk, though less is asked for."""
     plan = plan_of(replace(CONFIG, renewal=1))
     plan = replace(plan, stage=replace(plan.stage, env_steps=6 * CHUNK))
     state = start(plan, GAME, jax.random.key(0), {})

@@ -120,7 +120,7 @@ def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, t
 
 @pytest.mark.slow
 def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
-    past = OpponentConfig(scheme="prioritised-hard", versions=4, seats=2, renewal=CHUNK)
+    past = OpponentConfig(scheme="prioritised-hard", versions=4, slots=2, renewal=CHUNK)
     config = replace(RUN, stages="self-play", self_play=replace(RUN.self_play, opponents=past))
     whole, broken = begin(tmp_path / "whole", config), begin(tmp_path / "broken", config)
     assert Run(config, whole).execute()

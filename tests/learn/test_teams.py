@@ -96,8 +96,8 @@ def test_the_loss_does_not_see_robots_that_are_out():
 
 @pytest.mark.slow
 def test_both_sides_learn_in_teams_against_earlier_versions():
-    """Two against two: every robot of a team is in its game's seat, and broken-off games are cut for all of them."""
-    opponents = OpponentConfig(scheme="uniform", versions=4, seats=2, renewal=CHUNK)
+    """Two against two: every robot of a team is in its game's slot, and broken-off games are cut for all."""
+    opponents = OpponentConfig(scheme="uniform", versions=4, slots=2, renewal=CHUNK)
     plan = Plan(DQN, SelfPlayConfig(**vars(STAGE) | {"opponents": opponents}))
     game = in_teams(GAME, 2, 2)
     state = start(plan, game, jax.random.key(0), {})

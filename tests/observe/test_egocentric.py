@@ -15,8 +15,8 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.charted import Charted
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
+from apollonius.observe.observation import Charted
 from apollonius.observe.view import look
 from tests.acting import of_views
 
