@@ -1,7 +1,7 @@
 """Random bits, the same as those of `jax.random`, in one pass.
 
 On the CPU, JAX's hash is a loop of five turns: each goes through memory, and, for a single key, spends its time
-on the loop. Here the turns stand one after the other, and all of them happen where a number is made.
+on the loop. Here the turns stand one after the other, and all happen where a number is made.
 """
 
 import functools
