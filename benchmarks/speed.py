@@ -1,8 +1,7 @@
 """Env steps and updates per second on this machine: `python benchmarks/speed.py env|train [OPTIONS]`.
 
 `env` plays at random with auto-reset, in any game, with any observation; one env step moves the robots of both sides.
-`train` trains in the `paper` game from the first update on. In turns with it go its updates and its acting alone, with
-no game and no replay, so that a busy machine slows all alike. Wall seconds; pin it to a core (`taskset -c 0`).
+`train` trains in the `paper` game from the first update on. Wall seconds; pin it to a core (`taskset -c 0`).
 """
 
 import argparse
@@ -10,7 +9,7 @@ import functools
 import os
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.classical import Still
-from apollonius.agents.network import QNetwork, inferred
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
@@ -29,10 +27,8 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, Role
-from apollonius.learn import dqn
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.loop import play_and_learn
-from apollonius.learn.replay_buffer import Batch
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
 from apollonius.observe.observation import AbstractObservation
@@ -41,8 +37,6 @@ from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
 
 STEPS, START_ROWS = 250, 16
-UPDATES, MOVES, BATCHES = 200, 200, 10
-"""Of what is timed alone."""
 CLASSIC = DQNConfig(
     observation="paper", double=False, n_step=1, final_n_step=1, averaging=1.0, learning_rate=1e-4,
     final_learning_rate=1e-4, batch=128, env_steps_per_update=4, target_period=32_000, games=4, learning_starts=10_000,
@@ -57,7 +51,7 @@ class Reader(Uniform):
 
     @property
     def observation(self) -> AbstractObservation:
-        """Return what it is given, and does not look at."""
+        """Return the observation, which the player itself ignores."""
         return self.reads
 
 
@@ -85,8 +79,7 @@ def measure_env(game: Game, observation: str, games: int) -> dict[str, Any]:
         carry = _random_play(game, players, carry, starts, jax.random.key(repeat))
         return carry
 
-    (seconds,) = in_turns([run], 20)
-    return {"games": games, **rates("env_steps", games * STEPS, seconds)}
+    return {"games": games, **rates("env_steps", games * STEPS, timed(run, 20))}
 
 
 def _step(game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray) -> Stepped:
@@ -106,9 +99,7 @@ def _random_play(game: Game, players: BySide[Pool], carry: Stepped, starts: Game
 
 
 def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
-    """Time training, and compare it with its arithmetic: updates of all sides that learn, and their networks asked once
-    in each step of every game.
-    """
+    """Time training; updates are those of all sides that learn."""
     game, key = make_game("paper"), jax.random.key(0)
     fixed: Mapping[Role, Pool] = {} if stage == "self-play" else {Role.EVADER: solo(Still())}
     plan = Plan(config, StageConfig(env_steps=10**9) if fixed else SelfPlayConfig(env_steps=10**9))
@@ -121,69 +112,20 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
 
     while int(state.env_steps) < config.learning_starts:
         run(0)
-    learner, size = dqn.init(config, jax.random.key(0)), find_observation(config.observation).size
-    seconds, *alone = in_turns([run, _updates_alone(config, learner, size), _acting_alone(config, learner, size)], 9)
+    seconds = timed(run, 9)
     updates = len(state.learners) * plan.iterations_per_chunk * config.updates_per_iteration
-    moves = len(state.learners) * plan.env_steps_per_chunk // config.games
-    turns = [
-        (updates * updating / UPDATES / one, moves * acting / MOVES / one)
-        for one, updating, acting in zip(seconds, *alone, strict=True)
-    ]
-    return {
-        "games": config.games,
-        **rates("env_steps", plan.env_steps_per_chunk, seconds),
-        **rates("updates", updates, seconds),
-        "bare_updates_per_second": UPDATES / statistics.median(alone[0]),
-        "share_of_bare_updates": statistics.median(updating for updating, _ in turns),
-        "share_of_arithmetic": statistics.median(map(sum, turns)),
-    }
+    speed = rates("env_steps", plan.env_steps_per_chunk, seconds) | rates("updates", updates, seconds)
+    return {"games": config.games, **speed}
 
 
-def _updates_alone(config: DQNConfig, learner: dqn.DQNLearner, size: int) -> Callable[[int], Any]:
-    """Return `UPDATES` updates on given batches. Each batch differs from the one before and its next observations from
-    its observations: what is the same, the compiler computes only once.
-    """
-    observation, after = jax.random.normal(jax.random.key(1), (2, BATCHES, config.batch, size))
-    flat = observation[:, :, 0]
-    batches = jax.vmap(Batch)(observation, jnp.zeros(flat.shape, jnp.int32), flat, after, flat)
-
-    @jax.jit
-    def run(learner: dqn.DQNLearner) -> dqn.DQNLearner:
-        def update(learner: dqn.DQNLearner, step: Int[Array, ""]) -> tuple[dqn.DQNLearner, None]:
-            batch = jax.tree.map(lambda leaf: leaf[step % BATCHES], batches)
-            return dqn.update(learner, batch, jnp.asarray(1e-4), config)[0], None
-
-        return jax.lax.scan(update, learner, jnp.arange(UPDATES))[0]
-
-    return lambda repeat: run(learner)
-
-
-def _acting_alone(config: DQNConfig, learner: dqn.DQNLearner, size: int) -> Callable[[int], Any]:
-    """Return `MOVES` times the best actions in all games, by a network that is given observations."""
-    observations = jax.random.normal(jax.random.key(1), (BATCHES, config.games, size))
-
-    @jax.jit
-    def run(network: QNetwork) -> Int[Array, " games"]:
-        def act(chosen: Int[Array, " games"], step: Int[Array, ""]) -> tuple[Int[Array, " games"], None]:
-            return chosen + jnp.argmax(
-                jax.vmap(functools.partial(inferred, network))(observations[step % BATCHES]), axis=1
-            ), None
-
-        return jax.lax.scan(act, jnp.zeros(config.games, jnp.int32), jnp.arange(MOVES))[0]
-
-    return lambda repeat: run(learner.network)
-
-
-def in_turns(runs: Sequence[Callable[[int], Any]], repeats: int) -> list[list[float]]:
-    """Return the wall seconds of each repeat of each; one that compiles and warms up goes before."""
-    seconds: list[list[float]] = [[] for _ in runs]
+def timed(run: Callable[[int], Any], repeats: int) -> list[float]:
+    """Return the wall seconds of each repeat; one that compiles and warms up goes before."""
+    seconds: list[float] = []
     for repeat in range(repeats + 1):
-        for run, spent in zip(runs, seconds, strict=True):
-            began = time.perf_counter()
-            jax.block_until_ready(run(repeat))
-            if repeat > 0:
-                spent.append(time.perf_counter() - began)
-    return seconds
+        began = time.perf_counter()
+        jax.block_until_ready(run(repeat))
+        seconds.append(time.perf_counter() - began)
+    return seconds[1:]
 
 
 def rates(name: str, amount: int, seconds: list[float]) -> dict[str, float]:

@@ -80,9 +80,3 @@ def promotion_as_optax_needs_it(request):
     else:
         with jax.numpy_dtype_promotion("standard"):
             yield
-
-
-@pytest.fixture(autouse=True)
-def no_lines_about_waiting(monkeypatch):
-    """A command says that it is still at work by the clock; what it prints here depends on none."""
-    monkeypatch.setattr("apollonius.cli.display._FIRST_SECONDS", 1e9)

@@ -30,7 +30,6 @@ UNFINISHED = {
     "exploit",
     "export",
     "game",
-    "io",
     "reproduce",
     "show",
     "simulate",

@@ -1,7 +1,6 @@
-"""What a person sees while a command works: what it does, how far it is, how long it will take.
+"""Progress of a command and its time left, on standard error: a live bar in a terminal, else a line every 10 s.
 
-All of it goes to standard error: a live bar where that is a terminal, else a plain line now and then. Nothing here
-takes long to import, so that something can be said before JAX is there.
+Nothing here takes long to import, so that the bar is there before JAX.
 """
 
 import sys
@@ -15,14 +14,11 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Ta
 from rich.table import Table
 from rich.text import Text
 
-from apollonius.io.errors import InvalidInput
 from apollonius.io.interrupts import before_leaving
 
-_FIRST_SECONDS = 0.7
-"""What takes no longer than this says nothing where the output is piped."""
-_NEXT_SECONDS = 10.0
-"""Time between two plain lines about the same piece of work."""
-_LOOKS_A_SECOND = 4
+_LINE_SECONDS = 10.0
+"""Time between two plain lines."""
+_DRAWN_PER_SECOND = 4
 _SPEED_SECONDS = 600.0
 """Time over which speed is measured: trainings and sweeps may report once a minute."""
 _ENOUGH_SECONDS = 1.5
@@ -30,32 +26,29 @@ _ENOUGH_SECONDS = 1.5
 
 
 class Display(Progress):
-    """Shows how a command gets on. Use as a context manager around all that it does.
+    """The progress of a command, as a context manager around all its work.
 
-    What is printed meanwhile stands above the live bar where standard output is a terminal too.
+    In a terminal, output that is printed meanwhile stands above the live bar.
 
     Args:
         command: the name that plain lines begin with.
-        get_time: the time [s].
+        get_time: returns the time [s].
     """
 
     def __init__(self, command: str, get_time: Callable[[], float] = time.monotonic) -> None:
         self.what: str | None = None
-        """The piece of work that goes on; None before the first."""
-        self.begun = self._began = get_time()
-        """When it began."""
-        self._first = self._last = self.begun
-        """When it first and last reported."""
-        self.reported = self._compiles = False
+        """The present piece of work; None before the first."""
+        self._began = self._first = self._last = get_time()
+        """Times of the beginning, and of the first and last report of the present piece."""
+        self._reported = self._compiles = False
         self._notes: Mapping[str, str] = {}
         self._poll: Callable[[], tuple[float, float]] | None = None
         self._pieces: Mapping[str, int | float] = {}
-        self._prefix = f"apollonius {command}: "
-        self._lines: _PlainLines | None = None
+        self._command, self._over = command, threading.Event()
         columns = _Words(self._words), BarColumn(), TaskProgressColumn(), _Words(self._left), _Words(self._elapsed)
         super().__init__(
             SpinnerColumn(), *columns, console=Console(stderr=True), transient=True, get_time=get_time,
-            redirect_stdout=sys.stdout.isatty(), refresh_per_second=_LOOKS_A_SECOND,
+            redirect_stdout=sys.stdout.isatty(), refresh_per_second=_DRAWN_PER_SECOND,
             speed_estimate_period=_SPEED_SECONDS,
         )  # fmt: skip
         self._task = self.add_task("", total=None)
@@ -64,40 +57,43 @@ class Display(Progress):
         if self.console.is_terminal:
             self.start()
         else:
-            self._lines = _PlainLines(self, self._prefix)
+            threading.Thread(target=self._write_lines, daemon=True).start()
         before_leaving(self.end)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # A refusal goes on in the line that says what began, so that it stays the only one.
-        self.end(finish_line=not isinstance(error, InvalidInput | OSError))
+        self.end()
         before_leaving()
 
-    def end(self, finish_line: bool = True) -> None:
+    def end(self) -> None:
         """Show no more, before results are printed."""
-        if self._lines:
-            self._lines.stop(finish_line)
-        elif self.live.is_started:
+        self._over.set()
+        if self.live.is_started:
             self.stop()
 
+    def _write_lines(self) -> None:
+        while not self._over.wait(_LINE_SECONDS):
+            if self._reported:  # a refusal, which comes before, is the only line
+                self.tell(f"apollonius {self._command}: {self.state()}")
+
     def plan(self, pieces: Mapping[str, int | float]) -> None:
-        """Say beforehand which pieces of work there are, and about how much each takes, in a unit of one's own."""
+        """Set the pieces of work beforehand, each with about its amount, in any unit."""
         self._pieces = dict(pieces)
 
     def begin(self, what: str, compiles: bool = False, poll: Callable[[], tuple[float, float]] | None = None) -> None:
         """Begin a piece of work; those planned before it are over. One that was not planned is the only one.
 
         Args:
-            what: which, in words.
+            what: the piece, in words.
             compiles: whether it has to be compiled before it can report.
-            poll: asked now and then how far it is, where the piece does not report by itself.
+            poll: returns the amount done and the whole amount, for a piece that does not report by itself.
         """
         if what not in self._pieces:
             self.plan({what: 1.0})
         self.what, self._poll, self._notes, self._compiles = what, poll, {}, compiles
-        self.begun, self.reported = self.get_time(), False
+        self._reported = False
         before, whole = self._amounts()
         self.reset(self._task)
         task = self.tasks[0]
@@ -105,29 +101,26 @@ class Display(Progress):
         task.completed = before - 1e-9 * whole  # so that a first report counts, even one of nothing
 
     def report(self, done: int | float, total: int | float) -> None:
-        """Say how much of the piece is done, in any unit."""
+        """Set how much of the piece is done, in any unit."""
         before, whole = self._amounts()
         completed = before + (self._pieces[self.what] if self.what else 0.0) * min(1.0, done / total)
         if completed == self.tasks[0].completed:
             return
         self._last = self.get_time()
-        if not self.reported:
-            self.reported, self._first = True, self._last
+        if not self._reported:
+            self._reported, self._first = True, self._last
         self.update(self._task, total=whole, completed=completed)
 
     def note(self, notes: Mapping[str, str]) -> None:
-        """Say more about the piece, in words by name."""
+        """Set further facts about the piece, in words by name."""
         self._notes = notes
 
     def tell(self, line: str) -> None:
         """Print a line that stays, on standard error."""
-        if self._lines:
-            self._lines.write(line)
-        else:
-            self.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        self.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def state(self) -> str:
-        """Return how it stands, in words."""
+        """Return the progress in words."""
         self._ask()
         task = self.tasks[0]
         share = [] if task.total is None else [f"{task.percentage:.1f}%"]
@@ -146,7 +139,7 @@ class Display(Progress):
             yield notes
 
     def _amounts(self) -> tuple[float, float]:
-        """Return how much there is before the piece that goes on, and in the whole."""
+        """Return the amount before the present piece, and the whole."""
         amounts = list(self._pieces.values())
         return float(sum(amounts[: list(self._pieces).index(self.what)] if self.what else ())), float(sum(amounts))
 
@@ -155,14 +148,14 @@ class Display(Progress):
             self.report(*self._poll())
 
     def _words(self, task: Task) -> str:
-        return f"{self.what or 'loading'}{' (compiling)' if self._compiles and not self.reported else ''}"
+        return f"{self.what or 'loading'}{' (compiling)' if self._compiles and not self._reported else ''}"
 
     def _left(self, task: Task) -> str:
-        """Return the time left, counted down between reports; nothing where that is not known, or is over."""
+        """Return the time left, counted down between reports; nothing while it is unknown, or when it is over."""
         if self._last - self._first < _ENOUGH_SECONDS or not task.speed or task.remaining is None:
             return ""
         left = task.remaining / task.speed - (self.get_time() - self._last)
-        return f"{duration(left)} left" if self.reported and left >= 1 else ""
+        return f"{duration(left)} left" if self._reported and left >= 1 else ""
 
     def _elapsed(self, task: Task) -> str:
         return duration(self.get_time() - self._began)
@@ -178,58 +171,6 @@ class _Words(ProgressColumn):
     def render(self, task: Task) -> Text:
         """Return the column's text."""
         return Text(self._words(task))
-
-
-class _PlainLines:
-    """Writes a line now and then, from a thread of its own, as long as a display goes on."""
-
-    def __init__(self, display: Display, prefix: str) -> None:
-        self._display, self._prefix, self._stream = display, prefix, sys.stderr
-        self._lock, self._over = threading.RLock(), threading.Event()
-        self._rest = ""
-        self._said_at, self._said = time.monotonic() - _NEXT_SECONDS + _FIRST_SECONDS, None
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def write(self, line: str) -> None:
-        """Write a whole line."""
-        with self._lock:
-            self._put(f"{self._rest}{line}\n")
-            self._rest, self._said_at = "", time.monotonic()
-
-    def write_open(self, words: str) -> None:
-        """Write words that go on in the same line until something is reported: a refusal may still follow."""
-        with self._lock:
-            self._put(f"{'' if self._rest else self._prefix}{words} ... ")
-            self._rest, self._said_at = "\n", time.monotonic()
-
-    def stop(self, finish_line: bool) -> None:
-        """Write no more."""
-        self._over.set()
-        self._thread.join()
-        if finish_line:
-            self._put(self._rest)
-            self._rest = ""
-
-    def _run(self) -> None:
-        display = self._display
-        while not self._over.wait(1 / _LOOKS_A_SECOND):
-            what = display.what or "loading"
-            is_new = self._said not in (None, what) and display.get_time() - display.begun >= _FIRST_SECONDS
-            if is_new or time.monotonic() - self._said_at >= _NEXT_SECONDS:
-                self._said = what
-                state = display.state()
-                if display.reported:
-                    self.write(f"{self._prefix}{state}")
-                else:
-                    self.write_open(state)
-
-    def _put(self, text: str) -> None:
-        try:
-            self._stream.write(text)
-            self._stream.flush()
-        except (OSError, ValueError):  # nobody reads any more
-            self._over.set()
 
 
 def duration(seconds: float) -> str:

@@ -28,14 +28,14 @@ _NUMBERS = {
 
 @contextmanager
 def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
-    """A safetensors file of which nothing but the header is read yet.
+    """Open a safetensors file, of which only the header is read yet.
 
     Args:
-        remedy: what to do about a damaged file.
-        kind: what it should be.
+        remedy: for the message.
+        kind: of file, for the message.
 
     Raises:
-        InvalidInput: when it is none, is cut off, or has a header of more than `MOST_HEADER` bytes.
+        InvalidInput: when it is no such file, is cut off, or has a header of more than `MOST_HEADER` bytes.
     """
     damaged = f"'{path}' is not a whole {kind}"
     try:
@@ -50,11 +50,7 @@ def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray], header: Any) -> None:
-    """Write a file of arrays and a header, a dataclass, atomically.
-
-    Raises:
-        OSError: when the file cannot be written.
-    """
+    """Write a file of arrays and a header, a dataclass, atomically."""
     # One entry: safetensors writes several in an order of their own, and one seed must give one file.
     write_atomically(path, save(arrays, {"header": to_json(asdict(header), sort_keys=True)}))
 
@@ -74,13 +70,12 @@ def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> d
         raise InvalidInput(f"{foreign}.")
     version = fields.get("version")
     if version != form[1]:
-        told = f"'{path}' has format version {shown(version)}, this program reads {form[1]}: update it."
-        raise InvalidInput(told)
+        raise InvalidInput(f"'{path}' has format version {shown(version)}, this program reads {form[1]}: update it.")
     return fields
 
 
 def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Shape and number type of every array of an open safetensors file, by its header alone; as `kinds_of`."""
+    """Return the shape and number type of every array of an open file, by its header alone."""
     slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
     return {name: (tuple(one.get_shape()), _NUMBERS.get(one.get_dtype())) for name, one in slices.items()}
 
@@ -89,7 +84,7 @@ def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> No
     """Refuse a file whose numbers are not all finite.
 
     Raises:
-        InvalidInput: with the name of the first array that has one that is not.
+        InvalidInput: with the name of the first array that is not finite.
     """
     for name, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
@@ -97,11 +92,11 @@ def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> No
 
 
 def kinds_of(arrays: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], Any]]:
-    """Shape and number type of every named array: what two files of one structure have in common."""
+    """Return the shape and number type of every named array."""
     return {name: (array.shape, array.dtype) for name, array in arrays.items()}
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:
-    """The arrays of a pytree by their paths, as `layers/0/weight`, in the tree's own order."""
+    """Return the arrays of a pytree by their paths, as `layers/0/weight`, in the tree's own order."""
     leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
     return {jax.tree_util.keystr(path, simple=True, separator="/"): leaf for path, leaf in leaves}

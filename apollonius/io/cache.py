@@ -1,8 +1,7 @@
-"""One cache: what took time to make is found again by all that it was made from.
+"""One cache: a file is named after the digest of all that it was made from, and is whole or not there.
 
-A file is named after the digest of its key, and is whole or not there, whatever else reads, writes or is killed. One
-that cannot be read is made again. In the person's own cache folder, which nobody looks after, the least recently used
-files make room for new ones, compilations among themselves and tables among themselves.
+One that cannot be read is made again. In the user's cache folder, compilations and tables each have a bound, beyond
+which the least recently used files are deleted.
 """
 
 import functools
@@ -27,7 +26,7 @@ LARGEST = {"compilations": 1 << 30, "tables": 4 << 30}
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Return the person's folder for one of `LARGEST`; None where the person has switched the cache off."""
+    """Return the user's folder for one of `LARGEST`; None where the user has switched the cache off."""
     wish = os.environ.get(VARIABLE, "")
     if wish.lower() in ("off", "0", "no", "false"):
         return None
@@ -42,12 +41,12 @@ def kept(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], Non
     """Return what a file holds, or make it and write the file.
 
     Args:
-        path: as `entry` names it; None keeps nothing.
+        path: by `entry`; None writes nothing.
         save: writes the file atomically.
-        load: reads it; raises InvalidInput or OSError where that cannot be done.
+        load: reads it; raises InvalidInput or OSError if it cannot.
 
     Raises:
-        OSError: when the file cannot be written, unless it is in the person's cache, which is only a convenience.
+        OSError: when the file cannot be written, unless it is in the user's cache, which is only a convenience.
     """
     if path is None:
         return make()
@@ -56,7 +55,7 @@ def kept(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], Non
         with suppress(InvalidInput, OSError):
             found = load(path)
             if bound:
-                mark_used(path)
+                _mark_used(path)
             return found
     made = make()
     with suppress(*[OSError] if bound else []):
@@ -70,8 +69,8 @@ def entry(folder: Path, name: str, key: Any) -> Path:
     """Return the file of a key.
 
     Args:
-        name: what it is called besides, with its suffix: `a.json` for `a-0123456789abcdef.json`.
-        key: all that the result depends on but the version of this package, as JSON-like data.
+        name: the readable part of its name, with the suffix: `a.json` for `a-0123456789abcdef.json`.
+        key: all that the result depends on besides the version of this package, as JSON-like data.
     """
     stem, dot, suffix = name.replace("/", "-").replace(":", "-").rpartition(".")
     return folder / f"{stem}-{digest([__version__, key])[:16]}{dot}{suffix}"
@@ -83,7 +82,7 @@ def digest(data: Any) -> str:
 
 
 def content(tree: Any) -> str:
-    """Return the SHA-256 of a pytree: of its structure with all that is static, and of its arrays."""
+    """Return the SHA-256 of a pytree's structure, with its static parts, and of its arrays."""
     import jax
     import numpy as np
 
@@ -94,15 +93,15 @@ def content(tree: Any) -> str:
     return found.hexdigest()
 
 
-def mark_used(path: Path) -> None:
-    """Let others be deleted before a file of the cache, where that can be written."""
+def _mark_used(path: Path) -> None:
     with suppress(OSError):
         os.utime(path)
 
 
 def make_room(folder: Path, largest: int) -> int:
-    """Delete files, at any depth, until no more than so many bytes are left: what is larger, then the least recently
-    used. Returns the bytes that are left.
+    """Delete files below a folder until at most `largest` bytes are left, and return the bytes that are left.
+
+    Files larger than that go first, then the least recently used ones.
     """
     files: list[tuple[bool, float, int, Path]] = []
     for path in folder.rglob("*"):
@@ -122,18 +121,14 @@ def make_room(folder: Path, largest: int) -> int:
 
 
 class Memory(Generic[T]):
-    """The latest results of one computation, by the content of what they were made from.
-
-    Args:
-        most: how many are remembered.
-    """
+    """The `most` latest results of one computation, by the content of its arguments."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._results: dict[str, T] = {}
 
     def get(self, key: Any, make: Callable[[], T]) -> T:
-        """Return the result for a pytree, made now unless it is remembered."""
+        """Return the result for a pytree, computed unless it is remembered."""
         name = content(key)
         result = self._results[name] = self._results.pop(name) if name in self._results else make()
         while len(self._results) > self._most:
@@ -142,7 +137,7 @@ class Memory(Generic[T]):
 
 
 _CHECKSUM_BYTES = 4
-_TOLD_BY = {
+_CAPABILITIES = {
     "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part",
     "Features",
 }  # fmt: skip
@@ -150,10 +145,9 @@ _TOLD_BY = {
 
 
 def keep_compilations() -> None:
-    """From here on, JAX keeps what it compiles and looks there first; for this process, before it has compiled.
+    """Let JAX store its compilations and look there first; to be called before the process compiles.
 
-    Does nothing where the person has switched it off, has told JAX of a folder of their own, or has no folder that can
-    be written to.
+    Does nothing where the user has switched the cache off or set a folder for JAX, or where no folder can be written.
     """
     cache = cache_folder("compilations")
     if cache is None:
@@ -179,7 +173,7 @@ def keep_compilations() -> None:
 
 
 def environment() -> str:
-    """All that a compilation depends on besides what is compiled: a folder's name."""
+    """Return the name of the folder for all that a compilation depends on besides the program."""
     from importlib.metadata import version
 
     made_with = "-".join([__version__, *(version(package) for package in ("jax", "jaxlib"))])
@@ -188,21 +182,20 @@ def environment() -> str:
 
 @functools.cache
 def processor() -> str:
-    """What the processor can do, in the system's words; where the system does not say, this machine's name."""
+    """Return the processor's capabilities as the system names them, or else this machine's name."""
     try:
         first = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
     except OSError:
         first = []
-    told = [line for line in first if line.split(":")[0].strip() in _TOLD_BY]
-    return "\n".join([platform.system(), platform.machine(), *(told or [platform.processor(), platform.node()])])
+    named = [line for line in first if line.split(":")[0].strip() in _CAPABILITIES]
+    return "\n".join([platform.system(), platform.machine(), *(named or [platform.processor(), platform.node()])])
 
 
 class Entries:
-    """The entries of one environment, as JAX asks for them; those of others, beside it, share the bound.
+    """The compilations of one environment, with the methods that JAX calls.
 
     Args:
-        folder: where they lie.
-        largest: size of all [bytes].
+        largest: size of all environments' compilations [bytes].
     """
 
     def __init__(self, folder: Path, largest: int = LARGEST["compilations"]) -> None:
@@ -214,14 +207,14 @@ class Entries:
         path = self._path / key
         try:
             found = path.read_bytes()
-            mark_used(path)
+            _mark_used(path)
         except OSError:
             return None
         checksum, value = found[:_CHECKSUM_BYTES], found[_CHECKSUM_BYTES:]
         return value if checksum == _checksum(value) else None
 
     def put(self, key: str, value: bytes) -> None:
-        """Keep an entry; where there is no room on the disk, don't."""
+        """Write an entry unless the disk is full."""
         try:
             write_atomically(self._path / key, _checksum(value) + value, synced=False)
             self._size += len(value)

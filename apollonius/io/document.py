@@ -1,7 +1,4 @@
-"""Files that people give, read so that none can do harm, and files written so that none is ever half there.
-
-Before one is read its size is looked at, and no content is an error of the program's.
-"""
+"""Files read so that none can do harm, whatever is in them, and written so that none is ever half there."""
 
 import json
 import math
@@ -23,16 +20,16 @@ _DEEPEST = 100
 
 
 def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, within: Path | None = None) -> bytes:
-    """Return the content of a regular file; pipes and devices are none.
+    """Return the content of a regular file.
 
     Args:
-        kind: what the file should be, for the message: "a game's TOML file".
-        remedy: what to do instead, for the message.
+        kind: of file, for the message: "a game's TOML file".
+        remedy: for the message.
         most: largest size that is read [bytes].
         within: the folder that must contain the file, wherever links and `..` lead; None for any.
 
     Raises:
-        InvalidInput: for a path of no file, a file outside the folder, and one that is too large.
+        InvalidInput: for a path of no regular file, a file outside the folder, and one that is too large.
         OSError: when it cannot be read.
     """
     try:
@@ -51,10 +48,10 @@ def read_bytes(path: Path, kind: str, remedy: str, most: int = MOST_BYTES, withi
 
 
 def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
-    """Write a file, in a folder that need not be there, so that at every moment it is whole: the old one or the new.
+    """Write a file, and its folder if need be, so that at every moment it is whole: the old one or the new.
 
     Args:
-        synced: wait for the disk, so that the content also outlives a loss of power.
+        synced: wait for the disk, so that the content also survives a loss of power.
 
     Raises:
         OSError: when the disk is full or read-only; the old content is untouched.
@@ -77,10 +74,10 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Generator[Path, None, None]:
-    """Make a folder that is new or empty, so that everything the block writes is in it, or there is none.
+    """Fill a new or empty folder: with everything that the block writes, or not at all.
 
     Yields:
-        The folder to write to, which then takes the other's place.
+        A temporary folder to write to, which is renamed in the end.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
@@ -93,22 +90,22 @@ def whole_folder(folder: Path) -> Generator[Path, None, None]:
 
 
 def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
-    """Return data as JSON, which has no word for numbers that are not finite.
+    """Return data as JSON.
 
     Raises:
-        ValueError: for such a number.
+        ValueError: for a number that is not finite.
     """
     return json.dumps(data, allow_nan=False, indent=indent, sort_keys=sort_keys)
 
 
 def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
-    """Return the object that a JSON text is.
+    """Return the object of a JSON text.
 
     Args:
-        about: what it is, and what to do if it is not: the message, to which the reason is added.
+        about: the message of a refusal, to which the reason is added.
 
     Raises:
-        InvalidInput: when it is none, is nested too deeply, or has a number that is not finite.
+        InvalidInput: when the text is no JSON object, is nested too deeply, or has a number that is not finite.
     """
     try:
         data = json.loads(content)
@@ -121,10 +118,7 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
 
 
 def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file.
-
-    Args:
-        path: where it is from, for the message.
+    """Return the tables of a TOML file, of which the path is for the message.
 
     Raises:
         InvalidInput: when it is no TOML, is nested too deeply, or has a number that is not finite.

@@ -1,4 +1,4 @@
-"""How impossible input is refused: one line that names the value, the bound and the remedy."""
+"""Refusals of impossible input: one line that names the value, the bound and the remedy."""
 
 import difflib
 import sys
@@ -13,19 +13,14 @@ LONGEST_MESSAGE = 1_000
 
 
 class InvalidInput(ValueError):
-    """Something a person gave cannot be used. Its message is one line, fit to be shown as it is."""
+    """An error about given input. Its message is one line, fit to be shown as it is."""
 
     def __init__(self, message: str) -> None:
         super().__init__(shown(message, LONGEST_MESSAGE))
 
 
 def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
-    """Anything that was given, fit to be part of a message: one line, of modest length, without control characters.
-
-    Args:
-        value: what was given.
-        longest: characters of it that are shown; what is longer loses its middle.
-    """
+    """Return a value as part of a message: one line without control characters, its middle left out if it is long."""
     try:
         text = str(value)
     except ValueError:  # Python writes no whole number of more than 4,300 digits
@@ -37,7 +32,7 @@ def shown(value: object, longest: int = _LONGEST_VALUE) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that somebody who wrote another one meant, if one is near."""
+    """Return the known name nearest to a misspelt one, if one is near."""
     spelt = {one.lower(): one for one in known}
     near = difflib.get_close_matches(name.lower(), spelt, n=5)
     near = [one for one in near if sorted(one) == sorted(name.lower())] or near  # two letters changed places
@@ -45,12 +40,12 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant: str | None) -> str:
-    """Return the message that refuses an unknown name: the known one that was meant, or all.
+    """Return the message that refuses an unknown name.
 
     Args:
-        kind: what has no such name: "game".
-        others: what could be given besides the known names.
-        meant: the `nearest` of them, if one is near.
+        kind: the kind of thing, as "game".
+        others: what else could be given.
+        meant: the `nearest` known name; without one, the message lists all.
     """
     if meant:
         return f"no {kind} is called '{shown(name)}': did you mean '{meant}'?"
@@ -61,13 +56,11 @@ def require(holds: Any, name: str, value: object, bound: str) -> None:
     """Refuse a value unless the condition holds.
 
     Args:
-        holds: whether the value can be used.
-        name: what the value is called where it was given.
-        value: what was given.
-        bound: what it must be, and how to get there; completes "it must be ...".
+        name: of the value, where it was given.
+        bound: completes "it must be ...", with the remedy.
 
     Raises:
-        InvalidInput: if it cannot.
+        InvalidInput: unless it holds.
     """
     if not holds:
         raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
@@ -85,7 +78,7 @@ def require_positive(record: object, *names: str) -> None:
 
 
 def exit_status(program: Callable[[], int]) -> int:
-    """What a program ends with; after impossible input, a line on standard error and 2."""
+    """Return a program's exit status; after impossible input print its line on standard error and return 2."""
     try:
         return program()
     except InvalidInput as error:
@@ -107,23 +100,21 @@ EXTRAS = {
 
 
 def install(extra: str) -> str:
-    """Return the words that say how to install the libraries of an extra: they work with and without a checkout."""
+    """Return the command that installs the libraries of an extra, with and without a checkout."""
     missing = [name for module, name in EXTRAS[extra].items() if find_spec(module) is None]
     return f"pip install {' '.join(missing or EXTRAS[extra].values())} (the extra '{extra}')"
 
 
 def missing(extra: str) -> str | None:
-    """Return what has to be done before the libraries of an extra can be used; None if they are all there."""
-    if all(find_spec(module) for module in EXTRAS[extra]):
-        return None
-    return install(extra)
+    """Return the command that installs an extra; None if all its libraries are there."""
+    return None if all(find_spec(module) for module in EXTRAS[extra]) else install(extra)
 
 
 def require_extra(extra: str, what: str) -> None:
-    """Refuse work, before it begins, that needs libraries which are not installed.
+    """Refuse work that needs libraries which are not installed.
 
     Args:
-        what: what needs them, for the message.
+        what: the work, for the message.
 
     Raises:
         InvalidInput: with the command that installs them.

@@ -32,18 +32,18 @@ _leaving = threading.Lock()
 
 
 def go_on(how: str) -> None:
-    """Say from here on, to whoever stops the program, how to go on from what it has written."""
+    """Set the words for resuming that are printed if the program is stopped from now on."""
     global _going_on
     _going_on = how
 
 
 def before_leaving(*take_down: Callable[[], None]) -> None:
-    """Say what is to be called before the last line is printed: what takes down a live view, or nothing."""
+    """Set the functions that are called before the last line is printed, as to take down a live view."""
     _shown[:] = take_down
 
 
 def stopped() -> str:
-    """Return what a program says that was stopped."""
+    """Return the last line of a program that was stopped."""
     return f"stopped; {_going_on}" if _going_on else "stopped"
 
 
@@ -53,14 +53,13 @@ def status() -> int | None:
 
 
 def answer() -> None:
-    """Keep the listening thread from ending the program, which has heard, and ends by itself when its work is saved."""
+    """Keep the listening thread from ending the program, which ends by itself when its work is saved."""
     _answered.set()
 
 
 @contextmanager
 def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, None]:
-    """Let the block ask now and then whether to stop, instead of interrupting it: it can save its work first, however
-    long that takes.
+    """Let the block ask whether to stop, instead of interrupting it, so that it can save its work first.
 
     Args:
         again: whether a second signal interrupts it.

@@ -1,7 +1,7 @@
 """Independent jobs, each in a process of its own: on the cores of this machine, or on the workers of a Ray cluster.
 
-A job is a function that can be imported by its name, leaves its results in files and goes on where it was stopped. So
-it does not matter where it runs, nor how often it is begun.
+A job is a function that can be imported by its name, writes its results to files and resumes where it was stopped: it
+may run anywhere and be started any number of times.
 """
 
 import os
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
 
 LOST_WORKERS = 10
-"""How often Ray begins a job again whose worker was lost."""
+"""Most restarts by Ray of a job whose worker was lost."""
 STOPPED = 130
 """Exit status of a job that was stopped early."""
 _ENDS = {0, STOPPED, *(128 + number for number in SIGNALS), *(-number for number in SIGNALS)}
-"""Exit statuses of jobs that did not fail: they hear of signals again while they are leaving."""
+"""Exit statuses of jobs that did not fail; signals may reach them again while they leave."""
 ShouldStop = Callable[[], bool]
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be done: `work(*arguments, should_stop)`, which returns whether it came to its end."""
+    """A call `work(*arguments, should_stop)`, which returns whether it finished."""
 
     name: str
     work: Callable[..., bool]
@@ -40,7 +40,7 @@ class Job:
 
 
 def available_cores() -> list[int]:
-    """Numbers of the cores that this process may use."""
+    """Return the numbers of the cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
@@ -136,8 +136,9 @@ def _signals(how: int) -> None:
 
 
 def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
-    """As many at a time as the cluster has cores. The job of a worker that is lost begins again on another one, from
-    what it has left in its files: all machines must see the same folders.
+    """Run as many at a time as the cluster has cores.
+
+    The job of a lost worker is resumed on another one from its files: all machines must see the same folders.
     """
     try:
         import ray  # pyright: ignore[reportMissingImports]
@@ -170,9 +171,7 @@ def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str
 
 
 def _work_on_ray(job: Job) -> str:
-    """One job on a Ray worker; what there is to complain of, if anything. When Ray ends the worker, the job is stopped
-    at once and goes on from its files another time.
-    """
+    """Run a job on a Ray worker and return its error as text; a job that Ray ends is resumed from its files."""
     try:
         finished = job.work(*job.arguments, lambda: False)
     except (InvalidInput, OSError) as error:
@@ -185,7 +184,7 @@ ENGINES = {"local": _run_locally, "ray": _run_on_ray}
 
 
 def _work(job: Job, core: int, parent: int) -> None:
-    """One job on one core; the whole life of a process. It stops early on Ctrl-C or when the parent process is gone."""
+    """Run one job on one core as a whole process, which stops early on Ctrl-C or when its parent is gone."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
     keep_compilations()

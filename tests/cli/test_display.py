@@ -1,7 +1,6 @@
 """What a person sees while a command works: within a second, on standard error, and one line where it is refused."""
 
 import io
-import json
 import os
 import pty
 import subprocess
@@ -13,20 +12,10 @@ from rich.console import Console
 
 from apollonius.cli import display as module
 from apollonius.cli.display import Display
-from apollonius.cli.main import main
-from apollonius.io.errors import InvalidInput
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """Seconds are hundredths of seconds."""
-    monkeypatch.setattr(module, "_FIRST_SECONDS", 0.007)
-    monkeypatch.setattr(module, "_NEXT_SECONDS", 0.1)
-    monkeypatch.setattr(module, "_LOOKS_A_SECOND", 500)
 
 
 def wait_for(capsys, text, seconds=5.0):
-    """What was written to standard error until the text came."""
+    """Return the text on standard error as soon as it contains another one."""
     written, end = "", time.monotonic() + seconds
     while text not in written and time.monotonic() < end:
         time.sleep(0.005)
@@ -35,58 +24,21 @@ def wait_for(capsys, text, seconds=5.0):
     return written
 
 
-def test_a_quick_command_says_nothing(capsys):
+def test_in_a_pipe_lines_come_with_the_first_report(monkeypatch, capsys):
+    monkeypatch.setattr(module, "_LINE_SECONDS", 0.05)
     with Display("evaluate") as display:
-        display.begin("playing")
-        display.report(1, 1)
-    assert capsys.readouterr().err == ""
-
-
-def test_it_says_what_how_far_and_how_long(quick, capsys):
-    with Display("evaluate") as display:
-        wait_for(capsys, "apollonius evaluate: loading, 0:00:00 so far ... ")
         display.begin("playing 8 games", compiles=True)
-        wait_for(capsys, "playing 8 games (compiling), 0:00:00 so far ... ")
+        time.sleep(0.2)
+        assert capsys.readouterr().err == "", "a refusal would be the only line"
+        display.tell("P against E: 50.0%")
         display.report(0, 8)
         time.sleep(1.6)
         display.report(2, 8)
         display.note({"loss": "0.5"})
-        written = wait_for(capsys, "loss 0.5\n")
-    last = written.splitlines()[-1]
+        first, *_, last = wait_for(capsys, "loss 0.5\n").splitlines()
+    assert first == "P against E: 50.0%"
     assert last.startswith("apollonius evaluate: playing 8 games, 25.0%, 0:00:0")
     assert last.endswith(" left, loss 0.5")
-    assert capsys.readouterr().err == ""
-
-
-def test_a_refusal_stays_one_line(quick, capsys):
-    """However long it took to find out."""
-    with Display("evaluate") as display:
-        written = wait_for(capsys, "loading")
-        display.begin("playing")
-        written += wait_for(capsys, "playing")
-        display.__exit__(InvalidInput, InvalidInput("no."), None)
-        assert "\n" not in written + capsys.readouterr().err
-
-
-def test_everything_else_ends_the_line(quick, capsys):
-    with Display("evaluate") as display:
-        wait_for(capsys, "loading")
-        display.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
-        assert capsys.readouterr().err.endswith("\n")
-
-
-def test_lines_that_stay_stand_on_their_own(quick, capsys):
-    with Display("tournament") as display:
-        written = wait_for(capsys, "loading")
-        display.tell("P against E: 50.0%")
-        written += capsys.readouterr().err
-    assert "P against E: 50.0%" in written.splitlines()
-
-
-def test_it_asks_who_does_not_report(quick, capsys):
-    with Display("reproduce") as display:
-        display.begin("training the agents", poll=lambda: (30, 40))
-        wait_for(capsys, "training the agents, 75.0%")
 
 
 class Clock:
@@ -210,10 +162,3 @@ def test_in_a_terminal_the_bar_is_gone_at_the_end_and_the_results_stay():
     after_the_bar = text[text.rindex("\x1b[2K") :]
     assert "the last result" in after_the_bar
     assert "playing" not in after_the_bar
-
-
-def test_standard_output_has_nothing_but_json(quick, capsys):
-    assert main(["evaluate", "random", "still", "--games", "20", "--json"]) == 0
-    printed = capsys.readouterr()
-    assert json.loads(printed.out)["games"] == 20
-    assert "apollonius evaluate: " in printed.err
