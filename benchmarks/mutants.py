@@ -5,7 +5,7 @@
 Every mutant changes one operator, comparison, number, condition or choice of the least for the greatest in a copy of
 the package. First all quick tests run once, a process for each file, to learn which lines each file of tests runs. For
 a mutant those that run its line are asked, the tests of its own file first, then the quick ones, until one fails. A
-mutant that no test notices survives: it is printed, to be read. A second call goes on where the first one stopped.
+mutant that no test notices survives: it is printed, to be read. A second call resumes where the first one stopped.
 """
 
 import argparse

@@ -31,7 +31,7 @@ CASES = {
 
 
 def measure(page: Page, seconds: float) -> dict[str, float]:
-    """95th percentiles [ms] while games go on for so many seconds."""
+    """Return 95th percentiles [ms] of `seconds` of play."""
     for _ in range(round(10 * seconds)):
         if page.inner_text("#go") != "Pause":
             page.click("#go")

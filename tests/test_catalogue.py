@@ -37,18 +37,16 @@ def pursuer():
 @pytest.mark.parametrize(("name", "player"), [("random", Uniform), ("still", Still)])
 def test_built_in_players_play_either_side(name, player, role):
     found = find_player(name, role)
-    assert found.name == name
-    assert isinstance(found.policy, player)
-    assert found.header is None
+    assert (found.name, type(found.policy), found.header) == (name, player, None)
 
 
-def test_a_file_plays_greedily_and_brings_its_header(pursuer, tmp_path):
+def test_a_file_plays_greedily_its_own_side_and_brings_its_header(pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "chaser.safetensors")
     found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
-    assert found.name == "chaser"
-    assert isinstance(found.policy, Greedy)
+    assert (found.name, type(found.policy), found.header) == ("chaser", Greedy, pursuer.header)
     assert eqx.tree_equal(found.policy.network, pursuer.network)
-    assert found.header == pursuer.header
+    with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
+        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER)
 
 
 def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tmp_path, monkeypatch):
@@ -70,12 +68,6 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
     )
     with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
         find_player("demo/P_stage2", Role.PURSUER)
-
-
-def test_a_file_plays_no_other_side(pursuer, tmp_path):
-    save_agent(pursuer, tmp_path / "chaser.safetensors")
-    with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
-        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER)
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
@@ -133,10 +125,6 @@ def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
 def test_players_that_do_not_go_together_make_no_pool(names):
     with pytest.raises(InvalidInput, match="pursuers = "):
         find_pool(names, Role.PURSUER)
-
-
-def test_a_lone_player_is_a_pool_of_its_own():
-    assert isinstance(find_pool(["still"], Role.EVADER).members, Still)
 
 
 @pytest.mark.parametrize("name", zoo_names())

@@ -308,6 +308,7 @@ def run(name):
     return names
 
 
+@pytest.mark.slow
 def test_plain_jax():
     jax.clear_caches()  # what other tests have compiled is not counted below
     names = run("jax.md")
@@ -321,6 +322,7 @@ def test_plain_jax():
     assert not bool(jnp.any(names["timestep"].terminated & names["timestep"].truncated))
 
 
+@pytest.mark.slow
 def test_interfaces():
     pytest.importorskip("pettingzoo")
     names = run("interfaces.md")
@@ -329,6 +331,7 @@ def test_interfaces():
     assert names["own_rewards"].shape == names["status"].shape == (256, 3)
 
 
+@pytest.mark.slow
 def test_teams():
     pytest.importorskip("pettingzoo")
     names = run("teams.md")

@@ -72,6 +72,7 @@ def test_a_new_obstacle_is_as_far_away_as_its_points():
         assert float(along(robot(*ends[:2]), robot(*ends[2:]))) == pytest.approx(apart, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_new_obstacle_is_one_for_games_players_surveys_and_pictures():
     game = Game(arena=WithCapsules(capsules=(WALL,)), max_steps=60)
     assert game.arena.hits_obstacle(robot(5.0, 5.0), robot(5.0, 6.0), 0.0)
@@ -103,6 +104,7 @@ def test_a_new_obstacle_is_read_from_files_and_refused_by_whoever_does_not_know_
         Game(arena=WithCapsules(capsules=(replace(WALL, x=30.0),)))
 
 
+@pytest.mark.slow
 def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path, monkeypatch):
     monkeypatch.setitem(registry.OBSERVATIONS, BEARING.name, BEARING)
     game = Game(arena=Arena(discs=(Disc(7.0, 5.0, 0.5),)), max_steps=20)

@@ -51,16 +51,14 @@ html_theme_options = {
 
 
 def setup(app: Any) -> None:
-    """What is not said by a setting."""
+    """Connect the functions below."""
     app.connect("autodoc-process-docstring", _as_written)
     app.connect("autodoc-process-signature", _in_short)
     app.connect("autodoc-skip-member", _is_default)
 
 
 def _as_written(app: Any, what: str, name: str, documented: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings are plain words with code between backticks, in which a star is a star; classes and functions have
-    sections in Google's style.
-    """
+    """Turn docstrings into reStructuredText: stars are escaped, and sections in Google's style are read."""
     for number, line in enumerate(lines):
         parts = re.split(r"(`[^`]*`)", line)
         lines[number] = "".join(part if part.startswith("`") else re.sub(r"([*|])", r"\\\1", part) for part in parts)
@@ -71,7 +69,7 @@ def _as_written(app: Any, what: str, name: str, documented: Any, options: Any, l
 def _in_short(
     app: Any, what: str, name: str, documented: Any, options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
-    """Types by the names that the source gives them."""
+    """Shorten types to the names in the source."""
     return _names(arguments), _names(result)
 
 
@@ -82,5 +80,5 @@ def _names(annotations: str | None) -> str | None:
 
 
 def _is_default(app: Any, what: str, name: str, member: Any, skip: bool, options: Any) -> bool | None:
-    """Whether a member is the function that a field has by default: its class has told of the field."""
+    """Skip a function that is the default of a field, which its class documents."""
     return True if inspect.isfunction(member) and member.__name__ != name else None

@@ -30,7 +30,7 @@ def write_reference(folder: Path) -> None:
 
 
 def _index(rooms: list[str]) -> str:
-    """The front page: every public name, and the rooms."""
+    """Return the front page: every public name, and the rooms."""
     names = "\n".join(
         f"| {{py:obj}}`{name} <{_home(name)}>` | {_first(getattr(apollonius, name))} |" for name in dir(apollonius)
     )
@@ -54,13 +54,13 @@ the docstrings of this version.
 
 
 def _home(name: str) -> str:
-    """The full name of a public name, by which its documentation is found."""
+    """Return the full name of a public name, by which Sphinx finds it."""
     documented = getattr(apollonius, name)
     return f"{documented.__module__}.{documented.__qualname__}"
 
 
 def _first(documented: object) -> str:
-    """The first line of a docstring, for a cell of a table."""
+    """Return the first line of a docstring for a cell of a table."""
     lines = (documented.__doc__ or "").strip().splitlines()
     return lines[0].replace("|", "\\|") if lines else ""
 

@@ -35,7 +35,7 @@ PARTS = (
         "Develop", "architecture", ("reference/index", "extending", "contributing", "changelog", "security", "licence")
     ),
 )
-"""What the site consists of besides its home page."""
+"""The site besides its home page."""
 BESIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -61,7 +61,7 @@ def documents() -> dict[str, Path]:
 
 
 def write_sources(folder: Path) -> None:
-    """Write the folder anew."""
+    """Write the folder in place of an old one."""
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("figures", "results"):
         shutil.copytree(REPOSITORY / "docs" / name, folder / name, ignore=shutil.ignore_patterns("paper", "demo"))
@@ -76,7 +76,7 @@ def write_sources(folder: Path) -> None:
 
 
 def _contents(name: str) -> str:
-    """The hidden table of contents of the home page and of a part's front; other pages have none."""
+    """Return the hidden table of contents of the home page or of a part's front; other pages have none."""
     entries: list[str] = []
     if name == "index.md":
         entries = [f"{part.title} <{part.front}>" for part in PARTS]
@@ -89,10 +89,7 @@ def _contents(name: str) -> str:
 
 
 def at_home(text: str, document: Path) -> str:
-    """The text with its links as they are in the site: to pages, to files that it has, to other sites.
-
-    What else the repository holds is named, and no link.
-    """
+    """Return the text with the links of the site; one to another file of the repository becomes its words."""
 
     def rewritten(link: re.Match[str]) -> str:
         words, to = link.groups()

@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from apollonius.arenas.names import PARTS
 from apollonius.cli.options import add_json, command, finish
@@ -12,13 +12,10 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
 
-if TYPE_CHECKING:
-    pass
-
 KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 """Kinds of random arenas."""
 CELLS = ("caves",)
-"""Those of them that are a map's cells, in files of their own."""
+"""Kinds that consist of a map's cells, in files of their own."""
 SHOWN = 8
 """Arenas of each kind in a suite's picture: a row."""
 
@@ -118,7 +115,7 @@ def run_check(options: argparse.Namespace) -> int:
 
 
 def run_suite(options: argparse.Namespace) -> int:
-    """Draw every arena of the suite anew, and list it; exit status 2 where one is not what was published."""
+    """Generate every arena of the suite and list it; exit status 2 where one differs from the published one."""
     from apollonius.arenas.file import find_game
     from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
     from apollonius.show.canvas import save_gallery

@@ -1,4 +1,4 @@
-"""The command line of `apollonius`: what can be asked, and how errors are told."""
+"""The command line of `apollonius`: its commands and its error messages."""
 
 import argparse
 import errno
@@ -41,24 +41,20 @@ class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse what is none of an argument's choices, with the one that was meant where that can be told."""
+        """Refuse a value that is no choice of an argument, and name the nearest choice."""
         known = [str(choice) for choice in action.choices or ()]
         if action.choices is not None and value not in action.choices and (near := nearest(str(value), known)):
             raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
         super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
 
     def error(self, message: str) -> NoReturn:
-        told = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
-        print(f"{self.prog}: {shown(told, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)
+        words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
+        print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)
         sys.exit(2)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; return its exit status, also after Ctrl-C.
-
-    Args:
-        arguments: of the command; by default those of the process.
-    """
+    """Run the command with these arguments, or those of the process, and return its exit status."""
     parser, given = build_parser(), sys.argv[1:] if arguments is None else arguments
     if not given:
         parser.print_help()
@@ -117,13 +113,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 class _Group:
-    """Commands of one purpose: a line each in the help of the whole, which heads their own help too."""
+    """Commands of one purpose, with a line each in the help of the whole, which also heads their own help."""
 
     def __init__(self, subparsers: Any) -> None:
         self._subparsers = subparsers
         self.lines: list[str] = []
 
     def add_parser(self, name: str, help: str) -> argparse.ArgumentParser:
-        """A parser for the command of this name, with a line of what it is for."""
+        """Return a parser for a command, with a line about its purpose."""
         self.lines.append(f"  {name:<12}{help}")
         return self._subparsers.add_parser(name, description=f"{help[0].upper()}{help[1:]}.")

@@ -1,4 +1,4 @@
-"""What several commands ask for: a game, players, what draws; and how one ends that has written something."""
+"""Options of several commands, and their last lines about written files."""
 
 import argparse
 import shlex
@@ -52,14 +52,14 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:
-    """The words that choose the game and its starts in another command, where they are not the usual ones."""
+    """Return the words that choose the game and its starts in another command, where they are not the defaults."""
     usual = {"game": "paper", "starts": None}
     chosen = {name: getattr(options, name, usual[name]) for name in usual}
     return [word for name, value in chosen.items() if value not in (usual[name], None) for word in (f"--{name}", value)]
 
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
-    """Two players, how many games they play and from where, and what is told and kept of them."""
+    """Add two players, their games and starts, and the output of their results."""
     parser.add_argument("pursuer", type=known_agent, metavar="PURSUER", help=AGENT)
     parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
     parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
@@ -69,7 +69,7 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
 
 
 def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
-    """How many games are written as replays, and where."""
+    """Add the number of games that are written as replays, and their folder."""
     parser.add_argument("--record", type=count(RECORDS), default=0, metavar="K", help=about)
     parser.add_argument(
         "--replays", type=new_folder, default=Path("replays"), metavar="DIR",
@@ -81,7 +81,7 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
     """Return the match of two players that are named, of `options.games`, and warn of what is odd about it.
 
     Args:
-        in_one_arena: whether the command knows one arena only.
+        in_one_arena: refuse a game in several arenas.
 
     Raises:
         InvalidInput: as `game_in_one_arena` and `Match.of_names`.
@@ -96,7 +96,7 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
 
 
 def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:
-    """Say on standard error, a line each, what games in an arena, or of players there, should not be taken for.
+    """Warn on standard error of unsound arenas and of players that have learned in another one.
 
     Games that ship with the package are sound, so only those of files are surveyed.
     """
@@ -129,15 +129,7 @@ def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
 
 
 def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
-    """Refuse more replays than there are games to record, and a folder that takes none.
-
-    Args:
-        most: how many there can be.
-        bound: the same in words.
-
-    Raises:
-        InvalidInput: if it is so.
-    """
+    """Refuse more replays than `most`, which is `bound` in words, and a folder that cannot be written to."""
     require(options.record <= most, "--record", options.record, f"from 0 to {bound}")
     if options.record:
         require_writable("--replays", options.replays)
@@ -158,7 +150,7 @@ def requested_grid(
     role: "Role",
     reference: "Callable[[Game, Role], tuple[Grid, int]] | None" = None,
 ) -> tuple["Grid", int]:
-    """The wanted grid and hold, or those of reference: for one robot, if no other one is given."""
+    """Return the grid and hold of the options, by default those of `reference`."""
     from apollonius.solve.grid import make_grid
     from apollonius.solve.solving import reference_grid
 
@@ -175,13 +167,7 @@ _SHOWN = 3
 
 
 def finish(*written: Path, then: str = "", json: bool = False) -> None:
-    """Say on standard error what was written and what could be done with it.
-
-    Args:
-        written: files, or folders with all that lies in them.
-        then: the next sensible step.
-        json: whether a program reads: it is not told what to do next.
-    """
+    """Print on standard error the written files and folders and, unless a program reads, the next sensible step."""
     lines = [f"wrote {_named(path)}" for path in written]
     if len(written) > _SHOWN:
         size = _in_words(sum(map(_size, written)))
@@ -192,7 +178,7 @@ def finish(*written: Path, then: str = "", json: bool = False) -> None:
 
 
 def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Replay]") -> list[Path]:
-    """Write the first `options.record` games, in files that are called after their kind, number and outcome."""
+    """Write the first `options.record` games to files named after their kind, number and outcome."""
     from apollonius.play.replay import save_replay
 
     if options.record:
@@ -205,14 +191,14 @@ def write_replays(options: argparse.Namespace, kind: str, replays: "Iterator[Rep
 
 
 def finish_with_replays(written: list[Path], options: argparse.Namespace) -> None:
-    """The end of a command that may have recorded games, and takes `--json`."""
+    """Print the last lines of a command that may have recorded games."""
     if written:
         then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
         finish(*written, then=then, json=options.json)
 
 
 def command(*words: object) -> str:
-    """A command of this package, as it can be pasted into a shell."""
+    """Return a command of this package as text for a shell."""
     return shlex.join(["apollonius", *map(str, words)])
 
 
@@ -229,7 +215,7 @@ def _size(path: Path) -> int:
 
 
 def _in_words(size: int) -> str:
-    """Bytes, in the unit that keeps the number short."""
+    """Return a number of bytes in the unit that keeps it short."""
     if size < 10**6:
         return f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"
     return f"{size / 10**6:.1f} MB"

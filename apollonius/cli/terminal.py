@@ -1,4 +1,4 @@
-"""What the command tells a person in words: how a training gets on, and tables of results."""
+"""Results as text: the progress of a training, and tables."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ def training_notes(line: "MetricsLine") -> dict[str, str]:
 
 
 def sweeps_on(display: Display) -> "Callable[[Sweep], None]":
-    """What shows sweeps of value iteration on a display."""
+    """Return a report callback that shows sweeps of value iteration on a display."""
     first: list[float] = []
 
     def show(sweep: "Sweep") -> None:

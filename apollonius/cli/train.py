@@ -97,7 +97,7 @@ def run_resume(options: argparse.Namespace) -> int:
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
-    """The preset or file, with what the command line changes."""
+    """Return the preset or file with the changes of the command line."""
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
@@ -130,7 +130,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 
 
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
-    """Train to the end or to Ctrl-C; at the end, play the new agents and say how good they are."""
+    """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.cli.terminal import training_notes
     from apollonius.learn.run import Run

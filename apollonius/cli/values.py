@@ -59,7 +59,7 @@ def real(text: str) -> float:
 
 
 def engine(text: str) -> str:
-    """Where trainings run; refused where the library that it takes is not installed."""
+    """Return the place where trainings run, unless its library is not installed."""
     if text == "ray" and (remedy := missing("ray")):
         raise unfit(text, f"local where Ray is not installed: {remedy}")
     return text
@@ -78,7 +78,7 @@ def varied(text: str) -> tuple[str, tuple[float, ...]]:
 
 
 def nodes(text: str) -> tuple[int, int, int, int]:
-    """How many nodes a grid has along x, y, v and heading, as `101x101x9x47`."""
+    """Return the nodes of a grid along x, y, v and heading, given as `101x101x9x47`."""
     found = _NODES.fullmatch(text)
     if not found:
         raise unfit(text, "the nodes along x, y, v, heading, as 101x101x9x47")
@@ -87,7 +87,7 @@ def nodes(text: str) -> tuple[int, int, int, int]:
 
 
 def named(text: str) -> str:
-    """What something is called, or where its file is."""
+    """Return a name or path."""
     if not text or not text.isprintable():
         raise unfit(text, "a name, or the path of a file")
     return text
@@ -180,7 +180,7 @@ def require_writable(name: str, path: Path) -> None:
 
 
 def _is(question: Callable[[], bool]) -> bool:
-    """What a path says of itself; a path that cannot be is nothing."""
+    """Return the answer of a path about itself; False for one that cannot be."""
     try:
         return question()
     except (OSError, ValueError):
@@ -188,7 +188,7 @@ def _is(question: Callable[[], bool]) -> bool:
 
 
 def _unwritable(path: Path, folder: Path) -> str | None:
-    """What a path must be if the folder, or the nearest one above that is there, takes no new files; else None."""
+    """Return the bound that a path breaks if its folder, or the nearest one above, takes no files; else None."""
     try:
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # which says of some paths that they cannot be, as of those that are too long

@@ -140,7 +140,7 @@ SHIELDED_PURSUER = "shielded:P_curriculum"
 
 
 def table_2(study: Study) -> Finding:
-    """Play both pursuers against the random evader: wins, and how many of them by capture."""
+    """Play both pursuers against the random evader: wins, and direct captures."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
     captures = {
         name: [result.outcomes["captured"] / result.games for result in matches] for name, matches in results.items()

@@ -1,4 +1,4 @@
-"""What a figure, a table or a study finds: words, pictures, numbers and verdicts."""
+"""The findings of figures and tables: words, pictures, numbers and verdicts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ class Finding:
 
 
 def as_markdown(finding: Finding) -> str:
-    """A finding under its title, with its pictures."""
+    """Return a finding under its title, with its pictures."""
     pictures = "".join(f"\n\n![{finding.title}]({picture})" for picture in finding.pictures)
     return f"## {finding.title}\n\n{finding.text}{pictures}"
 
@@ -42,9 +42,7 @@ Shares = dict[str, list[float]]
 
 
 def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
-    """Shares of outcomes as a Markdown table, a column each, in the order of the paper's tables: means over seeds and,
-    where there are several, how far the 95 % interval reaches.
-    """
+    """Return mean shares of outcomes as a Markdown table in the paper's order, with half of their 95 % intervals."""
     rows = [
         [outcome.replace("_", " "), *(mean_share(shares.get(outcome, [])) for _, shares in columns)]
         for outcome in columns[0][1]
@@ -53,7 +51,7 @@ def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
 
 
 def mean_share(shares: Sequence[float]) -> str:
-    """Return a mean over seeds and, of several, how far its 95 % interval reaches (Student's t); "-" of nothing."""
+    """Return a mean over seeds with half of its 95 % interval's width (Student's t); "-" without values."""
     if not shares:
         return "-"
     percents = [100 * share for share in shares]
@@ -66,12 +64,12 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def outcome_shares(results: Sequence[MatchResult]) -> Shares:
-    """Share of each outcome in the matches of several seeds."""
+    """Return the share of each outcome in the matches of several seeds."""
     return {outcome: [result.outcomes[outcome] / result.games for result in results] for outcome in results[0].outcomes}
 
 
 def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dict[str, int]]) -> str:
-    """Shares of outcomes here, over seeds, and the paper's from its counts, as a Markdown table."""
+    """Return the shares of outcomes here and in the paper as a Markdown table."""
     columns = [(name, outcome_shares(matches)) for name, matches in results.items()]
     for name, counts in paper.items():
         games = sum(counts.values())
@@ -120,7 +118,7 @@ def _intervals(study: Study) -> str:
 
 
 def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
-    """All claims with the paper's value, ours, its interval and the verdict, as a Markdown table."""
+    """Return all claims with the paper's value, ours, its interval and the verdict as a Markdown table."""
     head = ["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]
     return markdown_table(head, [[*_claim_row(claim), claim.verdict(is_full)] for claim in claims])
 

@@ -30,7 +30,7 @@ MATCH_SEED = 0
 
 
 def run_configs(preset: RunConfig, seed: int) -> dict[str, RunConfig]:
-    """The three trainings of one seed, by name.
+    """Return the three trainings of one seed, by name.
 
     `curriculum`: stage 1, then self-play. `scratch`: self-play of the same length, both sides from random weights
     (section V-A). `random`: a pursuer against a random evader (section V-B), for half the env steps of both stages:
@@ -66,7 +66,7 @@ class Study:
 
     @property
     def is_full(self) -> bool:
-        """Whether its agents are trained for as long as the paper's."""
+        """True where its agents are trained for as long as the paper's."""
         return self.budget == FULL_BUDGET
 
     @property
@@ -77,7 +77,7 @@ class Study:
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
-        """An agent of a seed, `random` or `still`, for its side; one of self-play as it was at a percentage of it.
+        """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it.
 
         `shielded:` before its name puts it behind a shield.
         """
@@ -87,7 +87,7 @@ class Study:
         return replace(find_player(SHIELDED + player if bare != name else player, role, self.game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Match:
-        """The match between two agents of a seed, those of self-play at a percentage of it."""
+        """Return the match between two agents of a seed, as `agent` finds them."""
         chasing = self.agent(pursuer, Role.PURSUER, seed, percent)
         fleeing = self.agent(evader, Role.EVADER, seed, percent)
         return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
@@ -109,7 +109,7 @@ class Study:
         return [line for line in load_metrics(self.run(name, seed) / "metrics.jsonl") if line.stage == stage]
 
     def trainings(self) -> dict[Path, tuple[RunConfig, list[str]]]:
-        """By folder: what to train, and which agents are there once it is finished."""
+        """Return by folder the training, and the agents of the finished run."""
         return {
             self.run(name, seed): (config, [agent for agent, run in RUN_OF.items() if run == name])
             for seed in self.seeds
@@ -117,7 +117,7 @@ class Study:
         }
 
     def work_done(self) -> tuple[float, float]:
-        """How much of its training is done, and of how much: env steps, once for each side that learns."""
+        """Return the env steps done and in all, counted once for each side that learns."""
         done = whole = 0.0
         for folder, (config, _) in self.trainings().items():
             stages = {"fixed-target": config.fixed_target.env_steps, "self-play": 2 * config.self_play.env_steps}

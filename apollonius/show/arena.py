@@ -46,17 +46,17 @@ KINDS = {
     "cut off from the largest free part": palette.OTHER,
     "the evader is safe here": palette.EVADER,
 }
-"""What a place is, and its colour."""
+"""Kinds of points, with their colours."""
 _LONGER = 6.0
 """The arena's longer side in the picture [inches]."""
 _LETTERS = 80
 """Letters in a line of the summary."""
 _NOTE = 2 * _LETTERS
-"""Letters of a note, which may name any number of obstacles; the command prints all of them."""
+"""Letters of a note, which may name any number of obstacles; the command prints it whole."""
 
 
 def kinds_of_places(survey: Survey) -> Int[np.ndarray, "rows columns"]:
-    """Which of `KINDS` each place is, by its number."""
+    """Return the kind of each point as its number in `KINDS`."""
     pursuer, evader = survey.parts
     kinds = np.zeros(survey.blocked.shape, int)
     kinds[pursuer == 0] = 2

@@ -58,7 +58,7 @@ class Canvas:
     """The arena of a game, on which its robots leave trails as they move.
 
     A pursuer is a full disc with a solid trail, and around it the reach of a capture is dotted; an evader is a ring
-    with a dashed trail: they can be told apart without colours. Robots of a team have their numbers, and one that is
+    with a dashed trail, so that they differ without colours. Robots of a team have their numbers, and one that is
     out of play is a cross.
     """
 

@@ -30,17 +30,17 @@ CELLS = 200
 _SIGNS = 16
 """Signs for the acceleration along each side of the arena."""
 _TURNS = {"right": "#f6d68a", "straight": "#f4f4ef", "left": "#c9bfe6"}
-"""Pale colours of the three turns, in the order of their gears: neither side's."""
+"""Pale colours of the three turns, by action level: neither side's."""
 _GEARS = {"brake": "_", "hold": ".", "speed up": "+"}
-"""Signs of the three accelerations, in the order of their gears."""
+"""Signs of the three accelerations, by action level."""
 
 
 class Slice(eqx.Module):
-    """Where a robot might stand, and what it is worth there.
+    """Action values of a robot at the cells of an arena.
 
     Attributes:
         x, y: of the cells' centres [m].
-        values: of the nine actions at each of them: a network's discounted reward to come, in the units of its
+        values: of the nine actions at each: a network's discounted reward to come, in the units of its
             training, or a solved game's discounted payoff; NaN where the robot's body touches an obstacle or a wall by
             more than a cell.
     """

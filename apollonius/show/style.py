@@ -1,4 +1,4 @@
-"""How every figure looks, and how one is made and saved; curves over training, bars with intervals."""
+"""The style of all figures, and their parts: curves over training, bars with intervals."""
 
 import io
 import re
@@ -45,7 +45,7 @@ _SETTINGS: dict[Any, Any] = {
 def picture(
     path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0, rows: int = 1
 ) -> Generator[list[Axes], None, None]:
-    """A figure of panels in rows, saved as PNG when the block ends.
+    """Open a figure of panels in rows, which is saved as PNG when the block ends.
 
     Args:
         path: where to save it.
@@ -64,7 +64,7 @@ def picture(
 
 
 def inline_svg(draw: Callable[[Axes], None], label: str, width: float = 4.6, height: float = 3.0) -> str:
-    """A figure of one panel as an `<svg>` element for a page that defines the palette's colours as CSS variables.
+    """Return a figure of one panel as an `<svg>` for a page that defines the palette's colours as CSS variables.
 
     The same figure serves light and dark pages. Letters stay text.
 
@@ -93,8 +93,10 @@ Curve = tuple[Sequence[float | int], Sequence[float | int]]
 
 
 def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> None:
-    """The curve of a lone seed; of several each one, thin, their mean over the range that all of them cover, and its
-    95 % interval (Student's t) as a band."""
+    """Draw the curve of a lone seed; of several, thin curves, and the mean over their common range with its 95 % band.
+
+    The band is Student's t interval.
+    """
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))  # 50k, not 50000
     if len(curves) == 1:
         axes.plot(*curves[0], color=colour, label=label)
@@ -113,7 +115,7 @@ def draw_seeds(axes: Axes, curves: Sequence[Curve], colour: str, label: str) -> 
 def draw_rate(
     axes: Axes, x: Sequence[float | int], times: Sequence[int], games: Sequence[int], colour: str, label: str
 ) -> None:
-    """How often something happened [%] along x, with Wilson 95 % intervals over games as a band."""
+    """Draw a rate [%] along x, with Wilson's 95 % intervals over games as a band."""
     low, high = 100 * np.transpose([wilson_interval(*counts) for counts in zip(times, games, strict=True)])
     axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
     axes.plot(x, 100 * np.asarray(times) / np.asarray(games), color=colour, label=label)
@@ -121,7 +123,7 @@ def draw_rate(
 
 
 def smooth(values: Sequence[float | int], window: int) -> list[float]:
-    """Running means over `window` neighbours; beyond either end stands its last value."""
+    """Return running means over `window` neighbours; each end is repeated beyond itself."""
     return list(uniform_filter1d(np.asarray(values, float), window, mode="nearest"))
 
 
@@ -132,7 +134,7 @@ def draw_bars(
     intervals: Sequence[tuple[float, float]],
     colours: Sequence[str],
 ) -> None:
-    """Rates in per cent with their intervals, each bar with its figure and in its colour."""
+    """Draw rates [%] with their intervals as bars, each with its figure."""
     heights = 100 * np.asarray(rates)
     low, high = 100 * np.asarray(intervals).T
     errors = np.stack([heights - low, high - heights])

@@ -50,11 +50,11 @@ class Pilot:
         self.seen: dict[str, tuple[Sequence[float], float]] = {}
 
     def saw(self, robot: str, state: Sequence[float], stamp: float) -> None:
-        """Robot `own` or `opponent` was in this state (x, y, v, heading) at this time [s]."""
+        """Store the state (x, y, v, heading) of robot `own` or `opponent` at this time [s]."""
         self.seen[robot] = (state, stamp)
 
     def command(self, now: float) -> Command:
-        """What to drive from now [s] on; to be called every `dt`."""
+        """Return the command from now [s] on; to be called every `dt`."""
         limits, trouble = self.limits, ""
         try:
             u1, turn_rate = self.ask(now)

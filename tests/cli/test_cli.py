@@ -22,9 +22,7 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import load_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
-from apollonius.cli.display import Display
 from apollonius.cli.main import COMMANDS, main
-from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -109,9 +107,8 @@ def assert_refused(capsys, *arguments, naming):
 def test_a_reader_that_leaves_early_is_no_error():
     closing_first = "import os, sys; os.close(os.dup(1)); r, w = os.pipe(); os.dup2(w, 1); os.close(w); os.close(r);"
     command = "from apollonius.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    result = run_process(f"{closing_first} {command}", "evaluate", "random", "still", "--games", "2")
-    assert result.returncode == 1
-    assert all(line.startswith("apollonius evaluate: ") for line in result.stderr.splitlines())
+    result = run_process(f"{closing_first} {command}", "arena", "list")
+    assert (result.returncode, result.stderr) == (1, "")
 
 
 @pytest.mark.parametrize(("option", "says"), [("--help", "train"), ("--version", "apollonius 0.1.0\n")])
@@ -138,12 +135,7 @@ def test_help_names_every_command_once_under_what_it_is_for(capsys):
     assert max(map(len, lines)) <= 100
 
 
-def test_the_help_of_a_command_begins_with_what_it_is_for(capsys):
-    assert run_main("show", "--help") == 0
-    assert "\nA game as a picture or an animation" in capsys.readouterr().out
-
-
-def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
+def test_evaluate_prints_one_json_object_or_a_table(capsys):
     assert run_main("evaluate", "random", "random", "--games", "200", "--seed", "3", "--json") == 0
     printed = capsys.readouterr()
     assert printed.out.count("\n") == 1
@@ -159,23 +151,11 @@ def test_evaluate_prints_one_json_object_and_nothing_else(capsys):
     assert result["mean_steps"] > 1
     match = [result[name] for name in ("pursuer", "evader", "game", "starts", "seed")]
     assert match == ["random", "random", "paper", "rest", 3]
-
-
-def test_evaluate_prints_a_table(capsys):
-    assert run_main("evaluate", "random", "random", "--games", "200") == 0
+    assert run_main("evaluate", "random", "random", "--games", "200", "--seed", "3") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "random (pursuer) against random (evader), 200 games, starts: rest"
-    assert [line.split("  ")[1] for line in lines[1:8]] == [name.replace("_", " ") for name in OUTCOMES]
-    assert sum(int(line.split()[-2]) for line in lines[1:8]) == 200
-    assert any("95 % interval" in line for line in lines)
-
-
-def test_evaluate_names_what_it_does_once_the_games_are_over(monkeypatch):
-    seen, begin = [], Display.begin
-    monkeypatch.setattr(Display, "begin", lambda self, what, **given: (seen.append(what), begin(self, what, **given)))
-    monkeypatch.setattr(StartFilter, "doomed_rate", lambda *given: seen.append("doomed"))
-    assert main(["evaluate", "random", "still", "--games", "2"]) == 0
-    assert seen[-3:] == ["playing 2 games", "judging the starts", "doomed"]
+    told = {words[0].strip(): int(words[-2]) for words in (line.rsplit(maxsplit=2) for line in lines[1:8])}
+    assert told == {name.replace("_", " "): count for name, count in result["outcomes"].items()}
 
 
 def test_evaluate_records_the_games_that_the_pursuer_lost_first(capsys):
@@ -212,7 +192,7 @@ def test_show_writes_one_game_in_every_form(capsys):
 
 
 def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, capsys):
-    for name in ("P.safetensors", "E.safetensors", "P_any"):
+    for name in ("E.safetensors", "P_any"):
         assert run_main("slice", name, "--opponent", "5", "5", "--opponent-speed", "1.2", "--out", "new/s.png") == 0
         told = capsys.readouterr().err.splitlines()
         assert told[0].startswith("wrote new/s.png (")
@@ -231,42 +211,25 @@ def test_slice_draws_an_agent_of_either_side_and_one_that_reads_a_chart(agent, c
         (["evaluate", "P_pol", "still"], ["P_pol", "did you mean 'P_pool'"]),
         (["evaluate", "P_pool", "still", "--game", "ofice"], ["ofice", "did you mean 'office'"]),
         (["evaluate", "P_pool", "still", "--game", "team-3v1/ofice"], ["ofice", "did you mean 'office'"]),
-        (["train", "--preset", "huge"], ["huge", "quick", "paper"]),
-        (["train", "--profile", "slow"], ["slow", "fast", "paper"]),
-        (["train", "--stage", "third"], ["third", "fixed-target", "self-play", "both"]),
         (["train", "--game", "chess"], ["chess", "paper", "four-small", "one-large", "zero-sum"]),
         (["train", "--stage", "fixed-target", "--evader", "nobody"], ["nobody", "random", "still"]),
         (["train", "--stage", "fixed-target", "--evader", "random", "still"], ["random, still", "trained agents"]),
         (["train", "--evader", "random"], ["evaders = random", "fixed-target"]),
         (["train", "--stage", "self-play", "--evader", "E_scratch", "random"], ["E_scratch, random", "one agent"]),
         (["train", "--stage", "self-play", "--evader", "random"], ["no agent is called 'random'", "E_scratch"]),
-        (["train", "--seed", "-1"], ["seed = -1", "0"]),
-        (["train", "--seed", "one"], ["one"]),
-        (["train", "--config", "nowhere.toml"], ["nowhere.toml"]),
-        (["resume", "nowhere"], ["nowhere"]),
         (["evaluate", "random", "still", "--games", "5", "--record", "6"], ["--record = 6", "--games = 5"]),
         (["show", "random", "still", "--out", "game.avi"], ["game.avi", ".png", ".gif", ".json"]),
         (["show", "random", "still", "--out", "game.png", "--speed", "2"], ["--speed = 2", ".gif, .webp, .mp4"]),
         (["show", "random", "still", "--out", "game.gif", "--speed", "0"], ["--speed = 0", "0.05 to 100"]),
-        (["show", "random", "still", "--out", "game.gif", "--speed", "nan"], ["--speed", "nan"]),
         (["show", "nowhere.json"], ["nowhere.json", "check the path"]),
-        (["report", "nowhere"], ["RUN = nowhere", "check the path"]),
         (["report", "."], ["RUN = .", "the folder of a training run"]),
-        (["report", ".", "--out", "report.pdf"], ["report.pdf", ".html"]),
         (["slice", "nobody", "--opponent", "5", "5"], ["nobody", "P_curriculum", ".safetensors"]),
         (["slice", "random", "--opponent", "5", "5"], ["random", "P_curriculum"]),
-        (["slice", "P_stage1"], ["--opponent"]),
         (["slice", "P_stage1", "--opponent", "3", "3"], ["opponent = (3.0, 3.0)", "discs"]),
         (["slice", "P_stage1", "--opponent", "5", "5", "--speed", "2", "--out", "new/s.png"], ["speed = 2", "1.2 m"]),
-        (["slice", "P_stage1", "--opponent", "5", "5", "--out", "slice.svg"], ["slice.svg", ".png"]),
         (["show", "shielded:nobody", "still"], ["nobody", "random"]),
         (["evaluate", "nobody", "still"], ["nobody", "random", "still", ".safetensors"]),
-        (["evaluate", "random", "nobody.safetensors"], ["nobody.safetensors"]),
-        (["evaluate", "random", "still", "--games", "0"], ["games = 0", "at least 1"]),
-        (["evaluate", "random", "still", "--games", "many"], ["many"]),
-        (["evaluate", "random", "still", "--seed", "-5"], ["seed = -5", "0"]),
         (["evaluate", "random", "still", "--game", "chess"], ["chess", "paper", "zero-sum"]),
-        (["evaluate", "random", "still", "--starts", "flying"], ["flying", "rest", "moving"]),
         (["evaluate", "random"], ["EVADER"]),
     ],
     ids=" ".join,
@@ -379,18 +342,15 @@ def test_a_full_disk_names_the_file_and_how_to_go_on(capsys, monkeypatch):
     assert_refused(capsys, "arena", "random", "--out", "a.toml", naming=["'a.toml'", "No space left", "make room"])
 
 
-def test_a_truncated_agent_is_refused(agent, capsys):
+def test_damaged_agents_are_refused(agent, capsys):
     path = Path("P.safetensors")
-    path.write_bytes(path.read_bytes()[:-100])
-    assert_refused(capsys, "evaluate", "P.safetensors", "still", naming=["P.safetensors", "not a whole"])
-
-
-def test_an_agent_made_for_another_observation_is_refused(agent, capsys):
-    with safe_open("P.safetensors", framework="numpy") as file:
+    with safe_open(path, framework="numpy") as file:
         metadata = file.metadata()
     metadata["header"] = metadata["header"].replace('"observation": "paper"', '"observation": "lidar"')
-    save_file(load_file("P.safetensors"), "P.safetensors", metadata)
-    assert_refused(capsys, "evaluate", "P.safetensors", "still", naming=["P.safetensors", "lidar", "encoded"])
+    save_file(load_file(path), "lidar.safetensors", metadata)
+    path.write_bytes(path.read_bytes()[:-100])
+    for name, naming in (("P.safetensors", "not a whole"), ("lidar.safetensors", "lidar")):
+        assert_refused(capsys, "evaluate", name, "still", naming=[name, naming])
 
 
 def test_an_agent_on_the_wrong_side_is_refused(agent, capsys):
@@ -419,23 +379,20 @@ def test_a_bad_config_is_refused(capsys, config, naming):
     assert_refused(capsys, "train", "--config", "config.toml", "--out", "run", naming=naming)
 
 
-def test_a_folder_that_holds_a_run_is_refused_without_force(tiny, capsys):
-    Path("run").mkdir()
-    Path("run/config.toml").write_text("seed = 5")
-    assert_refused(capsys, "train", "--config", tiny, "--out", "run", naming=["folder = run", "force it"])
-
-
-@pytest.mark.parametrize("force", [[], ["--force"]])
-def test_a_folder_that_holds_something_else_is_refused(tiny, capsys, force):
-    Path("thesis").mkdir()
-    Path("thesis/chapter1.tex").write_text("It was a dark and stormy night.")
-    assert_refused(capsys, "train", "--config", tiny, "--out", "thesis", *force, naming=["folder = thesis"])
-
-
-@pytest.mark.parametrize("out", ["notes.txt", "notes.txt/run"])
-def test_an_out_folder_that_cannot_be_is_refused(tiny, capsys, out):
-    Path("notes.txt").write_text("a regular file")
-    assert_refused(capsys, "train", "--config", tiny, "--out", out, naming=[out])
+@pytest.mark.parametrize(
+    ("file", "text", "out", "force"),
+    [
+        ("run/config.toml", "seed = 5", "run", []),
+        ("thesis/chapter1.tex", "It was a dark and stormy night.", "thesis", []),
+        ("thesis/chapter1.tex", "It was a dark and stormy night.", "thesis", ["--force"]),
+        ("notes.txt", "a regular file", "notes.txt", []),
+        ("notes.txt", "a regular file", "notes.txt/run", []),
+    ],
+)
+def test_a_folder_that_holds_something_else_is_refused(tiny, capsys, file, text, out, force):
+    Path(file).parent.mkdir(exist_ok=True)
+    Path(file).write_text(text)
+    assert_refused(capsys, "train", "--config", tiny, "--out", out, *force, naming=[out])
 
 
 @pytest.fixture

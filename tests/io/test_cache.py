@@ -1,5 +1,6 @@
 """One cache of files: found by all that was asked for, whole whoever is killed, and never at the price of its bound."""
 
+import json
 import os
 import subprocess
 import sys
@@ -7,12 +8,25 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import pytest
+from jax._src import compilation_cache
 
 from apollonius.game.presets import make_game
 from apollonius.io import cache
-from apollonius.io.cache import Entries, Memory, cache_folder, content, entry, kept, make_room
+from apollonius.io.cache import (
+    VARIABLE,
+    Entries,
+    Memory,
+    cache_folder,
+    content,
+    entry,
+    environment,
+    keep_compilations,
+    kept,
+    make_room,
+)
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 
@@ -137,18 +151,19 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_compilations_never_push_out_tables_nor_tables_compilations(home):
+def test_compilations_and_tables_have_bounds_of_their_own_and_what_is_read_stays(home):
     table(home, "minutes of work", 300)
     age(home / "tables" / "minutes of work", 1)
-    entries = Entries(home / "compilations" / "here", 350)
-    entries._path.mkdir(parents=True)
+    entries_here = Entries(home / "compilations" / "here", 350)
     for number in range(9):
-        entries.put(f"{number}", bytes(96))
+        entries_here.put(f"{number}", bytes(96))
+        age(home / "compilations" / "here" / f"{number}", 1 + number)
+        assert entries_here.get("0") is not None
     assert names(home / "tables") == ["minutes of work"]
-    assert len(names(entries._path)) == 3
+    assert names(home / "compilations" / "here") == ["0", "7", "8"]
     table(home, "more", 300)
     assert names(home / "tables") == ["more"]
-    assert len(names(entries._path)) == 3
+    assert len(names(home / "compilations" / "here")) == 3
 
 
 def test_the_least_recently_used_make_room(home):
@@ -188,3 +203,91 @@ def test_what_is_remembered_is_found_by_its_content_and_the_latest_stay():
         found = memory.get({"a": jnp.asarray(number)}, lambda number=number: made.append(number) or jnp.full(2, number))
         assert found[0] == number
     assert made == [1.0, 2.0, 3.0, 2.0]
+
+
+COMPILES = """
+import json, jax, jax.numpy as jnp
+from apollonius.io.cache import keep_compilations
+
+keep_compilations()
+events = []
+jax.monitoring.register_event_listener(lambda event, **about: events.append(event.rsplit("/", 1)[-1]))
+assert float(jax.jit(lambda x: jnp.sin(x) + 1)(0.0)) == 1
+print(json.dumps({kind: events.count(kind) for kind in ("cache_hits", "cache_misses")}))
+"""
+
+
+def compiled(folder):
+    """Hits and misses of a process that compiles something."""
+    env = {**os.environ, VARIABLE: str(folder), "JAX_PLATFORMS": "cpu"}
+    done = subprocess.run([sys.executable, "-c", COMPILES], env=env, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def entries(folder):
+    return sorted(path for path in Path(folder).rglob("*") if path.is_file())
+
+
+@pytest.mark.slow
+def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_path):
+    first = compiled(tmp_path)
+    assert first["cache_hits"] == 0 < first["cache_misses"]
+    assert compiled(tmp_path) == {"cache_hits": first["cache_misses"], "cache_misses": 0}
+
+    kept = entries(tmp_path)
+    assert {path.parent.name for path in kept} == {environment()}
+    whole = kept[0].read_bytes()
+    kept[0].write_bytes(whole[: len(whole) // 2])
+    mended = compiled(tmp_path)
+    assert mended == {"cache_hits": first["cache_misses"] - 1, "cache_misses": 1}
+    assert compiled(tmp_path)["cache_misses"] == 0
+
+
+def test_a_variable_switches_it_off(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setattr(cache, "environment", None)
+    keep_compilations()
+
+
+def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
+    before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
+    assert before is not None  # these tests have one of their own
+    keep_compilations()
+    assert jax.config.values["jax_compilation_cache_dir"] == before
+    assert compilation_cache.get_file_cache is made_by
+    assert not (tmp_path / "other").exists()
+
+
+def test_another_processor_and_another_version_have_folders_of_their_own(monkeypatch):
+    names = {environment()}
+    monkeypatch.setattr(cache, "processor", lambda: "flags: avx512f")
+    names.add(environment())
+    monkeypatch.setattr("importlib.metadata.version", lambda package: "99")
+    names.add(environment())
+    assert len(names) == 3
+
+
+def test_an_entry_is_whole_or_not_there(tmp_path):
+    entries_here = Entries(tmp_path)
+    assert entries_here.get("one") is None
+    entries_here.put("one", b"value")
+    assert entries_here.get("one") == b"value"
+    path = tmp_path / "one"
+    for broken in (b"", path.read_bytes()[:-1], path.read_bytes()[:-1] + b"x"):
+        path.write_bytes(broken)
+        assert entries_here.get("one") is None
+    entries_here.put("one", b"mended")
+    assert entries_here.get("one") == b"mended"
+    assert entries(tmp_path) == [path]
+    nowhere = Entries(path / "a file is no folder")
+    nowhere.put("one", b"value")
+    assert nowhere.get("one") is None
+
+
+def test_where_nothing_can_be_written_nothing_is_kept(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    entries_here = Entries(tmp_path / "file" / "here")
+    entries_here.put("one", b"value")
+    assert entries_here.get("one") is None

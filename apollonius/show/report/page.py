@@ -53,11 +53,11 @@ class Shown:
 
     @property
     def seconds(self) -> float:
-        """How long it lasted [s]."""
+        """Its length [s]."""
         return len(self.replay.actions) * float(self.replay.game.dt)
 
     def to_dict(self) -> dict[str, Any]:
-        """The game as the page's script reads it: a replay file without the actions, states rounded.
+        """Return the game as the page's script reads it: a replay without actions, its states rounded.
 
         Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
         """
@@ -155,7 +155,7 @@ def save_page(page: Page, path: Path) -> None:
 
 
 def render(page: Page) -> str:
-    """The page as HTML. Whatever comes from files is escaped."""
+    """Return the page as HTML, with everything from files escaped."""
     environment = Environment(
         loader=PackageLoader("apollonius.show", "report"),
         autoescape=True,
@@ -179,7 +179,7 @@ def render(page: Page) -> str:
 
 
 def replay_script() -> Markup:
-    """The player of games, with the modules of the web page that draw them."""
+    """Return the player of games with the modules of the web page that draw them."""
     return Markup(bundled(Path(__file__).parents[1] / "replay.js"))
 
 
@@ -189,7 +189,7 @@ _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL
 
 
 def bundled(entry: Path) -> str:
-    """A module with all that it imports before it, each as an object of what it exports; comments are left out.
+    """Return a module after all that it imports, each as an object of its exports, without comments.
 
     Args:
         entry: the module's file; its imports name files relative to it, and form no circle. A file beside it is taken

@@ -31,7 +31,7 @@ _SIDES = {"pursuer": palette.PURSUER, "evader": palette.EVADER}
 
 
 def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[str]:
-    """Greedy games, mean rewards and mean losses of a stage as `<svg>` elements; what was not measured is left out.
+    """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, as far as they were measured.
 
     Args:
         lines: of the run's `metrics.jsonl`, of one stage.
@@ -63,7 +63,7 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
 
 
 def _curve(lines: Sequence[MetricsLine], values: list[float]) -> Curve:
-    """A running mean over a hundredth of the lines against episodes, thinned out."""
+    """Return a running mean over a hundredth of the lines against episodes, thinned out."""
     mean = smooth(values, max(1, len(values) // 100))
     every = max(1, len(mean) // _POINTS)
     return [line.episodes for line in lines][::every], mean[::every]
@@ -150,7 +150,7 @@ def _fact(stage: str, lines: Sequence[MetricsLine], plan: StageConfig) -> tuple[
 
 
 def _warnings(folder: Path, facts: list[tuple[str, ...]], matches: list[Judged], games: list[Shown]) -> list[str]:
-    """What the run lacks, in words."""
+    """Return the gaps of the run, in words."""
     found = []
     for stage, done, planned, *_ in facts:
         if int(done.replace(",", "")) < int(planned.replace(",", "")):
