@@ -1,4 +1,4 @@
-"""A new observation: where the opponent is, as a robot with a camera knows it. `docs/extending.md` shows this file."""
+"""A new observation: where the opponent is, as a robot with a camera sees it. Shown in `docs/how-to/extend.md`."""
 
 from dataclasses import dataclass
 

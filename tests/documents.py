@@ -16,7 +16,7 @@ PAGES = tuple(sorted((REPOSITORY / "website" / "pages").glob("*.md")))
 DOCUMENTS = (
     REPOSITORY / "README.md",
     REPOSITORY / "CONTRIBUTING.md",
-    *sorted((REPOSITORY / "docs").glob("*.md")),
+    *sorted((REPOSITORY / "docs").rglob("*.md")),
     *PAGES,
 )
 LANGUAGES = ("python", "sh", "toml", "c", "text")
@@ -32,12 +32,17 @@ class Block:
     code: str
 
     def __str__(self) -> str:
-        return f"{self.document.relative_to(REPOSITORY)}:{self.line}"
+        return f"{name_of(self.document)}:{self.line}"
 
     def commands(self) -> list[list[str]]:
         """The words of each command of a `sh` block, comments and the environment's folder left out."""
         lines = self.code.replace("\\\n", " ").replace(".venv/bin/", "").splitlines()
         return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+def name_of(document: Path) -> str:
+    """The path of a document in the repository."""
+    return str(document.relative_to(REPOSITORY))
 
 
 def blocks(document: Path) -> list[Block]:

@@ -10,7 +10,7 @@ import pytest
 from website.house import imported, room_of, rooms, sources, table
 
 REPOSITORY = Path(__file__).parents[1]
-HOUSE = (REPOSITORY / "docs" / "architecture.md").read_text()
+HOUSE = (REPOSITORY / "docs" / "concepts" / "architecture.md").read_text()
 LONGEST_FILE = 250
 FLAG = re.compile(r"""["'](--[a-z][a-z-]*)""")
 NAMELESS = {"utils", "common", "helpers"}

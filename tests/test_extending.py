@@ -1,4 +1,4 @@
-"""What `docs/extending.md` promises: a new obstacle or observation is a short file and a line, a new scheme a line."""
+"""`docs/how-to/extend.md`: a new obstacle or observation is a short file and a line, a new scheme a line."""
 
 import inspect
 from dataclasses import replace
@@ -38,7 +38,7 @@ from tests.bearing import BEARING
 from tests.capsule import Capsule
 from tests.learn.test_opponents import archive_of
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "extending.md"
+DOCUMENT = Path(__file__).parents[1] / "docs" / "how-to" / "extend.md"
 
 
 class WithCapsules(Arena):

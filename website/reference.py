@@ -1,32 +1,66 @@
-"""The reference: a page for each room of the package, from its docstrings, and one for the command line's help."""
+"""Generated pages: the command line, the configuration, and the Python API from its docstrings."""
 
 import argparse
+import ast
+import inspect
 import os
 import pkgutil
+import re
+import textwrap
 from collections.abc import Iterator
+from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 
 import apollonius
+from apollonius.agents.disturbance import Disturbance
 from apollonius.cli.main import build_parser
+from apollonius.game.arena import Arena
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.reward import Reward
+from apollonius.game.starts import Starts
+from apollonius.learn.config import RunConfig
+from apollonius.learn.learner_config import DQNConfig, SACConfig
+from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 
 _NOT_FOR_CALLERS = {"reproduce", "__main__", "cli", "version"}
 """Rooms of the command, and data."""
 _COLUMNS = 110
 """Letters in a line of a command's help."""
+_RECORDS: dict[str, type] = {
+    "": RunConfig,
+    "dqn": DQNConfig,
+    "sac": SACConfig,
+    "fixed_target": StageConfig,
+    "fixed_target.disturbance": Disturbance,
+    "self_play": SelfPlayConfig,
+    "self_play.opponents": OpponentConfig,
+    "distillation": DistillationConfig,
+    "game": Game,
+    "game.pursuer": Unicycle,
+    "game.arena": Arena,
+    "game.reward": Reward,
+    "game.starts": Starts,
+}
+"""The tables of a training's `config.toml`."""
 
 
 def write_reference(folder: Path) -> None:
     """Write the reference's pages as MyST sources."""
-    folder.mkdir(parents=True)
+    api = folder / "api"
+    api.mkdir(parents=True)
     rooms: dict[str, list[str]] = {}
     for module in pkgutil.walk_packages(apollonius.__path__, "apollonius."):
         room = module.name.split(".")[1]
         if room not in _NOT_FOR_CALLERS and not any(part.startswith("_") for part in module.name.split(".")):
             rooms.setdefault(room, []).append(module.name)
     for room, modules in rooms.items():
-        (folder / f"{room}.md").write_text(_room(room, modules))
+        (api / f"{room}.md").write_text(_room(room, modules))
     (folder / "command.md").write_text(_command_line(build_parser()))
-    (folder / "index.md").write_text(_index(sorted(rooms)))
+    (folder / "config.md").write_text(_config())
+    (api / "index.md").write_text(_index(sorted(rooms)))
 
 
 def _index(rooms: list[str]) -> str:
@@ -34,12 +68,11 @@ def _index(rooms: list[str]) -> str:
     names = "\n".join(
         f"| {{py:obj}}`{name} <{_home(name)}>` | {_first(getattr(apollonius, name))} |" for name in dir(apollonius)
     )
-    contents = "\n".join(["```{toctree}", "command", *rooms, "```"])
-    return f"""# Reference
+    contents = "\n".join(["```{toctree}", *rooms, "```"])
+    return f"""# Python API
 
-**The names below are all that most programs need: `apollonius.make_game`, and so on.** The rooms, as they are called
-[here](../architecture.md), hold the rest. [The command line](command.md) has a page of its own. All of it comes from
-the docstrings of this version.
+Most programs need only these names: `apollonius.make_game`, and so on. The modules, described in
+[Architecture](../../concepts/architecture.md), hold the rest.
 
 ## The public names
 
@@ -47,7 +80,7 @@ the docstrings of this version.
 |---|---|
 {names}
 
-## The rooms
+## Modules
 
 {contents}
 """
@@ -71,6 +104,40 @@ def _room(room: str, modules: list[str]) -> str:
         heading = [] if name == f"apollonius.{room}" else [f"## {name.removeprefix(f'apollonius.{room}.')}"]
         sections += ["\n".join([*heading, "", "```{eval-rst}", f".. automodule:: {name}", "```"])]
     return "\n\n".join(sections) + "\n"
+
+
+def _config() -> str:
+    """Return a table for each record of a training's `config.toml`: key, default and the field's docstring."""
+    about = "A run saves all of these; a `--config` file may leave out what keeps its default."
+    return "\n\n".join(["# Configuration", about, *(_keys(name, record) for name, record in _RECORDS.items())]) + "\n"
+
+
+def _keys(name: str, record: type) -> str:
+    """Return the keys of one table, with the defaults that are plain values."""
+    meaning: dict[str, str] = {}
+    for each in reversed(record.__mro__):
+        meaning |= _documented(each) if each.__module__.startswith("apollonius.") else {}
+    rows: list[str] = []
+    for key in fields(record):
+        default = f"`{key.default}`" if isinstance(key.default, bool | int | float | str) else ""
+        rows += [f"| `{key.name}` | {default} | {meaning.get(key.name, '')} |"]
+    heading = f"## {f'[{name}]' if name else 'Top level'}"
+    return "\n".join([heading, "", "| key | default | meaning |", "|---|---|---|", *rows])
+
+
+def _documented(record: type) -> dict[str, str]:
+    """Return what a class's docstring says of its attributes, and the docstrings below its fields."""
+    (body,) = ast.parse(textwrap.dedent(inspect.getsource(record))).body
+    attributes = (inspect.getdoc(record) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
+    entries = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE)
+    found = {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
+    for before, after in pairwise(body.body if isinstance(body, ast.ClassDef) else []):
+        match before, after:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                found[name] = " ".join(text.split()).replace("|", "\\|")
+            case _:
+                pass
+    return found
 
 
 def _command_line(parser: argparse.ArgumentParser) -> str:

@@ -1,5 +1,6 @@
 """The folder that Sphinx reads: the documents, with the parts of the site and what is generated from the package."""
 
+import os
 import re
 import shutil
 from dataclasses import dataclass
@@ -23,19 +24,29 @@ class Part:
     """The documents below it, in their order."""
 
 
+def _folder(name: str, pages: str) -> tuple[str, tuple[str, ...]]:
+    """Return the front of a folder of documents, and its pages."""
+    return f"{name}/index", tuple(f"{name}/{page}" for page in pages.split())
+
+
 PARTS = (
-    Part("Start", "start", ("rules", "glossary", "waiting")),
-    Part("Play", "play", ("agents", "gallery", "own_arena", "pictures")),
-    Part("Train", "training", ("self_play", "smooth", "any_arena")),
-    Part("Judge", "judging", ("bodies",)),
-    Part("Truth", "ground_truth", ("near_optimal", "teams")),
-    Part("Deploy", "deploy", ("interfaces", "jax")),
-    Part("Results", "results", ("report", "paper", "laboratory")),
+    Part("Get started", "start"),
+    Part("Tutorials", *_folder("tutorials", "play train floor_plan own_learner")),
     Part(
-        "Develop", "architecture", ("reference/index", "extending", "contributing", "changelog", "security", "licence")
+        "How-to",
+        *_folder("how-to", "runs extend evaluate solve environments jax teams export ros2 pictures reproduce cache"),
     ),
+    Part(
+        "Reference",
+        *_folder("reference", "command config api/index rules game_files run_folder agents arenas browser glossary"),
+    ),
+    Part("Concepts", *_folder("concepts", "paper self_play shield solver any_arena pursuers simulation architecture")),
+    Part("Benchmarks", *_folder("benchmarks", "replication leaderboard generalisation speed")),
+    Part("Project", "contributing", ("changelog", "security", "licence", "report")),
 )
 """The site besides its home page."""
+GENERATED = {"reference/command", "reference/config", "reference/api/index"}
+"""Pages that are made from the package."""
 BESIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -44,18 +55,21 @@ BESIDE = {
     "README.md": "index.md",
 }
 """Files of the repository's root, and the pages that stand for them."""
+_ONLY_IN_THE_REPOSITORY = {"laboratory.md"}
 _LINK = re.compile(r"(?<!!)\[((?:[^][]|\[[^]]*\])*)\]\(([^)\s]+)\)")
 
 
 def cards() -> str:
     """Return MyST source: a line for each game that ships with the package, with a link that plays there."""
-    play = '- <a class="play" href="playground/index.html?game={0}">{0}</a>: {1}'
+    play = '- <a class="play" href="../playground/index.html?game={0}">{0}</a>: {1}'
     return "\n## Play in each\n\n" + "\n".join(play.format(name, about_game(name)) for name in game_names()) + "\n"
 
 
 def documents() -> dict[str, Path]:
-    """The files behind the site's pages, by the pages' names; the reference has none."""
-    files = {path.name: path for path in sorted((REPOSITORY / "docs").glob("*.md"))}
+    """Return the files behind the site's pages, by the pages' names; generated pages have none."""
+    docs = REPOSITORY / "docs"
+    files = {path.relative_to(docs).as_posix(): path for path in sorted(docs.rglob("*.md"))}
+    files = {name: path for name, path in files.items() if name not in _ONLY_IN_THE_REPOSITORY}
     files |= {name: REPOSITORY / file for file, name in BESIDE.items()}
     return files | {path.name: path for path in sorted((HERE / "pages").glob("*.md"))}
 
@@ -70,8 +84,9 @@ def write_sources(folder: Path) -> None:
         text = path.read_text()
         if path.suffix != ".md":
             text = f"# The licence\n\n```text\n{text}```\n"
-        if name == "gallery.md":
+        if name == "reference/arenas.md":
             text += cards()
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(f"{at_home(text, path)}\n{_contents(name)}")
 
 
@@ -82,14 +97,21 @@ def _contents(name: str) -> str:
         entries = [f"{part.title} <{part.front}>" for part in PARTS]
     for part in PARTS:
         if name == f"{part.front}.md":
-            entries = list(part.pages)
+            entries = [f"/{page}" for page in part.pages]
     if not entries:
         return ""
     return "\n".join(["```{toctree}", ":hidden:", *entries, "```", ""])
 
 
 def at_home(text: str, document: Path) -> str:
-    """Return the text with the links of the site; one to another file of the repository becomes its words."""
+    """Return the text with the links of the site; one to another file of the repository becomes its words.
+
+    Pages of the site alone already have its links.
+    """
+    docs = REPOSITORY / "docs"
+    if document.is_relative_to(HERE / "pages"):
+        return text
+    here = document.parent if document.is_relative_to(docs) else docs
 
     def rewritten(link: re.Match[str]) -> str:
         words, to = link.groups()
@@ -99,9 +121,10 @@ def at_home(text: str, document: Path) -> str:
         target = (document.parent / file).resolve()
         if target.parent == REPOSITORY and target.name in BESIDE:
             # The home page has none of the README's headings.
-            return f"[{words}]({BESIDE[target.name]}{mark + anchor if target.name != 'README.md' else ''})"
-        if target.is_relative_to(REPOSITORY / "docs") and target.is_file():
-            return f"[{words}]({target.relative_to(REPOSITORY / 'docs').as_posix()}{mark}{anchor})"
+            anchored = mark + anchor if target.name != "README.md" else ""
+            return f"[{words}]({os.path.relpath(docs / BESIDE[target.name], here)}{anchored})"
+        if target.is_relative_to(docs) and target.is_file() and target.name not in _ONLY_IN_THE_REPOSITORY:
+            return f"[{words}]({os.path.relpath(target, here)}{mark}{anchor})"
         return words
 
     return _LINK.sub(rewritten, text)

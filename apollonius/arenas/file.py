@@ -98,7 +98,7 @@ def load_game(path: Path) -> Game:
 
     `pursuers = 3` gives that side three robots with the limits of the table `pursuer`; tables `[[pursuers]]` give it
     one with limits of its own for each; the same for `evaders`. What is left out has its default, and the walls of an
-    arena with a map are the map's ends; see `docs/rules.md`.
+    arena with a map are the map's ends; see `docs/reference/game_files.md`.
 
     Raises:
         InvalidInput: when the file is missing or neither, for an unknown key, and for a game that cannot be played.

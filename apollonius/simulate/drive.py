@@ -14,7 +14,7 @@ from apollonius.io.errors import require, require_positive
 
 @dataclass(frozen=True)
 class Drive:
-    """A robot of the size and speed of a Pioneer 3-DX; docs/bodies.md says where each number is from.
+    """A robot of the size and speed of a Pioneer 3-DX; docs/concepts/simulation.md says which numbers are assumed.
 
     Two driven wheels stand left and right of the point that the game calls the robot's position; a ball caster behind.
     """

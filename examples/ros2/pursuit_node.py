@@ -3,7 +3,7 @@
     python3 pursuit_node.py --ros-args -p policy:=P_smooth.onnx -r own/odom:=/robot1/odom \
         -r opponent/odom:=/robot2/odom -r cmd_vel:=/robot1/cmd_vel
 
-docs/deploy.md of Apollonius goes through it line by line.
+docs/how-to/ros2.md of Apollonius explains its topics and settings.
 """
 
 import contextlib

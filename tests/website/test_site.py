@@ -77,7 +77,7 @@ def test_the_game_at_home_can_be_played_without_scrolling(browser, address, scre
 
 
 def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):
-    with opened(browser, address, "gallery.html") as tab:
+    with opened(browser, address, "reference/arenas.html") as tab:
         tab.locator("a.play[href*=office]").click()
         tab.locator("#go:enabled").wait_for()
         assert tab.evaluate("apollonius.page.match.game.arena.polygons.length") == 12
@@ -87,7 +87,7 @@ def test_what_is_searched_for_is_found(browser, address):
     with opened(browser, address, "search.html?q=Unicycle") as tab:
         tab.locator("#search-results li a").first.wait_for()
         links = tab.locator("#search-results li a").evaluate_all("links => links.map(link => link.href)")
-        assert any("reference/game.html" in link for link in links)
+        assert any("reference/api/game.html" in link for link in links)
 
 
 def test_the_report_draws_its_games(browser, address):
@@ -97,6 +97,6 @@ def test_the_report_draws_its_games(browser, address):
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_pages_are_as_light_or_dark_as_the_reader_likes(browser, address, theme):
-    with opened(browser, address, "rules.html", color_scheme=theme) as tab:
+    with opened(browser, address, "reference/rules.html", color_scheme=theme) as tab:
         red = tab.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0]")
         assert (int(red) > 127) == (theme == "light")
