@@ -151,8 +151,6 @@ def save_animation(replay: Replay, path: Path, speed: float = 1.0) -> None:
         return
     last, pace = len(replay.actions), float(replay.game.dt) / speed
     steps = [*range(0, last, math.ceil(_SHORTEST / pace - 1e-6)), last]
-    if path.suffix != ".mp4":  # where all pictures last equally long
-        steps = _moving(replay, steps, pace)
     pictures = list(frames(replay, steps, speed))
     if path.suffix == ".mp4":
         write_atomically(path, _mp4(pictures, 1 / (pace * (steps[1] - steps[0]))))
@@ -173,20 +171,6 @@ def _encoded(picture: Image.Image, kind: str, **options: Any) -> bytes:
     content = io.BytesIO()
     picture.save(content, kind, **options)
     return content.getvalue()
-
-
-def _moving(replay: Replay, steps: list[int], pace: float) -> list[int]:
-    """Return the steps without those before which nothing has moved; for the clock, one in a second stays.
-
-    Args:
-        pace: how long a step is shown [s].
-    """
-    shown = steps[:1]
-    for step in steps[1:]:
-        moved = (replay.states[step] != replay.states[shown[-1]]).any()
-        if moved or step == steps[-1] or pace * (step - shown[-1]) > 1 - 1e-6:
-            shown.append(step)
-    return shown
 
 
 def frames(replay: Replay, steps: list[int] | None = None, speed: float = 1.0) -> Iterator[Image.Image]:

@@ -99,7 +99,7 @@ def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, finishe
     match = json.loads((finished_run / "evaluation.json").read_text())["P_curriculum against random"]
     assert f"{100 * match['pursuer_win_rate']:.1f} % won by the pursuer (the paper: 93.0 %)" in document.text
     for outcome, count in match["outcomes"].items():
-        assert f"{outcome.replace('_', ' ')} {count:,} {100 * count / match['games']:.1f} %" in document.text
+        assert f"{outcome.replace('_', ' ')} {count:,} {100 * (count / match['games']):.1f} %" in document.text
     assert re.search(r"captured [\d,]+ [\d.]+ % 12.4 %", document.text)
     last = json.loads((finished_run / "metrics.jsonl").read_text().splitlines()[-1])
     assert f"{last['env_steps']:,}" in document.text
