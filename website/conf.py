@@ -34,7 +34,7 @@ html_favicon = html_logo = str(HERE.parent / "apollonius" / "web" / "page" / "ic
 html_show_sourcelink = html_copy_source = False
 html_show_search_summary = False  # which it fetches: from a folder nothing can be
 html_context = {"default_mode": "auto"}
-html_sidebars: dict[str, list[str]] = {"index": [], "report": []}
+html_sidebars: dict[str, list[str]] = {"index": [], "start": [], "report": []}
 html_theme_options = {
     "logo": {"text": project},
     "header_links_before_dropdown": 8,
