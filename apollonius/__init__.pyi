@@ -26,9 +26,9 @@ from apollonius.game.dynamics import Unicycle as Unicycle
 from apollonius.game.game import Game as Game
 from apollonius.game.game import reset_batch as reset_batch
 from apollonius.game.polygon import Polygon as Polygon
+from apollonius.game.presets import in_arenas as in_arenas
 from apollonius.game.presets import make_game as make_game
 from apollonius.game.reward import Reward as Reward
-from apollonius.game.scenario import in_arenas as in_arenas
 from apollonius.game.starts import Starts as Starts
 from apollonius.game.types import GameState as GameState
 from apollonius.game.types import Outcome as Outcome

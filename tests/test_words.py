@@ -21,12 +21,10 @@ ROOMS = {"apollonius": sorted(PACKAGE.glob("*.py"))} | {
 UNFINISHED = {
     "agents",
     "apollonius",
-    "arenas",
     "envs",
     "evaluate",
     "exploit",
     "export",
-    "game",
     "simulate",
     "solve",
     "web",

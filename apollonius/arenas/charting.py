@@ -1,4 +1,4 @@
-"""Charts drawn: the field of clearances, and all shortest ways, once for an arena before anyone plays there."""
+"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone plays there."""
 
 import functools
 from dataclasses import replace
@@ -15,18 +15,18 @@ from apollonius.game.game import Game
 from apollonius.io.cache import Memory
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
-"""From each stop to those beside it, columns and rows: eight directions, and as many between them both ways."""
+"""Steps from a coarse cell to its neighbours, columns and rows: with their reverses, sixteen directions."""
 _LOOKS = 16
-"""Places on a line at which is looked whether there is room."""
+"""Points of a line at which the clearance is looked up."""
 _Leaves = tuple[np.ndarray, ...]
-"""Those of a chart in their order, without the axis of arenas."""
+"""The leaves of a chart in their order, without the axis of arenas."""
 _latest = Memory[_Leaves](4)
-"""Of 5 MB each: one game is asked for its chart by both its players."""
+"""Charts of 5 MB each: both players of a game ask for its chart."""
 _Field = Float[np.ndarray, "corners corners"]
 
 
 def charted(game: Game) -> Game:
-    """The same game with charts of all its arenas, by the ways of the larger robot; nothing if they are there."""
+    """Return the game with charts of all its arenas, for the larger robot, unless it has them."""
     if game.scenario is None:
         if game.arena.chart is not None:
             return game
@@ -54,7 +54,6 @@ def _charts(arenas: list[Arena], radius: float) -> Chart:
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:
-    """One arena's chart."""
     x, y = float(arena.x_min), float(arena.y_min)
     side = max(float(arena.x_max) - x, float(arena.y_max) - y)
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
@@ -77,7 +76,7 @@ def _clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " cor
 
 
 def _look(field: _Field, at: Float[np.ndarray, "*points 2"]) -> Float[np.ndarray, "*points"]:
-    """The field between its corners; `at` in cells, x first."""
+    """Interpolate the field between its corners; `at` in cells, x first."""
     inside = np.clip(at, 0, SIDE - 1e-3)
     first = inside.astype(int)
     right, up = np.moveaxis(inside - first, -1, 0)
@@ -89,7 +88,7 @@ def _look(field: _Field, at: Float[np.ndarray, "*points 2"]) -> Float[np.ndarray
 def _are_clear(
     field: _Field, start: Float[np.ndarray, "lines 2"], end: Float[np.ndarray, "lines 2"], radius: float
 ) -> Bool[np.ndarray, " lines"]:
-    """Whether a body fits all along some lines."""
+    """Return whether a body fits all along each line."""
     clear = np.ones(len(start), bool)
     for share in np.linspace(0, 1, _LOOKS):
         clear &= _look(field, start + share * (end - start)) > radius
@@ -99,7 +98,7 @@ def _are_clear(
 def _ways(
     field: _Field, at: Float[np.ndarray, "stops 2"], is_open: Bool[np.ndarray, " stops"], side: float, radius: float
 ) -> Float[np.ndarray, "stops stops"]:
-    """Lengths [m] of the shortest ways; inf where there is none."""
+    """Return the lengths [m] of the shortest paths; inf where no path leads."""
     from scipy.sparse import coo_array  # 0.3 s, for none but those who draw charts
     from scipy.sparse.csgraph import dijkstra
 
@@ -126,7 +125,7 @@ def _ways(
 def _beside(
     field: _Field, at: Float[np.ndarray, "stops 2"], is_open: Bool[np.ndarray, " stops"]
 ) -> UInt16[np.ndarray, "cells cells"]:
-    """What `Chart.beside` says."""
+    """Return `Chart.beside`."""
     middles = (np.arange(SIDE) + 0.5) / SIDE
     before = np.clip(np.floor(middles * STOPS - 0.5), 0, STOPS - 2).astype(int)
     columns, rows = np.meshgrid(middles, middles)
@@ -148,7 +147,7 @@ def _beside(
 
 
 def _spread(found: Int[np.ndarray, "cells cells"], field: _Field) -> Int[np.ndarray, "cells cells"]:
-    """Each cell that has no stop takes that of one beside it that has, first through free cells, then through all."""
+    """Spread the coarse cell of each cell to its neighbours without one, first through free cells, then through all."""
     middles = (field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1]) / 4
     for may in (middles > 0, np.ones(found.shape, bool)):
         while True:

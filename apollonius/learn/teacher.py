@@ -134,7 +134,7 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
     def setting(number: int, one: Game) -> Setting:
-        here = game if scenario is None else scenario.game(game, jnp.asarray(number))
+        here = game if scenario is None else game.in_place(jnp.asarray(number))
         named = {(name, role.other) for name in stage.opponents} | {(stage.teacher, role)}
         players = {each: find_player(*each, here) for each in named if each[0] != TABLE}
         values = stage.teacher == TABLE or isinstance(players[stage.teacher, role].policy, AbstractActionValuePolicy)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.occupancy import beside
+from apollonius.game.obstacle import between_nodes
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 
@@ -106,7 +106,7 @@ Beside = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
 
 
 def _between(position: Scalar, count: int) -> Beside:
-    index, share = beside(position, count)
+    index, share = between_nodes(position, count)
     return (index, index + 1), (1 - share, share)
 
 

@@ -21,7 +21,7 @@ from apollonius.agents.shield import MARGIN, Backup
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.export.program import Program
 from apollonius.export.translate import translated
-from apollonius.game.arena import Disc
+from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.chart import SIDE, STOPS, Chart
 from apollonius.game.dynamics import Unicycle
@@ -29,7 +29,6 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Edge
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, Scalar
-from apollonius.game.validation import MOST_DISCS, MOST_EDGES
 from apollonius.observe.registry import find_observation
 from apollonius.web.handed import Field, Floor, Robots
 from apollonius.web.site import READS, ROBOTS

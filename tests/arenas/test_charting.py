@@ -14,7 +14,7 @@ from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOP_BITS, ST
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.scenario import in_arenas
+from apollonius.game.presets import in_arenas
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 """Across an arena of 8 by 8 m, with a door of 2 m at its top."""

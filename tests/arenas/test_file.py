@@ -88,14 +88,6 @@ def test_json_says_what_toml_says(tmp_path, written):
         find_game(str(tmp_path / "hall.json"))
 
 
-def test_a_game_is_found_by_name_or_file(tmp_path):
-    assert find_game("one-large") == make_game("one-large")
-    (tmp_path / "hall.toml").write_text(HALL)
-    assert find_game(str(tmp_path / "hall.toml")).max_steps == 300
-    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or a \.toml or \.json file"):
-        find_game("chess")
-
-
 def test_the_commands_play_a_file(tmp_path, capsys):
     (tmp_path / "hall.toml").write_text(HALL)
     game = ["--game", str(tmp_path / "hall.toml")]
@@ -153,11 +145,6 @@ def test_polygons_are_lists_of_corners(written):
     game = written("[[arena.polygons]]\nvertices = [[4, 4], [6, 4], [5, 6.5]]")
     assert game.arena.polygons == (Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.5))),)
     assert written(tomli_w.dumps(to_dict(game))) == game
-
-
-def test_a_missing_file_is_refused():
-    with pytest.raises(InvalidInput, match=r"nowhere\.toml' is no file.*check the path"):
-        find_game("nowhere.toml")
 
 
 PAPER = to_dict(make_game("paper"))

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from apollonius.arenas import free_space as module
 from apollonius.arenas.free_space import free_space, largest_part, tile
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.io.errors import InvalidInput
 from apollonius.solve.cop_number import core
 
 SQUARE = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
@@ -59,12 +57,6 @@ def test_places_that_touch_at_a_corner_are_apart_and_obstacles_that_do_are_not()
     assert len(largest_part(free, 0.0, 0.0, 1.0).islands) == 1
 
 
-def test_a_robot_that_fits_nowhere_is_refused(monkeypatch):
-    monkeypatch.setattr(module, "clearances_at", lambda arena, x, y: np.full((8, *x.shape), -1.0))
-    with pytest.raises(InvalidInput, match=r"radius = 0\.2 m"):
-        free_space(game(0.2))
-
-
 SIDE = 120
 SPIRAL = np.zeros((SIDE, SIDE), bool)
 """A corridor of 6 places that winds inwards, with walls of 4."""
@@ -85,9 +77,8 @@ def tiled(free, spacing, angle):
     return tile(largest_part(free, 0.0, 0.0, 1.0), spacing, angle)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 6])
-@pytest.mark.parametrize("spacing", [7.0, 11.0, 25.0])
-@pytest.mark.parametrize("free", [ROOM, BENT, SPIRAL], ids=["room", "bent room", "spiral"])
+@pytest.mark.parametrize(("spacing", "angle"), [(7.0, 0.3), (25.0, 0.0), (11.0, np.pi / 6)])
+@pytest.mark.parametrize("free", [BENT, SPIRAL], ids=["bent room", "spiral"])
 def test_without_islands_one_pursuer_is_enough_whatever_the_cells(free, spacing, angle):
     tiling = tiled(free, spacing, angle)
     assert tiling.holes == 0

@@ -26,18 +26,14 @@ from apollonius.arenas.suite import (
     suite_names,
 )
 from apollonius.arenas.survey import survey
-from apollonius.catalogue import find_player
 from apollonius.cli.main import main
-from apollonius.evaluate.match import Match, play_match
 from apollonius.evaluate.result import ByArena, count_by_arena
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
-from apollonius.game.presets import make_game
-from apollonius.game.scenario import in_arenas
+from apollonius.game.presets import in_arenas
 from apollonius.game.starts import Starts
-from apollonius.game.types import ROLES, Outcome, Role
+from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.playout import Results
 
@@ -47,7 +43,7 @@ DRAWN = [entry for entry in ENTRIES.values() if entry.kind != "gallery"]
 TRAIN = {"discs": 64, "blocks": 64, "rooms": 64, "maze": 64}
 HELD_OUT = {"racks": 60, "caves": 60}
 GALLERY = ("blocks", "courtyard", "maze", "office", "warehouse")
-SOME = ["discs-11", "blocks-22", "rooms-33", "maze-44", "racks-07", "caves-07", "office"]
+SOME = ["discs-11", "rooms-33", "racks-07", "caves-07", "office"]
 
 
 def test_training_and_judging_have_no_kind_of_arenas_in_common():
@@ -127,27 +123,6 @@ def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
 def test_what_is_not_in_it_is_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()
-
-
-@pytest.mark.parametrize("name", ["racks-07", "caves-07"])
-def test_the_paper_game_there_has_a_record(name):
-    game = find_game(f"{NAME}/{name}")
-    assert game.pursuer == make_game("paper").pursuer
-    assert digest(game.arena) == ENTRIES[name].sha256
-    record = json.loads(json.dumps(to_dict(game)))
-    again = from_dict(Game, record, "the record")
-    assert to_dict(again) == record
-    assert digest(again.arena) == digest(game.arena)
-
-
-@pytest.mark.slow
-def test_a_game_in_a_cave_is_played_and_shown_again(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    play = ["evaluate", "random", "still", "--games", "2", "--record", "1", "--game", f"{NAME}/caves-07"]
-    assert main([*play, "--replays", "kept"]) == 0
-    (replay,) = (tmp_path / "kept").iterdir()
-    assert main(["show", str(replay), "--out", "shown.png"]) == 0
-    assert main(["arena", "check", f"{NAME}/caves-07"]) == 0
 
 
 def test_the_command_lists_verifies_and_draws(tmp_path, monkeypatch, capsys):
@@ -250,21 +225,8 @@ def test_the_interval_over_few_arenas_is_students():
     assert ByArena((6,), (10,)).interval == (0.0, 1.0)
 
 
-@pytest.mark.slow
-def test_a_shield_holds_in_every_arena():
-    """Robots that drive at random crash, and behind their shields they do not."""
-    game = replace(find_game("suite-v1/discs-01,racks-07"), max_steps=200)
-    for names in (BySide("random", "random"), BySide("shielded:random", "shielded:random")):
-        players = ROLES.map(lambda role, names=names: find_player(names[role], role, game))
-        result = play_match(Match(game, players, 16), slots=16)
-        crashed = sum(count for name, count in result.outcomes.items() if "hit" in name or "out_of" in name)
-        assert (crashed == 0) == names.pursuer.startswith("shielded")
-        assert result.arenas is not None
-        assert result.arenas.games == (8, 8)
-
-
 def test_a_match_in_several_arenas_tells_of_them(capsys):
-    assert main(["evaluate", "intercept", "still", "--game", THREE, "--games", "12"]) == 0
+    assert main(["evaluate", "intercept", "still", "--game", THREE, "--games", "6"]) == 0
     out = capsys.readouterr().out
     assert "pursuer, by arenas" in out
     assert "mean of 3, 95 % interval" in out

@@ -32,12 +32,6 @@ def test_the_presets_are_sound(name):
     assert [parts.max() for parts in found.parts] == [1, 1]
 
 
-def test_the_grid_has_the_arenas_shape_and_areas():
-    found = survey(Game(arena=Arena(0.0, 10.0, 0.0, 5.0, discs=(Disc(5.0, 2.5, 1.0),))))
-    assert found.blocked.shape == (250, 500)
-    assert found.blocked.mean() == pytest.approx(np.pi / 50, rel=0.01)
-
-
 def test_a_closed_pocket_is_found():
     found = survey(Game(arena=Arena(discs=WALL)))
     assert len(found.wrong) == 2

@@ -271,8 +271,6 @@ def test_a_written_grid_is_read():
 def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.agents.built_in import PLAYERS
     from apollonius.agents.names import BUILT_IN
-    from apollonius.arenas import random_arena
-    from apollonius.cli import arena
     from apollonius.cli.exploit import ATTACKERS
     from apollonius.cli.options import LENGTHS
     from apollonius.cli.show import MOVING
@@ -287,10 +285,8 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     assert set(LENGTHS) == set(PRESETS)
     assert set(BY_TABLE) == set(DISTILLATIONS)
     assert list(ATTACKERS) == list(KINDS)
-    assert tuple(random_arena.KINDS) == arena.KINDS
     assert tuple(PLAYERS) == BUILT_IN
     assert tuple(games.PRESETS) == names.PRESETS
-    assert [kind for kind in arena.KINDS if random_arena.random_arena(kind, 0).map] == list(arena.CELLS)
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert MOVING == animation.MOVING
 

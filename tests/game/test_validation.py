@@ -10,7 +10,6 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.presets import PRESETS
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
 
@@ -111,16 +110,6 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
 )
 def test_values_just_within_their_bounds_are_accepted(change):
     Game(**change)
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_named_game_can_be_played(name):
-    PRESETS[name]()
-
-
-def test_a_changed_copy_is_checked_too():
-    with pytest.raises(ValueError, match=r"dt = 0\.0"):
-        replace(Game(), dt=0.0)
 
 
 def test_numbers_that_are_being_swept_are_left_unchecked():

@@ -13,7 +13,7 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
 from apollonius.game.game import reset_batch
-from apollonius.game.scenario import in_arenas
+from apollonius.game.presets import in_arenas
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import DISTILLATIONS, RunConfig
