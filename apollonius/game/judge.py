@@ -3,7 +3,7 @@
 import functools
 import operator
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,6 +22,7 @@ Statuses = BySide[tuple[Int[Array, ""], ...]]
 """A `RobotStatus` for each robot."""
 
 
+@runtime_checkable
 class Judged(Protocol):
     """A game in one arena, as far as judging a step needs it."""
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
@@ -30,7 +30,7 @@ _OPTIONAL = {"arena.map", "arena.territory", "arena.chart", "scenario", "teams",
 """Parts that a game need not have."""
 
 Bodies = BySide[tuple[Unicycle, ...]]
-Points = Float[np.ndarray, "2 points"]
+Points = Float[np.ndarray, "2 _points"]
 
 _clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
 
@@ -116,7 +116,7 @@ def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points
     for _ in range(_PLACINGS if len(order) > 2 else 0):
         placed: list[tuple[int, float, np.ndarray]] = []
         for side, body in order:
-            fits: Bool[np.ndarray, " points"] = np.ones(free[side].shape[1], bool)
+            fits = np.ones(free[side].shape[1], bool)
             for other_side, radius, point in placed:
                 mates = starts.clearance + body.radius + radius
                 least = mates if side == other_side else starts.separation
