@@ -16,7 +16,9 @@ from apollonius.game.occupancy import OccupancyMap
 from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
-_DRAW: dict[str, Callable[..., Arena]] = dict(zip(KINDS, (discs, blocks, rooms, maze, racks, caves), strict=True))
+_DRAW: dict[str, Callable[[Layout, np.random.Generator], Arena]] = dict(
+    zip(KINDS, (discs, blocks, rooms, maze, racks, caves), strict=True)
+)
 _LARGEST = 100.0
 """Longest side of a random arena [m]."""
 _DRAWN = re.compile(
@@ -26,7 +28,7 @@ _DRAWN = re.compile(
 
 
 def random_arena(
-    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, **numbers: object
+    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, count: int | None = None
 ) -> Arena:
     """Draw an arena of one kind: one seed, one arena. The `file` of a map in it is a name for `random_map`.
 
@@ -34,7 +36,7 @@ def random_arena(
         kind: one of `KINDS`.
         gap: least width of all passages [m].
         width, height: size of the arena [m].
-        numbers: further numbers of the kind: of `discs` their `count` and `radius`.
+        count: number of discs, for that kind; None for one on every twenty square metres.
 
     Raises:
         InvalidInput: for an unknown kind, impossible numbers, and obstacles that do not fit.
@@ -44,7 +46,7 @@ def random_arena(
     require(0 < gap < _LARGEST, "gap", gap, f"more than 0 and less than {_LARGEST:g} m")
     sides = (float(width), float(height))
     require(0 < min(sides) <= max(sides) <= _LARGEST, "width, height", sides, f"more than 0 and at most {_LARGEST:g} m")
-    arena = _DRAW[kind](Layout(*sides, gap), np.random.default_rng(seed), **numbers)
+    arena = _DRAW[kind](Layout(*sides, gap, count), np.random.default_rng(seed))
     bound = f"wider, or the arena smaller: a game has at most {MOST_POLYGONS} polygons, and this one more"
     require(len(arena.polygons) <= MOST_POLYGONS, "gap", gap, bound)
     if arena.map:
@@ -82,7 +84,9 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     return drawn
 
 
-def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], **numbers: object) -> Game:
+def in_random_arena(
+    game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], count: int | None = None
+) -> Game:
     """Return a game in one random arena of a width and height [m] in which both of its robots can go everywhere.
 
     Arguments and errors are those of `random_arena`; the gap must also let the game's two robots through.
@@ -93,5 +97,5 @@ def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[fl
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
         require(gap > 2 * body.radius, "gap", gap, bound)
     width, height = size
-    arena = random_arena(kind, seed, gap=gap, width=width, height=height, **numbers)
+    arena = random_arena(kind, seed, gap=gap, width=width, height=height, count=count)
     return replace(game, arena=arena, scenario=None)

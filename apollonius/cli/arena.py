@@ -151,8 +151,8 @@ def run_random(options: argparse.Namespace) -> int:
     require(
         options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
     )
-    game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
-    elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
+    size = tuple(options.size)
+    elsewhere = in_random_arena(find_game(options.game), options.kind, options.seed, options.gap, size, options.discs)
     record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
     if elsewhere.arena.map:
         save_map(elsewhere.arena.map, cells[0])

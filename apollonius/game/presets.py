@@ -8,7 +8,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
-from apollonius.game.scenario import Makes, Scenario, together
+from apollonius.game.scenario import Scenario, together
 from apollonius.game.teams import Teams
 from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
@@ -90,13 +90,10 @@ def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = Fals
     return replace(game, teams=Teams(*others, mates_collide))
 
 
-def in_arenas(game: Game, arenas: Sequence[Arena], makes: Makes | None = None) -> Game:
+def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     """Return a game in one of several arenas, drawn at each start; with one it is the game in that.
 
     All numbers of an arena are data, so one compilation serves all. `game.arena` is the first one.
-
-    Args:
-        makes: kinds of robots, of which a pair is drawn too; None for those of the game.
 
     Raises:
         InvalidInput: for no arena, for one that the game cannot be played in, and for arenas of which only some have a
@@ -104,6 +101,6 @@ def in_arenas(game: Game, arenas: Sequence[Arena], makes: Makes | None = None) -
     """
     require(arenas, "arenas", "none", "one at least")
     first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
-    if not others and makes is None:
+    if not others:
         return first
-    return replace(first, scenario=Scenario(together(arenas), len(arenas), makes))
+    return replace(first, scenario=Scenario(together(arenas), len(arenas)))

@@ -39,7 +39,6 @@ from apollonius.play.playout import Results
 
 NAME = "suite-v1"
 ENTRIES = {entry.name: entry for entry in suite_entries(NAME)}
-DRAWN = [entry for entry in ENTRIES.values() if entry.kind != "gallery"]
 TRAIN = {"discs": 64, "blocks": 64, "rooms": 64, "maze": 64}
 HELD_OUT = {"racks": 60, "caves": 60}
 GALLERY = ("blocks", "courtyard", "maze", "office", "warehouse")
@@ -55,32 +54,12 @@ def test_training_and_judging_have_no_kind_of_arenas_in_common():
     assert set(GALLERY) <= set(game_names())
 
 
-def test_sizes_and_passages_go_together():
-    sides = np.array([(entry.width, entry.height) for entry in DRAWN])
-    gaps = np.array([entry.gap for entry in DRAWN])
-    long = sides.max(axis=1)
-    rounding = 0.011
-    assert long.min() >= 6 - rounding
-    assert long.max() <= 30 + rounding
-    assert np.quantile(np.log(long), 0.5) == pytest.approx(np.log(180) / 2, abs=0.15)
-    assert (long / sides.min(axis=1)).max() <= 1.5 + rounding
-    assert (gaps >= np.maximum(0.8, long / 14) - rounding).all()
-    assert (gaps <= long / 7 + rounding).all()
-
-
 @pytest.mark.parametrize("name", SOME)
 def test_each_comes_out_as_it_was_published(name):
     assert digest(suite_arena(NAME, name)) == ENTRIES[name].sha256
 
 
-def test_arenas_to_learn_in_have_few_obstacles():
-    for entry in suite_entries(NAME, "train")[::4]:
-        arena = entry.draw()
-        assert len(arena.discs) <= 32
-        assert len(arena.polygons) <= 64
-        assert all(len(polygon.vertices) <= 6 for polygon in arena.polygons)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME[:-1])
 def test_robots_of_radius_30_cm_go_everywhere(name):
     body = Unicycle(radius=0.3)
@@ -191,7 +170,8 @@ def test_robots_of_many_makes_are_around_the_papers():
 def test_each_game_has_the_robots_of_its_make():
     """Two arenas, three makes: who is fast is where the state says."""
     some = jax.tree.map(lambda leaf: leaf[PAPERS_OWN - 1 : PAPERS_OWN + 2], makes())
-    game = in_arenas(Game(), [suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")], some)
+    game = in_arenas(Game(), [suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")])
+    game = replace(game, scenario=replace(game.scenario, makes=some))
     assert game.scenario.size == 6
     states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 64)
     assert set(np.asarray(states.place).tolist()) == set(range(6))

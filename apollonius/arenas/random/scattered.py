@@ -22,6 +22,8 @@ class Layout:
     width: float
     height: float
     gap: float
+    count: int | None = None
+    """Number of discs, for that kind."""
 
     def arena(self, polygons: list[Polygon]) -> Arena:
         return Arena(x_max=self.width, y_max=self.height, polygons=tuple(polygons))
@@ -48,30 +50,23 @@ def _try_circle(
 
 
 _DISC_RADIUS = (0.3, 0.8)
-"""Smallest and largest radius of a disc [m], unless another is asked for."""
+"""Smallest and largest radius of a disc [m]."""
 _PER_AREA = 0.05
 """Discs on each square metre, unless a count is given."""
 
 
-def discs(
-    layout: Layout, rng: np.random.Generator, count: int | None = None, radius: tuple[float, float] = _DISC_RADIUS
-) -> Arena:
+def discs(layout: Layout, rng: np.random.Generator) -> Arena:
     """Place discs that keep the gap from each other and from the walls.
 
     Every robot of a diameter below the gap can go from any free place to any other: discs grown by its radius touch
     neither each other nor the walls, and separate round obstacles do not cut a rectangle in parts.
 
-    Args:
-        count: None for one on every twenty square metres.
-        radius: smallest and largest radius of a disc [m]; uniform between.
-
     Raises:
         InvalidInput: for impossible numbers, and for discs that do not fit.
     """
-    least, most = radius
-    count = round(_PER_AREA * layout.width * layout.height) if count is None else count
+    least, most = _DISC_RADIUS
+    count = round(_PER_AREA * layout.width * layout.height) if layout.count is None else layout.count
     DISCS.require("discs", count)
-    require(0 < least <= most, "radius", radius, "more than 0 m, the smallest first")
     require(
         2 * (most + layout.gap) < min(layout.width, layout.height), "width, height", (layout.width, layout.height),
         f"more than {2 * (most + layout.gap):g} m each, the largest disc with a gap on either side",
