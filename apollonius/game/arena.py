@@ -35,13 +35,14 @@ class Disc(AbstractObstacle):
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states."""
-        return jnp.sqrt(self._approach(before, after)) - self.radius
+        return jnp.sqrt(self.approach_squared(before, after)) - self.radius
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
-        return self._approach(before, after) < (self.radius + radius) ** 2
+        return self.approach_squared(before, after) < (self.radius + radius) ** 2
 
-    def _approach(self, before: RobotState, after: RobotState) -> Scalar:
+    def approach_squared(self, before: RobotState, after: RobotState) -> Scalar:
+        """Return the squared distance [m^2] of the centre from the segment between two states."""
         dx, dy = after.x - before.x, after.y - before.y
         return closest_approach_squared(before.x - self.x, before.y - self.y, dx, dy)
 
@@ -142,7 +143,7 @@ class Arena(Walls):
         """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
         goal = self.territory
         assert goal is not None, "callers look first"
-        return goal._approach(before, after) < goal.radius**2
+        return goal.approach_squared(before, after) < goal.radius**2
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).

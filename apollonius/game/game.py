@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
+from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
@@ -19,13 +20,6 @@ from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
-from apollonius.game.validation import (
-    check_bodies,
-    check_finite,
-    check_space_to_start,
-    is_swept,
-    require_single_precision,
-)
 from apollonius.io.errors import require
 
 MAX_STEPS = 2**31 - 1
@@ -70,20 +64,20 @@ class Game(eqx.Module):
 
     def check(self) -> None:
         """Refuse a game that cannot be played; one whose numbers are traced or swept is left unchecked."""
-        require_single_precision()
-        if is_swept(self):
+        validation.require_single_precision()
+        if validation.is_swept(self):
             return
-        check_finite(self)
+        validation.check_finite(self)
         require(np.float32(self.dt) > 0, "dt", self.dt, "more than 0 s; the paper game uses 0.1")
         bound = "more than 0 m; the paper uses 0.3"
         require(np.float32(self.capture_distance) > 0, "capture_distance", self.capture_distance, bound)
         steps, bound = self.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
         require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
         self.reward.check()
-        check_bodies(self.bodies, float(self.dt))
+        validation.check_bodies(self.bodies, float(self.dt))
         self.arena.check()
         self.starts.check(self.capture_distance)
-        check_space_to_start(self.arena, self.bodies, self.starts)
+        validation.check_space_to_start(self.arena, self.bodies, self.starts)
 
     @property
     def bodies(self) -> BySide[tuple[Unicycle, ...]]:
@@ -144,11 +138,7 @@ class Game(eqx.Module):
         require(self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only")
 
     def duel(self, who: str) -> "Game":
-        """Return the game of two between any pursuer and any evader of teams, for `who` knows two robots only.
-
-        Raises:
-            InvalidInput: where robots of one side differ in their limits.
-        """
+        """Return the game of two robots of alike teams, for `who` knows only two; raises InvalidInput for unlike ones."""
         alike = all(body == side[0] for side in self.bodies for body in side)
         require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
         return replace(self, teams=None)
@@ -171,10 +161,7 @@ class Game(eqx.Module):
         return self.step_controls(state, ROLES.map(controls))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
-        """Let all robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step.
-
-        A robot that is not active stands still.
-        """
+        """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""
         game = self.at(state)
 
         def moved(role: Role) -> tuple[RobotState, ...]:
