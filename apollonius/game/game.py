@@ -138,7 +138,7 @@ class Game(eqx.Module):
         require(self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only")
 
     def duel(self, who: str) -> "Game":
-        """Return the game of two robots of alike teams, for `who` knows only two; raises InvalidInput for unlike ones."""
+        """Return the game of two robots of alike teams, for `who` knows only two; raises InvalidInput if unlike."""
         alike = all(body == side[0] for side in self.bodies for body in side)
         require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
         return replace(self, teams=None)
