@@ -35,14 +35,13 @@ class Disc(AbstractObstacle):
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states."""
-        return jnp.sqrt(self.approach_squared(before, after)) - self.radius
+        return jnp.sqrt(self._approach(before, after)) - self.radius
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
-        return self.approach_squared(before, after) < (self.radius + radius) ** 2
+        return self._approach(before, after) < (self.radius + radius) ** 2
 
-    def approach_squared(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return the squared distance [m^2] of the centre from the segment between two states."""
+    def _approach(self, before: RobotState, after: RobotState) -> Scalar:
         dx, dy = after.x - before.x, after.y - before.y
         return closest_approach_squared(before.x - self.x, before.y - self.y, dx, dy)
 
@@ -143,7 +142,10 @@ class Arena(Walls):
         """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
         goal = self.territory
         assert goal is not None, "callers look first"
-        return goal.approach_squared(before, after) < goal.radius**2
+        approach = closest_approach_squared(
+            before.x - goal.x, before.y - goal.y, after.x - before.x, after.y - before.y
+        )
+        return approach < goal.radius**2
 
     def is_out_of_range(self, after: RobotState, radius: Real) -> Bool[Array, ""]:
         """Return whether a body of this radius [m] reaches beyond a wall (Eq. 2).
