@@ -17,6 +17,7 @@ from apollonius.game.types import GameState, RobotState, RobotStatus, Role
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
+from apollonius.observe.view import look
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
@@ -28,12 +29,12 @@ OUT = (1.0, 1.0, 0.0, 0.0, 1)
 """A robot that fills up a team, out of play."""
 
 
-@functools.partial(jax.jit, static_argnames=("role", "observation"))
-def look_together(states, role, observation):
+@functools.partial(jax.jit, static_argnames="role")
+def look_together(states, role):
     return perceive(observation, TEAMS, states, role)[1]
 
 
-def seen(pursuers, evaders, out=(), role=Role.PURSUER, observation=TEAM):
+def seen(pursuers, evaders, out=(), role=Role.PURSUER):
     """What each robot of a side sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
 
     All teams are filled up to the same size, so that few programs are compiled.
@@ -48,7 +49,7 @@ def seen(pursuers, evaders, out=(), role=Role.PURSUER, observation=TEAM):
     robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
     status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
     states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
-    return np.asarray(look_together(states, role, observation))[: len(pursuers if role == Role.PURSUER else evaders)]
+    return np.asarray(look_together(states, role))[: len(pursuers if role == Role.PURSUER else evaders)]
 
 
 def slots(numbers):
@@ -63,7 +64,9 @@ PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 def test_it_begins_with_egocentric_and_alone_is_nothing_else():
     numbers = seen([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
-    np.testing.assert_array_equal(numbers[:, :FIRST], seen([ME], [PREY], observation=EGOCENTRIC))
+    me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
+    view = look(GAME, GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
+    np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 
 

@@ -12,7 +12,7 @@ from apollonius.agents.kind import Named
 from apollonius.agents.network import make_actor
 from apollonius.agents.squashed import SquashedGaussian
 from apollonius.catalogue import find_player
-from apollonius.evaluate.match import Match, record_game
+from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
