@@ -31,7 +31,7 @@ OUT = (1.0, 1.0, 0.0, 0.0, 1)
 
 @functools.partial(jax.jit, static_argnames="role")
 def look_together(states, role):
-    return perceive(observation, TEAMS, states, role)[1]
+    return perceive(TEAM, TEAMS, states, role)[1]
 
 
 def seen(pursuers, evaders, out=(), role=Role.PURSUER):
