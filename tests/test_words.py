@@ -21,11 +21,9 @@ ROOMS = {"apollonius": sorted(PACKAGE.glob("*.py"))} | {
 UNFINISHED = {
     "agents",
     "apollonius",
-    "envs",
     "evaluate",
     "exploit",
     "export",
-    "simulate",
     "solve",
     "web",
 }

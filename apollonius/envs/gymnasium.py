@@ -18,8 +18,8 @@ from apollonius.io.errors import require
 class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side, of one robot; on the other there may be a team.
 
-    Actions are the 9 of Eq. 5, or two gears. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the
-    game stands: `ongoing`, or the name of a row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9. `info["outcome"]` is
+    `ongoing`, or the name of a row of Tables II and III.
 
     Args:
         role: the side that acts from outside.
@@ -72,11 +72,11 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """All robots hold their actions for one step.
+        """Let all robots hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
-            InvalidInput: for an action that is none.
+            InvalidInput: for an impossible action.
         """
         live = self._live
         if not live.begun:

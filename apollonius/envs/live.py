@@ -57,7 +57,7 @@ class LiveGame:
     ) -> None:
         self._space = action_space(actions)
         self.idle = np.zeros(self._space.shape or (), self._space.dtype)
-        """What stands for the action of a side that is played from inside."""
+        """Return a placeholder for the action of a side that is played from inside."""
         reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
         inside = inside or {}
@@ -89,14 +89,14 @@ class LiveGame:
         self._take(self._begin(bits), 0)
 
     def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:
-        """All robots hold their actions for one step; those of a side played from inside are not looked at.
+        """Let all robots hold their actions for one step; those of a side played from inside are ignored.
 
         Args:
             actions: of each pursuer and each evader, all of the kind of this game's actions.
             bits: random bits for a player inside.
 
         Raises:
-            InvalidInput: for an action that is none.
+            InvalidInput: for an impossible action.
         """
         checked = [as_actions(action, self._space) for action in actions]
         given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
@@ -108,7 +108,7 @@ class LiveGame:
         self._told, self._read, self._steps = told, np.asarray(told), steps
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
-        """What a robot sees now, by its place in the order of a game's robots."""
+        """Return the observation of a robot by its number among the game's robots."""
         return self._read[self._seen[robot]].copy()
 
     @property
@@ -118,7 +118,7 @@ class LiveGame:
 
     @property
     def statuses(self) -> list[str]:
-        """How each robot of a game of teams stands, the name of a `RobotStatus`; nothing in a game of two."""
+        """Return the names of all robots' `RobotStatus`; none in a game of two."""
         return [_STATUSES[int(status)] for status in self._read[self._statuses]]
 
     @property
@@ -136,7 +136,7 @@ class LiveGame:
 
     @property
     def outcome(self) -> str:
-        """How it stands: `ongoing`, or the name of a row of Tables II and III."""
+        """Return `ongoing` or the name of a row of Tables II and III."""
         return _OUTCOMES[int(self._read[_OUTCOME])]
 
     @property

@@ -17,13 +17,13 @@ from apollonius.game.game import Game
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
     """A game between `pursuer_0` and `evader_0`, or all robots of teams up to `pursuer_2` or so, who act together.
 
-    Actions are the 9 of Eq. 5, or two gears; rewards are those of Eq. 8 and 9. `terminations`: the rules ended the
-    game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name
-    of a row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9. `terminations`: the rules
+    ended the game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` is `ongoing`, or the name of a
+    row of Tables II and III.
 
     In a game of teams a robot that is captured or fails leaves before the others: its termination is true in that step,
-    and from then on it is not among `agents`, has no action and is told nothing. `infos[agent]["status"]` is how the
-    robot stands: `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
+    and from then on it is not among `agents` and has neither action nor observation. `infos[agent]["status"]` is
+    `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
 
     Args:
         game: the game, the name of one, or its `.toml` or `.json` file.
@@ -62,11 +62,11 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
-        """What an agent can see; the same for all."""
+        """Return the space of observations, which all agents share."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> gymnasium.spaces.Space[Any]:
-        """What an agent can do; the same for all."""
+        """Return the space of actions, which all agents share."""
         return self.action_spaces[agent]
 
     def reset(

@@ -26,7 +26,7 @@ SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
 _TOGETHER = 512
-"""Starts that are drawn again and again until the last of them fits: of more, more would be drawn in vain."""
+"""Starts that are drawn together until all fit: with more, more draws would be in vain."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Sitting:
         return self.game.bodies.map(len)
 
     def see(self, state: GameState) -> Float[Array, "games *robots size"]:
-        """What the side from outside sees."""
+        """Return the observations of the side from outside."""
         _, seen = perceive(self.observation, self.game, state, self.role)
         return of_robots(jnp.split(seen, self.robots[self.role]))
 
@@ -72,13 +72,13 @@ class Sitting:
         return Standing(state, self.see(state), opponent)
 
     def each(self, actions: SideActions) -> tuple[Actions, ...]:
-        """What each robot from outside does, of actions that have an axis of robots where there are several."""
+        """Return the action of each robot from outside; for several, actions have an axis of robots."""
         several = self.robots[self.role] > 1
         return tuple(actions[:, number] for number in range(actions.shape[1])) if several else (actions,)
 
 
 class Standing(eqx.Module):
-    """Games as they stand, what the side from outside sees of them, and what the opponent carries on."""
+    """Games under way, the observations of the side from outside, and the opponent's memory."""
 
     state: GameState
     seen: Float[Array, "games *robots size"]
@@ -138,7 +138,7 @@ def _told(sitting: Sitting, led_to: Standing, after: Timestep) -> Told:
 
 
 def renew(now: Standing, starts: Standing, used: Int[Array, ""], resets: Bool[Array, " games"]) -> Standing:
-    """Games, some of them begun anew from the first starts that have not been used."""
+    """Return games, some restarted from the first unused starts."""
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
     return _choose(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
 

@@ -1,4 +1,4 @@
-"""What Gymnasium and PettingZoo are told of observations and actions."""
+"""Spaces of observations and actions for Gymnasium and PettingZoo."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ ACTIONS = ("discrete", "continuous")
 
 
 def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box:
-    """Every number is within 2 of 0, unless a robot leaves the walls by more than half the arena in one step.
+    """Return the space of observations, within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
 
     Args:
-        observation: what each robot sees.
-        robots: how many are seen for; of several there is an axis of them.
+        observation: of each robot.
+        robots: their number; several have an axis.
 
     Raises:
         InvalidInput: for an unknown observation.
@@ -31,7 +31,7 @@ ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.Box
 
 
 def action_space(actions: str) -> ActionSpace:
-    """The nine actions of Eq. 5, or two gears: shares of the largest acceleration and of the largest turn rate.
+    """Return the nine actions of Eq. 5, or shares of the largest acceleration and of the largest turn rate.
 
     Raises:
         InvalidInput: for an unknown kind of actions.
@@ -43,7 +43,7 @@ def action_space(actions: str) -> ActionSpace:
 
 
 def team_action_space(actions: str, robots: int) -> gymnasium.spaces.Space[Any]:
-    """What several robots do together: `[robots]` of the nine actions, or `[robots, 2]` gears.
+    """Return the joint actions of several robots: `[robots]` of the nine, or shares `[robots, 2]`.
 
     Raises:
         InvalidInput: for an unknown kind of actions.
@@ -54,7 +54,7 @@ def team_action_space(actions: str, robots: int) -> gymnasium.spaces.Space[Any]:
 
 
 def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
-    """Actions of a space in its number type: one, or a batch of them.
+    """Return one action of a space or a batch in its number type.
 
     Raises:
         InvalidInput: for another shape or type, or an action outside the space.

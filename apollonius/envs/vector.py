@@ -1,6 +1,6 @@
 """Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside.
 
-In games of teams all robots of that side act from outside, and every game has an axis of them.
+In games of teams all robots of that side act from outside, and arrays have an axis of robots.
 """
 
 from typing import Any
@@ -104,15 +104,15 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """New games, all from the game's distribution of starts.
+        """Start new games from the game's distribution of starts.
 
         Args:
             seed: of these games and of all that are drawn after them.
-            options: `reset_mask`, which games begin again, `[games]`, bool; the others stay as they are.
+            options: `reset_mask`, `[games]`, bool: the games that are restarted.
 
         Raises:
             gymnasium.error.ResetNeeded: for a mask before the first `reset`.
-            InvalidInput: for a list of seeds, as one seeds them all, and for a mask that is none.
+            InvalidInput: for a list of seeds, as one seeds them all, and for an impossible mask.
         """
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
         require_unforked()
@@ -130,7 +130,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:  # fmt: skip
-        """One step of every game.
+        """Step every game.
 
         Args:
             actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`; of a team each robot's.
@@ -138,7 +138,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and for a game that has ended where nothing begins
                 it again.
-            InvalidInput: for actions of another shape, and for one that is none.
+            InvalidInput: for actions of another shape, and for an impossible one.
         """
         if self._now is None:
             raise gymnasium.error.ResetNeeded("games begin with reset()")
@@ -191,7 +191,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
 
 def _final(led_to: np.ndarray, outcome: np.ndarray, over: np.ndarray) -> dict[str, Any]:
-    """What Gymnasium wants to be told of games that ended and have begun again."""
+    """Return the `info` of games that ended and were restarted."""
     return {
         "final_obs": led_to,
         "_final_obs": over,

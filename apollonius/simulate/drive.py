@@ -36,9 +36,9 @@ class Drive:
     friction: float = 0.8
     """Coulomb coefficient between tyre and floor."""
     inertia: float = 0.01
-    """Of a motor's rotor as the wheel feels it, through its gears [kg m^2]; without it a stiff controller rings."""
+    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller rings."""
     resistance: float = 0.05
-    """Torque that turning a wheel takes at any speed: rolling resistance and gears [N m]."""
+    """Torque that turning a wheel takes at any speed: rolling resistance and gearbox [N m]."""
     torque: float = 3.0
     """Largest torque of a wheel [N m]."""
     stiffness: float = 5.0

@@ -183,7 +183,7 @@ class Physics:
         return moved[:, -1]
 
     def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games 8"]:
-        """What the game knows of states: x, y, forward speed and heading of pursuer and evader."""
+        """Return the game's view of states: x, y, forward speed and heading of pursuer and evader."""
         positions, speeds = np.split(states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1)
         columns = []
         for side in SIDES:
