@@ -174,7 +174,7 @@ def test_shares_of_a_discrete_action_move_a_robot_to_the_same_bits():
     """Compiled, for robots anywhere."""
     there = jax.vmap(RobotState)(*jnp.asarray(random_robots(np.random.default_rng(0), 900).T, jnp.float32))
     actions = jnp.tile(jnp.arange(9), 100)
-    pairs = jnp.stack([actions // 3 - 1.0, actions % 3 - 1.0], axis=1)
+    pairs = jnp.stack([actions // 3 - 1, actions % 3 - 1], axis=1).astype(jnp.float32)
     np.testing.assert_array_equal(jax.vmap(nearest_action)(pairs), actions)
     act = jax.jit(jax.vmap(lambda robot, given: BODY.move(robot, *BODY.controls(given), 0.1)))
     np.testing.assert_array_equal(numbers(act(there, actions)), numbers(act(there, pairs)))
