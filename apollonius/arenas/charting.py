@@ -42,8 +42,8 @@ def charted(game: Game) -> Game:
 
 def largest_radius(game: Game) -> float:
     """Return the radius of a game's largest robot [m], for which its chart is drawn."""
-    makes = game.scenario.makes if game.scenario else None
-    bodies = [body for side in game.bodies for body in side] if makes is None else [makes.pursuer, makes.evader]
+    kinds = game.scenario.kinds if game.scenario else None
+    bodies = [body for side in game.bodies for body in side] if kinds is None else [kinds.pursuer, kinds.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
 
 

@@ -91,8 +91,8 @@ def in_random_arena(
 
     Arguments and errors are those of `random_arena`; the gap must also let the game's two robots through.
     """
-    alike = game.scenario is None or game.scenario.makes is None
-    require(alike, "game", "of robots of several makes", "one that says which robots play in the arena")
+    alike = game.scenario is None or game.scenario.kinds is None
+    require(alike, "game", "of robots of several kinds", "one that says which robots play in the arena")
     for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
         require(gap > 2 * body.radius, "gap", gap, bound)

@@ -23,7 +23,7 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.scenario import Makes, Scenario, together
+from apollonius.game.scenario import RobotKinds, Scenario, together
 from apollonius.game.starts import Starts
 from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
@@ -133,7 +133,7 @@ def is_scenario(name: str) -> bool:
 def scenario_game(name: str) -> Game:
     """Return the paper's rules in the arenas of a scenario; errors as those of `find_scenario`.
 
-    In `train` robots are of many kinds (`makes`), and games begin nearer to walls and obstacles, so that the larger
+    In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so that the larger
     robots find a start.
     """
     starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
@@ -148,7 +148,7 @@ def find_scenario(name: Any) -> Scenario:
         InvalidInput: for an unknown name, and as `suite_arena`.
     """
     arenas = _arenas(name)
-    return Scenario(together(arenas), len(arenas), makes() if name.endswith("/train") else None, name)
+    return Scenario(together(arenas), len(arenas), draw_robot_kinds() if name.endswith("/train") else None, name)
 
 
 def each_alone(game: Game) -> list[Game]:
@@ -176,7 +176,7 @@ def arena_names(name: Any) -> list[str]:
     return [f"{suite}/{arena}" for arena in names]
 
 
-def makes() -> Makes:
+def draw_robot_kinds() -> RobotKinds:
     """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
     Speeds are from 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's, accelerations from 0.15 to
@@ -199,4 +199,4 @@ def makes() -> Makes:
 
     pursuer, evader = body(pursuer_v), body(evader_v)
     capture = jnp.asarray(drawn(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
-    return Makes(pursuer, evader, capture)
+    return RobotKinds(pursuer, evader, capture)

@@ -52,7 +52,7 @@ class Chart(eqx.Module):
     side: Float[Array, " arenas"]
     member: Int[Array, ""] | int = 0
 
-    def room(self, x: Scalar, y: Scalar) -> Scalar:
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest wall or obstacle, interpolated; negative beyond."""
         member, cell = self.member, self.side[self.member] / SIDE
         across = between_nodes((x - self.x[member]) / cell, SIDE + 1)
@@ -66,7 +66,7 @@ class Chart(eqx.Module):
         """
 
         def on(_: Int[Array, ""], along: Scalar) -> Scalar:
-            return jnp.minimum(along + jnp.maximum(self.room(x + along * cos, y + along * sin), 0.0), FARTHEST)
+            return jnp.minimum(along + jnp.maximum(self.clearance(x + along * cos, y + along * sin), 0.0), FARTHEST)
 
         return jax.lax.fori_loop(0, GLANCES, on, jnp.zeros_like(x))
 
@@ -94,13 +94,13 @@ class Chart(eqx.Module):
         blind = total == 0
         return jnp.where(blind, nearest, stops), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
 
-    def way(self, start: Places, end: Places) -> Scalar:
+    def path_length(self, start: Places, end: Places) -> Scalar:
         """Return the length [m] of the shortest path between two points, to about half a coarse cell."""
         (starts, start_weights), (ends, end_weights) = start, end
         lengths = self.ways[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
-    def way_from(self, stop: Int[Array, ""], end: Places) -> Scalar:
+    def path_length_from(self, stop: Int[Array, ""], end: Places) -> Scalar:
         """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
         stops, weights = end
         return jnp.sum(self.ways[self.member, stop, stops].astype(jnp.float32) * weights) / 100

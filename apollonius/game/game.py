@@ -116,16 +116,16 @@ class Game(eqx.Module):
         assert scenario is not None, "only a scenario has places"
         assert place is not None, "a state of a game in one of several arenas says in which"
         alone = replace(self, arena=scenario.arena(place), scenario=None)
-        if scenario.makes is None:
+        if scenario.kinds is None:
             return alone
-        make = jax.tree.map(lambda leaf: leaf[place // scenario.count], scenario.makes)
+        kind = jax.tree.map(lambda leaf: leaf[place // scenario.count], scenario.kinds)
         others = self.teams and replace(
             self.teams,
-            pursuers=(make.pursuer,) * len(self.teams.pursuers),
-            evaders=(make.evader,) * len(self.teams.evaders),
+            pursuers=(kind.pursuer,) * len(self.teams.pursuers),
+            evaders=(kind.evader,) * len(self.teams.evaders),
         )
         return replace(
-            alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance, teams=others
+            alone, pursuer=kind.pursuer, evader=kind.evader, capture_distance=kind.capture_distance, teams=others
         )
 
     def require_one_arena(self, who: str) -> None:

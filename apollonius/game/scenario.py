@@ -23,12 +23,12 @@ _FAR = 1e6
 """Coordinates of padding [m]: so far away that it touches nothing."""
 
 
-class Makes(eqx.Module):
-    """Pairs of robots of several kinds, leaves `[makes]`, with the capture distance of each [m]."""
+class RobotKinds(eqx.Module):
+    """Pairs of robots of several kinds, leaves `[kinds]`, with the capture distance of each [m]."""
 
     pursuer: Unicycle
     evader: Unicycle
-    capture_distance: Float[Array, " makes"]
+    capture_distance: Float[Array, " kinds"]
 
     def __len__(self) -> int:
         return len(self.capture_distance)
@@ -45,19 +45,19 @@ class Scenario(eqx.Module):
     Attributes:
         arenas: leaves `[arenas]`.
         count: number of arenas.
-        makes: the robots, all of a side alike; None for those of the game everywhere.
+        kinds: the robots, all of a side alike; None for those of the game everywhere.
         name: its name in a game's file (`apollonius.arenas.suite`), or empty.
     """
 
     arenas: Arena
     count: int = eqx.field(static=True)
-    makes: Makes | None = None
+    kinds: RobotKinds | None = None
     name: str = eqx.field(static=True, default="")
 
     @property
     def size(self) -> int:
         """The number of places: every arena with every kind of robots."""
-        return self.count * (len(self.makes) if self.makes else 1)
+        return self.count * (len(self.kinds) if self.kinds else 1)
 
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
         """Draw a place. The key is consumed."""
@@ -66,7 +66,7 @@ class Scenario(eqx.Module):
     def place_of(self, index: Any) -> Any:
         """Return the place of a match's game of this index: all arenas take turns, and all kinds of robots."""
         arena, turn = index % self.count, index // self.count
-        return arena if self.makes is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.makes))
+        return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
         """Return the arena of a place. Its chart stays with all others: it is too large to copy for each game."""

@@ -128,7 +128,7 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     kinds = "robots of several kinds"
-    require(scenario is None or scenario.makes is None, "game", kinds, "of one kind: the solved game has its robots")
+    require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())

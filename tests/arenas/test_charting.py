@@ -53,7 +53,7 @@ def points(arena, count, seed=0):
 @pytest.mark.parametrize(("name", "arena"), [("room", ROOM), ("wide", OPEN)])
 def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
     chart, (x, y) = request.getfixturevalue(name), points(arena, 3000)
-    found = jax.vmap(chart.room)(x, y)
+    found = jax.vmap(chart.clearance)(x, y)
     known = jax.vmap(arena.clearance)(x, y)
     cell = float(chart.side[0]) / SIDE
     assert float(jnp.max(jnp.abs(found - known))) < 0.75 * cell
@@ -63,9 +63,9 @@ def test_room_is_the_clearance_to_within_half_a_cell(name, arena, request):
 @pytest.mark.parametrize(("along", "known"), [(0.03, 0.03), (19.15, 19.15), (19.2, 19.2), (25.0, 19.2), (-1.0, 0.0)])
 def test_room_between_the_corners_is_linear_up_to_the_edge_and_constant_beyond(along, known):
     rising = jnp.linspace(0, SIDE / 10, SIDE + 1)
-    assert float(made(rising).room(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(known, abs=1e-4)
+    assert float(made(rising).clearance(jnp.float32(3 + along), jnp.float32(4.0))) == pytest.approx(known, abs=1e-4)
     upwards = made(rising[:, None])
-    assert float(upwards.room(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
+    assert float(upwards.clearance(jnp.float32(7.0), jnp.float32(along - 2))) == pytest.approx(known, abs=1e-4)
 
 
 def test_a_ray_is_followed_in_twelve_steps():
@@ -97,7 +97,7 @@ def test_no_ray_goes_through_anything(room):
 
 @jax.jit
 def way_between(chart, start, end):
-    return chart.way(chart.places(*start), chart.places(*end))
+    return chart.path_length(chart.places(*start), chart.places(*end))
 
 
 def way(chart, start, end):
@@ -157,7 +157,7 @@ def test_each_of_several_arenas_has_its_own_chart():
         chart = together.scenario.arena(jnp.asarray(number)).chart
         alone = chart_of(arena)
         x, y = points(arena, 200)
-        np.testing.assert_allclose(jax.vmap(chart.room)(x, y), jax.vmap(alone.room)(x, y), atol=1e-5)
+        np.testing.assert_allclose(jax.vmap(chart.clearance)(x, y), jax.vmap(alone.clearance)(x, y), atol=1e-5)
         ways = [np.asarray(one.ways[member]) for one, member in ((chart, number), (alone, 0))]
         assert np.mean(ways[0] != ways[1]) < 1e-3
 

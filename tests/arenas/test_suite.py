@@ -18,9 +18,9 @@ from apollonius.arenas.suite import (
     PAPERS_OWN,
     PARTS,
     digest,
+    draw_robot_kinds,
     each_alone,
     find_scenario,
-    makes,
     suite_arena,
     suite_entries,
     suite_names,
@@ -152,7 +152,7 @@ def test_a_record_names_it(three):
 
 
 def test_robots_of_many_makes_are_around_the_papers():
-    found = makes()
+    found = draw_robot_kinds()
     assert len(found) == PAPERS_OWN + OTHERS
     for role in Role:
         bodies = found.every(role)
@@ -168,10 +168,10 @@ def test_robots_of_many_makes_are_around_the_papers():
 
 
 def test_each_game_has_the_robots_of_its_make():
-    """Two arenas, three makes: who is fast is where the state says."""
-    some = jax.tree.map(lambda leaf: leaf[PAPERS_OWN - 1 : PAPERS_OWN + 2], makes())
+    """Two arenas, three kinds of robots: who is fast is where the state says."""
+    some = jax.tree.map(lambda leaf: leaf[PAPERS_OWN - 1 : PAPERS_OWN + 2], draw_robot_kinds())
     game = in_arenas(Game(), [suite_arena("suite-v1", name) for name in ("discs-01", "discs-03")])
-    game = replace(game, scenario=replace(game.scenario, makes=some))
+    game = replace(game, scenario=replace(game.scenario, kinds=some))
     assert game.scenario.size == 6
     states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 64)
     assert set(np.asarray(states.place).tolist()) == set(range(6))
@@ -185,8 +185,8 @@ def test_each_game_has_the_robots_of_its_make():
 def test_matches_take_turns_between_arenas_and_makes(three):
     starts = sample_starts(three, jax.random.key(0), 7)
     assert np.asarray(starts.place).tolist() == [0, 1, 2, 0, 1, 2, 0]
-    with_makes = replace(three.scenario, makes=makes())
-    places = with_makes.place_of(np.arange(3 * 64))
+    with_kinds = replace(three.scenario, kinds=draw_robot_kinds())
+    places = with_kinds.place_of(np.arange(3 * 64))
     assert sorted(places) == list(range(3 * 64)), "every arena with every make once"
 
 
