@@ -43,7 +43,6 @@ from apollonius.play.rollout import collect as collect
 from apollonius.solve.joint import make_duel as make_duel
 from apollonius.solve.joint import solve_duel as solve_duel
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy
-from apollonius.solve.reach import make_chase as make_chase
 from apollonius.solve.reach import solve_reach as solve_reach
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.solving import joint_grid as joint_grid

@@ -7,18 +7,27 @@ graph is bridged (Chepoi, 2000), and one pursuer is enough on every bridged grap
 """
 
 from dataclasses import dataclass
+<<<<<<< HEAD
+=======
+from functools import cached_property
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+<<<<<<< HEAD
 from apollonius.arenas.survey import clearances_at, connected, places
+=======
+from apollonius.arenas.survey import clearances_at, places
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
 from apollonius.game.game import Game
 from apollonius.io.errors import require
 
 
 @dataclass(frozen=True)
+<<<<<<< HEAD
 class Island:
     """An obstacle, or several without a passage between them, with free space all around.
 
@@ -35,13 +44,23 @@ class Island:
 @dataclass(frozen=True)
 class FreeSpace:
     """The places of both robots' centres, `[rows, columns]`, the first row at the bottom.
+=======
+class FreeSpace:
+    """The places where the centres of both robots can be, `[rows, columns]`, the first row at the bottom.
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
 
     Attributes:
         free: the largest connected part.
         x, y: the lower left corner [m].
+<<<<<<< HEAD
         cell: side of a cell [m].
         parts: number of connected parts.
         islands: the islands in the largest part.
+=======
+        cell: side of a place [m].
+        parts: how many parts there are that no robot leaves.
+        islands: how many there are in the largest one: obstacles with free space all around.
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
     """
 
     free: Bool[np.ndarray, "rows columns"]
@@ -49,26 +68,37 @@ class FreeSpace:
     y: float
     cell: float
     parts: int
-    islands: tuple[Island, ...]
+    islands: int
 
     @property
     def area(self) -> float:
+<<<<<<< HEAD
         """The area of the largest part [m^2]."""
+=======
+        """Area of the largest part [m^2]."""
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
         return float(self.free.sum()) * self.cell**2
 
 
 def free_space(game: Game) -> FreeSpace:
+<<<<<<< HEAD
     """Return the free space of a game's larger robot.
 
     Raises:
         InvalidInput: where it fits nowhere.
+=======
+    """Return the free space of the larger of a game's robots.
+
+    Raises:
+        InvalidInput: where no robot fits.
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
     """
     arena = game.arena
     x, y, cell = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
-    clearances = clearances_at(arena, x, y)
-    free = clearances.min(axis=0) >= radius
+    free = clearances_at(arena, x, y).min(axis=0) >= radius
     require(free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena")
+<<<<<<< HEAD
     names = np.array(list(arena.named_obstacles))
     nearest = clearances[4:].argmin(axis=0) if len(names) else np.zeros(free.shape, int)
     return largest_part(free, float(arena.x_min), float(arena.y_min), cell, names[nearest] if len(names) else None)
@@ -78,15 +108,27 @@ def largest_part(
     free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float, names: np.ndarray | None = None
 ) -> FreeSpace:
     """Return the largest part of a raster's free cells, and the islands in it.
+=======
+    return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
+
+
+def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
+    """Return the largest part of a raster's free places, and the number of islands in it.
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
 
     Args:
         free: the free cells, at least one, the first row at the bottom.
         x, y: the lower left corner [m].
+<<<<<<< HEAD
         cell: side of a cell [m].
         names: the name of the obstacle nearest to each cell.
+=======
+        cell: side of a place [m].
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
     """
     parts, count = connected(free, corners=False)
     largest = parts == 1 + np.argmax(np.bincount(parts[free])[1:])
+<<<<<<< HEAD
     # What is joined to the outside is no island; its number is the first one.
     rest, islands = connected(np.pad(~largest, 1, constant_values=True))
     rest = rest[1:-1, 1:-1]
@@ -99,6 +141,21 @@ def largest_part(
     return FreeSpace(largest, x, y, cell, count, tuple(found))
 
 
+=======
+    _, islands = _labelled(np.pad(~largest, 1, constant_values=True), _AROUND)
+    return FreeSpace(largest, x, y, cell, count, islands - 1)  # what is joined to the outside is no island
+
+
+def _labelled(
+    places: Bool[np.ndarray, "rows columns"], structure: np.ndarray | None = None
+) -> tuple[Int[np.ndarray, "rows columns"], int]:
+    """Number connected parts from 1, and count them; by default parts do not touch at corners."""
+    numbered = np.zeros(places.shape, np.int32)
+    count = int(label(places, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
+    return numbered, count
+
+
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
 @dataclass(frozen=True)
 class Tiling:
     """A graph of an arena. Two nodes are neighbours where their pieces of cells share a part of a side.
@@ -115,9 +172,13 @@ class Tiling:
     spacing: float
     angle: float
 
-    @property
+    @cached_property
     def holes(self) -> int:
+<<<<<<< HEAD
         """The number of cycles not filled by triangles: of islands large enough for the graph."""
+=======
+        """Number of cycles that triangles do not fill: islands that are large enough for the graph to see them."""
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
         links = self.adjacency.astype(np.float32)
         triangles = round(float(np.sum((links @ links) * links)) / 6)
         return int(self.adjacency.sum()) // 2 - len(links) + 1 - triangles
@@ -152,7 +213,11 @@ def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
 
 
 def _hexagons(x: Float[np.ndarray, " places"], y: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
+<<<<<<< HEAD
     """Return a number for the hexagon around each point; the middles of neighbours are 1 apart."""
+=======
+    """Return a number for the cell of each place; the middles of neighbouring cells are 1 apart."""
+>>>>>>> 9bc97b6 (The solved game has one payoff and a known opponent one search; the solver's tests and words are fewer)
     high = np.sqrt(3)
     one = np.round(x), np.round(y / high)
     other = np.floor(x), np.floor(y / high)

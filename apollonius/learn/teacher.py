@@ -66,7 +66,7 @@ class Clearance(eqx.Module):
 
         def clearance(action: Array) -> Scalar:
             course = self.motion.hold(robot, action)
-            return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
+            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
 
         return jax.vmap(clearance)(jnp.arange(NUM_ACTIONS))
 

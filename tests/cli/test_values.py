@@ -39,54 +39,20 @@ KINDS: dict[str, set[str]] = {
 """The odd values that make sense for an argument of each kind; a name is looked up when the command runs."""
 COUNTS = "games hold responses env_steps seeds port most"
 REALS = "gap size opponent opponent_speed opponent_heading speed heading target"
-CHOICES = "action what role attackers on to starts stage algorithm opponents preset profile budget payoff side"
+CHOICES = "action what role attackers on to starts stage algorithm opponents preset profile budget side kind part"
 ARGUMENTS = {
     **dict.fromkeys(COUNTS.split(), "count"),
-    **dict.fromkeys(["record", "response_games", "discs"], "count from 0"),
+    **dict.fromkeys(["record", "discs"], "count from 0"),
     "seed": "seed",
-    **dict.fromkeys(
-        ["gap", "size", "opponent", "opponent_speed", "opponent_heading", "speed", "heading", "target"], "real"
-    ),
-    **dict.fromkeys(
-        [
-            "action",
-            "what",
-            "role",
-            "attackers",
-            "on",
-            "to",
-            "starts",
-            "stage",
-            "algorithm",
-            "opponents",
-            "preset",
-            "profile",
-            "budget",
-            "payoff",
-            "side",
-            "kind",
-            "part",
-        ],
-        "choice",
-    ),
+    **dict.fromkeys(REALS.split(), "real"),
+    **dict.fromkeys(CHOICES.split(), "choice"),
     "vary": "values",
     "grid": "nodes",
     **dict.fromkeys(["out", "plot"], "file to write"),
     **dict.fromkeys(["train out", "exploit out", "reproduce out", "replays", "keep", "site"], "folder to write"),
     **dict.fromkeys(["tables", "config", "drive"], "file to read"),
     "folder": "folder to read",
-    **dict.fromkeys(
-        [
-            "pursuer",
-            "evader",
-            "pursuers",
-            "evaders",
-            "agent",
-            "first",
-            "against",
-        ],
-        "agent",
-    ),
+    **dict.fromkeys(["pursuer", "evader", "pursuers", "evaders", "agent", "first", "against"], "agent"),
     "observation": "name",
     "game": "game",
 }
