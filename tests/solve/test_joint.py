@@ -114,7 +114,7 @@ LINE = Game(
 """A chase along a line: in a second each action leads from a place of 0.15 m and 0.3 m/s to another."""
 
 
-@pytest.mark.parametrize("role", Role)
+@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
 def test_on_a_lattice_no_side_is_promised_more_than_the_exact_value(role):
     """Nothing is interpolated there, so that the rules alone decide; a pursuer that would crash later has captured."""
     table, duel, _ = solved(LINE, role, (numpy_chase.PLACES, 3, 5, 3), 1e-4, hold=10)
