@@ -1,7 +1,7 @@
-"""The functions that the page runs: the rules, what robots see, and what players make of it.
+"""The functions that the page runs: the rules, charts, observations, and players.
 
-Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates. How many robots,
-obstacles, cells and units there are is data, so that one program serves every game and agent of the page.
+Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates. The numbers of
+robots, obstacles, cells and units are data, so that one program serves every game and agent of the page.
 """
 
 import functools
@@ -17,8 +17,10 @@ from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import MARGIN, Backup
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
+from apollonius.arenas.charting import clearances, paths
 from apollonius.export.program import Program
 from apollonius.export.translate import translated
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
@@ -29,16 +31,17 @@ from apollonius.game.game import Game
 from apollonius.game.polygon import Edge
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, Scalar
+from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
 from apollonius.web.handed import Field, Floor, Robots
 from apollonius.web.site import READS, ROBOTS
 
 T = TypeVar("T")
 UNITS = 64
-"""Units of a layer that are worked out together: weights lie so in memory."""
+"""Units of a layer whose weights lie together in memory."""
 Gears = Float[Array, "2"]
 _ENDLESS = 2**28
-"""Length of arrays of which the page has as much as is needed."""
+"""Length of arrays that the page makes as long as it needs."""
 
 
 # ---- rules
@@ -55,10 +58,10 @@ def step(
     *,
     mates_collide: bool = False,
 ) -> dict[str, Any]:
-    """Return the robots after a step, pursuers first, and how the game stands.
+    """Return the robots after a step, pursuers first, and the outcome.
 
     Args:
-        left: how many steps there may still be.
+        left: steps until the time limit.
     """
     (first, *pursuers), (other, *evaders) = (robots.side(robots.bodies, second) for second in (False, True))
     teams = Teams(tuple(pursuers), tuple(evaders), mates_collide)
@@ -81,7 +84,7 @@ def move(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar) -> RobotSt
 
 
 def clearance(floor: Floor, field: Field, x: Scalar, y: Scalar) -> Scalar:
-    """Return how far a place is from walls and obstacles [m]."""
+    """Return the clearance of a point [m]."""
     return floor.arena(field).clearance(x, y)
 
 
@@ -113,11 +116,11 @@ def network(
     count: Int[Array, ""],
     inputs: Float[Array, " inputs"],
 ) -> Float[Array, " outputs"]:
-    """Return what fully connected layers with ReLU between them say.
+    """Return the outputs of fully connected layers with ReLU between them.
 
     Args:
-        weights: of each layer, for every `UNITS` of its units their biases and then, input by input, their weights.
-        sizes: how many numbers go into each layer; at last how many come out.
+        weights: of each layer, for every `UNITS` units their biases and then, input by input, their weights.
+        sizes: numbers of inputs of each layer, and of outputs of the last one.
         count: of layers.
     """
 
@@ -143,7 +146,7 @@ def network(
 
 
 class _FleeAware(FleeAware):
-    """Looks ahead for any number of steps."""
+    """A player that looks ahead for any number of steps."""
 
     steps: int | Array = 0
 
@@ -155,9 +158,9 @@ class _Backup(Backup):
 
 
 def room_after(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar, floor: Floor, field: Field) -> Scalar:
-    """Return how much room an action and the best way to rest after it leave [m].
+    """Return the least clearance during an action and the best manoeuvre to rest after it [m].
 
-    It is less than that, but more than `MARGIN`, where nothing is as near as the robot can come on any way to rest.
+    It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena = floor.arena(field)
     backup = _Backup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
@@ -166,6 +169,22 @@ def room_after(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar, floo
     least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
     return jax.lax.cond(is_enough, lambda: least, lambda: backup.room_after(robot, gears))
+
+
+def chart(
+    floor: Floor, field: Field, corners: Float[Array, "2 corners"], side: Scalar, radius: Scalar
+) -> dict[str, Chart]:
+    """Return the chart of an arena.
+
+    Args:
+        corners: x and y [m] of the corners of the chart's cells.
+        side: length of the arena's longer side [m].
+        radius: of the body that follows its paths [m].
+    """
+    found = clearances(floor.arena(field), corners[0], corners[1])
+    ways, beside = paths(found, side, radius)
+    x, y = corners[:, :1]
+    return {"chart": Chart(found[None], ways[None], beside[None], x, y, side[None], jnp.zeros((), jnp.int32))}
 
 
 def places(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:
@@ -188,35 +207,58 @@ _RULES: dict[str, Callable[[Scalar], AbstractClassical]] = {
 }
 
 
+def _made(function: Callable[..., Any], *given: Any, name: str | None = None) -> Program:
+    with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
+        return translated(function, *given, name=name or function.__name__, whole=True)
+
+
+def player_program(player: AbstractPolicy) -> Program:
+    """Return a player of a user's own as the page calls it, from all that a robot sees to its action.
+
+    Raises:
+        InvalidInput: for a player with a memory or with continuous actions.
+    """
+    plays = not jax.tree.leaves(player.memory) and not player.continuous
+    require(
+        plays, "player", type(player).__name__, "one with discrete actions and without a memory, to play in the page"
+    )
+
+    def own(
+        robots: Robots, floor: Floor, field: Field, chart: Chart, capture_distance: Scalar, dt: Scalar
+    ) -> Int[Array, ""]:
+        seen = robots.seen(floor.arena(field, chart), capture_distance)
+        return jnp.asarray(player(player.observation(seen), (), jnp.uint32(0))[0], jnp.int32)
+
+    shapes = jax.eval_shape(_examples)
+    return _made(own, *(shapes[name] for name in ("robots", "floor", "field", "chart", "real", "real")))
+
+
 def page_programs() -> Iterator[Program]:
     """Yield all programs of the page."""
 
-    def made(function: Callable[..., Any], *given: Any, name: str | None = None) -> Program:
-        with jax.numpy_dtype_promotion("standard"):  # numbers that are Python's elsewhere are data here
-            return translated(function, *given, name=name or function.__name__, whole=True)
-
     shapes = jax.eval_shape(_examples)
-    body, robot, robots, floor, field, chart = (
+    body, robot, robots, floor, field, drawn = (
         shapes[name] for name in ("body", "robot", "robots", "floor", "field", "chart")
     )
     real, whole, pair = (shapes[name] for name in ("real", "whole", "pair"))
     stepping = robots, floor, field, shapes["gears"], real, real, whole
-    yield made(step, *stepping)
-    yield made(functools.partial(step, mates_collide=True), *stepping, name="step_of_bodies")
-    yield made(move, body, robot, pair, real)
-    yield made(clearance, floor, field, real, real)
-    yield made(clearance_along, floor, field, robot, robot)
-    yield made(room_after, body, robot, pair, real, floor, field)
-    yield made(places, chart, real, real)
-    yield made(network, shapes["weights"], shapes["sizes"], whole, shapes["inputs"])
+    yield _made(step, *stepping)
+    yield _made(functools.partial(step, mates_collide=True), *stepping, name="step_of_bodies")
+    yield _made(move, body, robot, pair, real)
+    yield _made(clearance, floor, field, real, real)
+    yield _made(clearance_along, floor, field, robot, robot)
+    yield _made(room_after, body, robot, pair, real, floor, field)
+    yield _made(chart, floor, field, shapes["corners"], real, real)
+    yield _made(places, drawn, real, real)
+    yield _made(network, shapes["weights"], shapes["sizes"], whole, shapes["inputs"])
     for name in READS:
-        yield made(_observation(name), robots, floor, field, chart, real, name=f"see_{name}")
+        yield _made(_observation(name), robots, floor, field, drawn, real, name=f"see_{name}")
     for name, player in _RULES.items():
-        yield made(_rule(player), robots, floor, field, chart, real, real, name=name)
+        yield _made(_rule(player), robots, floor, field, drawn, real, real, name=name)
 
 
 def _examples() -> dict[str, Any]:
-    """Return arguments of the shapes that the page has."""
+    """Return arguments of the page's shapes."""
 
     def real(*shape: int) -> Array:
         return jnp.zeros(shape, jnp.float32)
@@ -238,6 +280,7 @@ def _examples() -> dict[str, Any]:
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
         "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, beside, real(1), real(1), real(1), whole()),
+        "corners": real(2, SIDE + 1),
         "gears": real(many, 2),
         "weights": real(_ENDLESS),
         "sizes": whole(MOST_LAYERS + 2),

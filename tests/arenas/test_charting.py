@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.arenas import charting
-from apollonius.arenas.charting import charted
+from apollonius.arenas.charting import charted, paths
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.dynamics import Unicycle
@@ -124,11 +123,18 @@ def test_in_an_empty_square_stops_are_as_far_apart_as_points():
     assert int(chart.beside[0, 0, 0]) % 2**STOP_BITS == 0
 
 
-@pytest.mark.parametrize("corner", [-1, 0])
-def test_where_no_stop_is_near_all_cells_take_the_first(corner):
-    found = np.full((3, 3), -1)
-    found[0, 0] = corner
-    np.testing.assert_array_equal(charting._spread(found, np.zeros((4, 4), np.float32)), 0)
+def test_where_a_body_fits_nowhere_there_are_no_paths_and_the_first_stop_is_the_nearest():
+    ways, beside = paths(jnp.full((SIDE + 1, SIDE + 1), 0.3), jnp.float32(8.0), jnp.float32(0.4))
+    np.testing.assert_array_equal(ways, np.where(np.eye(STOPS**2, dtype=bool), 0, NO_WAY))
+    assert not np.any(beside)
+
+
+def test_where_a_body_just_fits_no_rounding_decides():
+    """Stops beside the walls are 0.2 m from them, to the last bits of single precision; the chart is too coarse for
+    the four in the corners."""
+    body = Unicycle(radius=0.2)
+    ways = np.asarray(chart_of(Arena(0.0, 16.0, 0.0, 16.0), pursuer=body, evader=body).ways[0])
+    assert np.sum(np.sum(ways < NO_WAY, axis=1) == 1) == 4
 
 
 def test_a_body_that_does_not_fit_through_has_no_way():
