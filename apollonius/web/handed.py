@@ -1,4 +1,4 @@
-"""Games as the page writes them: the numbers of robots, obstacles and cells are data."""
+"""Games as the page hands them over: how many robots, obstacles and cells there are is data."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,15 +23,17 @@ Field = Float[Array, " corners"]
 
 
 class Discs(AbstractObstacle):
-    """Discs, leaves `[most]`, of which the first `count` exist."""
+    """Some discs, leaves `[most]`, the first `count` of them there."""
 
     discs: Disc
     count: Int[Array, ""]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point; negative inside."""
         return self._least(lambda disc: disc.clearance(x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
         return self._least(lambda disc: disc.clearance_along(before, after))
 
     def _least(self, clearance: Callable[[Disc], Scalar]) -> Scalar:
@@ -42,7 +44,7 @@ class Discs(AbstractObstacle):
 
 
 class Edges(Polygons):
-    """Polygons by their edges, leaves `[most]`, of which the first `count` exist."""
+    """Polygons by their edges, leaves `[most]`, the first `count` of them there."""
 
     edges: Edge
     count: Int[Array, ""]
@@ -52,7 +54,7 @@ class Edges(Polygons):
 
 
 class Cells(OccupancyMap):
-    """An occupancy map of any size, its field flattened; infinitely far away where it has no columns."""
+    """An occupancy map of any size, its field in a row; endlessly far away where it has no columns."""
 
     field: Field
     rows: Int[Array, ""]
@@ -66,9 +68,11 @@ class Cells(OccupancyMap):
         return self.field[row * self.columns + column]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point, as that of `OccupancyMap`."""
         return self._if_there(lambda: OccupancyMap.clearance(self, x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states, as that of `OccupancyMap`."""
         return self._if_there(lambda: OccupancyMap.clearance_along(self, before, after))
 
     def _if_there(self, clearance: Callable[[], Scalar]) -> Scalar:
@@ -76,27 +80,30 @@ class Cells(OccupancyMap):
 
 
 class Drawn(Arena):
-    """An arena whose obstacles are data, with one translated function for each query however often it is called."""
+    """An arena whose obstacles are data. What is asked often is one function each, however often it is asked."""
 
     drawn: tuple[AbstractObstacle, ...] = ()
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Distance [m] from a point to the nearest wall or obstacle."""
         return jax.jit(Arena.clearance)(self, x, y)
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Least clearance [m] on the segment between two states."""
         return jax.jit(Arena.clearance_along)(self, before, after)
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
+        """Whether a body touches an obstacle on the segment between two states."""
         return jax.jit(Arena.hits_obstacle)(self, before, after, radius)
 
 
 class Floor(eqx.Module):
-    """An arena as the page writes it, without the field of its map and its chart.
+    """An arena as the page hands it over, but for the field of its map and its chart.
 
     Attributes:
         walls: x_min, x_max, y_min, y_max [m].
-        territory: with radius 0 if the arena has none.
-        map: x, y and side length of a cell [m].
+        territory: of radius 0 where there is none.
+        map: x, y and side of a cell [m].
         counts: of discs, edges, rows and columns of the map.
     """
 
@@ -117,7 +124,7 @@ class Floor(eqx.Module):
 
 
 class Robots(eqx.Module):
-    """Robots, leaves `[2 * ROBOTS]`: one side, then the other. Places without a robot are not active."""
+    """Robots, leaves `[2 * ROBOTS]`: those of one side, then those of the other. Who is not there is not active."""
 
     bodies: Unicycle
     states: RobotState
@@ -128,7 +135,7 @@ class Robots(eqx.Module):
         return tuple(at(values, number + second * ROBOTS) for number in range(ROBOTS))
 
     def seen(self, arena: Arena, capture_distance: Scalar) -> View:
-        """Return the view of the first robot."""
+        """Return what the first of them sees."""
 
         def side(second: bool) -> tuple[Robot, ...]:
             parts = (self.side(values, second) for values in (self.bodies, self.states, self.status))
@@ -141,5 +148,5 @@ class Robots(eqx.Module):
 
 
 def at(values: Any, number: int | Int[Array, ""]) -> Any:
-    """Return one row of each leaf."""
+    """Return one of some values, of each leaf one row."""
     return jax.tree.map(lambda leaf: leaf[number], values)
