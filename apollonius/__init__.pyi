@@ -26,9 +26,9 @@ from apollonius.game.dynamics import Unicycle as Unicycle
 from apollonius.game.game import Game as Game
 from apollonius.game.game import reset_batch as reset_batch
 from apollonius.game.polygon import Polygon as Polygon
+from apollonius.game.presets import in_arenas as in_arenas
 from apollonius.game.presets import make_game as make_game
 from apollonius.game.reward import Reward as Reward
-from apollonius.game.scenario import in_arenas as in_arenas
 from apollonius.game.starts import Starts as Starts
 from apollonius.game.types import GameState as GameState
 from apollonius.game.types import Outcome as Outcome
@@ -43,7 +43,6 @@ from apollonius.play.rollout import collect as collect
 from apollonius.solve.joint import make_duel as make_duel
 from apollonius.solve.joint import solve_duel as solve_duel
 from apollonius.solve.players import SaddlePolicy as SaddlePolicy
-from apollonius.solve.reach import make_chase as make_chase
 from apollonius.solve.reach import solve_reach as solve_reach
 from apollonius.solve.safety import solve_safety as solve_safety
 from apollonius.solve.solving import joint_grid as joint_grid

@@ -1,7 +1,8 @@
-"""Players by name: all kinds of players, and the shield that any of them can have."""
+"""Players by name: all kinds of players, and the shield that each can have."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -19,16 +20,16 @@ from apollonius.agents.uniform import Uniform
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
-from apollonius.solve.solving import Solved
+from apollonius.solve.solving import SolvedGame
 
-KINDS: tuple[AbstractKind, ...] = (BuiltIn(), Solved(), Trained())
+KINDS: tuple[AbstractKind, ...] = (BuiltIn(), SolvedGame(), Trained())
 """All kinds of players; a name is of the first that knows it. A new kind is a file of its own and its name here."""
 TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
 
 def find_player(name: str, role: Role, game: Game | None = None) -> Named:
-    """The player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
+    """Return the player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
 
     Args:
         name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`). `RUN/NAME` is an agent
@@ -37,10 +38,10 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
         game: what is played, which shields, classical players and those of solved games have to know.
 
     Raises:
-        InvalidInput: when there is none, its file is bad or of another game, it plays the other side only, it has to
-            know the game and there is none, or a shield cannot help.
+        InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, it has to
+            know the game and none is given, or a shield cannot help.
     """
-    _require_name(name)
+    require(isinstance(cast(object, name), str), "player", name, "a name, or the path of a file")
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
@@ -50,13 +51,10 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
     raise unknown(name, *KINDS)
 
 
-def _require_name(name: object) -> None:
-    require(isinstance(name, str), "player", name, "a name, or the path of a file")
-
-
 def price_of_losing(player: Named, game: Game) -> float:
-    """About what a lost game costs in the units of a player's action values: 1 for a solved game's player and for whom
-    a table has taught, the price of a failure for whom rewards have.
+    """Return about what a lost game costs in the units of a player's action values.
+
+    It is 1 for a solved game's player and its students, and the reward of a failure for those who learned by rewards.
     """
     if player.header is None:
         return 1.0
@@ -66,12 +64,12 @@ def price_of_losing(player: Named, game: Game) -> float:
 
 
 def player_names(role: Role, game: Game) -> list[str]:
-    """Names of all the players of one side that need no file and that the game is one for."""
+    """Return the names of all the players of one side that need no file and that the game is one for."""
     return [name for kind in KINDS for name in kind.names() if kind.fits(name, role, game)]
 
 
 def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
-    """The pool of the players of these names; each game meets one of them.
+    """Return the pool of the players of these names; each game meets one.
 
     Several must be trained agents with networks of one shape, or `random`.
 

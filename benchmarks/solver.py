@@ -50,16 +50,16 @@ def main() -> None:
     side = make_side(game, Role.PURSUER, grid, hold)
     alone, free = jnp.zeros(grid.shape, jnp.float32), side.free
 
-    def worth(index: jax.Array, action: int, later: jax.Array) -> jax.Array:
+    def value(index: jax.Array, action: int, later: jax.Array) -> jax.Array:
         return jnp.where(free[index, action], later, 0.0)
 
-    sweep = jax.jit(lambda table: side.transitions.backup(table, worth))
+    sweep = jax.jit(lambda table: side.transitions.backup(table, value))
     once = seconds(lambda: sweep(alone))
     print(f"one robot on {grid.name}: {once * 1e3:.1f} ms of CPU time a sweep, ", end="")
     print(f"{grid.size * NUM_ACTIONS / once / 1e6:,.0f} M backups/s")
 
     grids = joint_grids(game, list(options.grid))
-    duel = make_duel(make_zero_sum_game(game, grids, options.hold, Role.PURSUER, "win"))
+    duel = make_duel(make_zero_sum_game(game, grids, options.hold, Role.PURSUER))
     lanes = lanes_of(duel.first.grid)
     table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
     pairs = table.size
@@ -70,7 +70,7 @@ def main() -> None:
     if options.solve:
         for role in Role:
             begun = time.perf_counter()
-            solved = solve_duel(make_duel(make_zero_sum_game(game, grids, options.hold, role, "win")))
+            solved = solve_duel(make_duel(make_zero_sum_game(game, grids, options.hold, role)))
             print(f"{role.name.lower()}: {time.perf_counter() - begun:,.0f} s, {solved.sweeps} sweeps, ", end="")
             print(f"residual {solved.residual:.1e}", flush=True)
 

@@ -53,7 +53,7 @@ def forget_compilations(held_memory):
         held_memory["bytes"] = resident()
 
 
-RUNNING = ("test_attackers.py", "test_joint.py", "test_response.py")
+RUNNING = ("test_attackers.py", "test_joint.py")
 """Files whose programs solve games, and run for longer than it takes to compile them well."""
 
 

@@ -91,6 +91,13 @@ def test_no_file_is_in_a_circle():
     graphlib.TopologicalSorter(needs).prepare()
 
 
+@pytest.mark.parametrize("room", ["game", "arenas"])
+def test_no_file_of_a_room_is_in_a_circle_wherever_its_imports_stand(room):
+    files = {module: source for module, source in sources().items() if room_of(module) == room}
+    needs = {module: imported(ast.parse(text), module, files) & set(files) - {module} for module, text in files.items()}
+    graphlib.TopologicalSorter(needs).prepare()
+
+
 @pytest.mark.parametrize(
     ("module", "source", "complaint"),
     [

@@ -244,7 +244,7 @@ def with_less(words, options):
         changes = {"--config": "tiny.toml"}
         rest = [word for word in rest if word not in ("--preset", "quick")]
     if what == "regret":
-        changes = {"--games": "8"} | ({"--response-games": "2"} if options["tables"] else {"--grid": GRIDS["game"]})
+        changes = {"--games": "8"} | ({} if options["tables"] else {"--grid": GRIDS["game"]})
     if what == "solve":
         changes["--grid"] = GRIDS[options["what"]]
     if what == "tournament":
@@ -383,7 +383,7 @@ def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypat
     assert Path("hall.png").exists()
     said = capsys.readouterr().out
     assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games, starts: rest" in said
-    assert "hall/P_curriculum (pursuer) in the solved game: 4 games, starts: rest" in said
+    assert "hall/P_curriculum (pursuer) against the table: 4 games, starts: rest" in said
 
 
 GLOSSARY = re.findall(r"^\| [^|]+ \| .+ \| ([^|]+) \|$", (DOCS / "reference" / "glossary.md").read_text(), re.MULTILINE)

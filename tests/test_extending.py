@@ -125,10 +125,10 @@ def test_a_new_observation_is_read_by_networks_in_games_and_from_files(tmp_path,
     assert int(results.outcome.min()) > 0
 
 
-def test_a_new_scheme_is_read_from_configs_and_draws_who_sits(monkeypatch):
-    line = '"recent": Scheme(lambda lost: 2.0 ** jnp.arange(len(lost), dtype=jnp.float32)),'
+def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
+    line = '"recent": lambda lost: 2.0 ** jnp.arange(len(lost), dtype=jnp.float32),'
     assert line in DOCUMENT.read_text()
-    recent = eval(f"{{{line}}}", {"Scheme": opponents.Scheme, "jnp": jnp})["recent"]
+    recent = eval(f"{{{line}}}", {"jnp": jnp})["recent"]
     monkeypatch.setitem(opponents.SCHEMES, "recent", recent)
     config = from_dict(opponents.OpponentConfig, {"scheme": "recent", "versions": 4, "slots": 7000}, "a config")
     assert config.share == 0.5

@@ -1,4 +1,4 @@
-"""The playground in the site: the page as `apollonius play` serves it, and what it takes to open it from a folder."""
+"""The playground of the site: the page as `apollonius play` serves it, and scripts that open it from a folder."""
 
 import base64
 import json
@@ -9,21 +9,21 @@ from pathlib import Path
 from apollonius.web.site import write_site
 
 _SCRIPTS = Path(__file__).parent / "scripts"
-"""What leads to `offline.html`, and what loads the page there."""
+"""One script leads to `offline.html`, one loads the page there."""
 _MODULE = re.compile(r'<script type="module" src="([^"]+)"></script>')
-_IMPORT = re.compile(r'(?:(?:from|import)\s*\(?|new URL\()"\./([^"]+\.js)"')
-"""What a module needs: at once, when it is first wanted, and as a worker."""
+_IMPORT = re.compile(r'(?:from|import)\s*\(?"\./([^"]+\.js)"')
+"""What a module needs, at once or when it is first wanted."""
 _DATA = (".json", ".safetensors", ".f32")
 
 
 def write_playground(folder: Path) -> None:
-    """Write the page, so that it plays on any web host, and opened from this folder too.
+    """Write the page, to be served by any web host or opened from the folder.
 
     A browser loads no module and fetches no file for a page that comes from `file:`. So the folder holds everything
-    once more as plain scripts, and `offline.html`, to which the page leads there and which loads them.
+    as plain scripts, too, and `offline.html`, which loads them.
 
     Args:
-        folder: where to; new.
+        folder: to write to; new.
     """
     write_site(folder)
     page = (folder / "index.html").read_text()
@@ -44,7 +44,7 @@ def write_playground(folder: Path) -> None:
 
 
 def in_order(folder: Path, entry: str) -> list[list[str]]:
-    """The names and sources of a module and all that it imports, each after those that it imports itself."""
+    """Return the names and sources of a module and its imports, each after its own imports."""
     found: dict[str, str] = {}
 
     def visit(name: str) -> None:

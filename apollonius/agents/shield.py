@@ -189,8 +189,8 @@ def brakes(game: Game, role: Role) -> Backup:
     Raises:
         InvalidInput: when one of that side's robots cannot brake to rest.
     """
-    makes = game.scenario.makes if game.scenario else None
-    bodies = game.bodies[role] if makes is None else makes.every(role)
+    kinds = game.scenario.kinds if game.scenario else None
+    bodies = game.bodies[role] if kinds is None else kinds.every(role)
     for body in bodies:
         bound = "0 and more than 0: of a robot that can stop, as it does when it brakes"
         require(body.brakes_to_rest, "v_min, u1_max", (body.v_min, body.u1_max), bound)

@@ -162,7 +162,7 @@ def way_to(seen: View, end: RobotState) -> Cost:
     if (chart := seen.arena.chart) is None:
         return lambda x, y: jnp.hypot(end.x - x, end.y - y)
     there = chart.places(end.x, end.y)
-    return lambda x, y: chart.way(chart.places(x, y), there)
+    return lambda x, y: chart.path_length(chart.places(x, y), there)
 
 
 def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:

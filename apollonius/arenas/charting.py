@@ -1,7 +1,11 @@
-"""Charts drawn: the field of clearances, and all shortest ways, once for an arena before anyone plays there."""
+"""Charting: the field of clearances of an arena and all its shortest paths, once before anyone plays there.
+
+The page runs the same functions, translated.
+"""
 
 import functools
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,21 +16,32 @@ from jaxtyping import Array, Bool, Float, Int, UInt16
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.game import Game
+from apollonius.game.types import Scalar
 from apollonius.io.cache import Memory
 
-_STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
+_STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
 """From each stop to those beside it, columns and rows: eight directions, and as many between them both ways."""
 _LOOKS = 16
-"""Places on a line at which is looked whether there is room."""
+"""Points of a line at which the clearance is looked up."""
+_SLACK = 1e-4
+"""By how much a body may be too large [m], so that where it just fits no rounding decides."""
+_UNIT = 2**19
+"""Lengths are whole numbers, so that sums are exact: of a step from a stop to the next one."""
+_FAR = 2**30 - 1
+"""A length that no path has, and of which twice is a number."""
+_TOGETHER = 64
+"""Stops from which paths are looked for at once."""
 _Leaves = tuple[np.ndarray, ...]
 """Those of a chart in their order, without the axis of arenas."""
 _latest = Memory[_Leaves](4)
 """Of 5 MB each: one game is asked for its chart by both its players."""
-_Field = Float[np.ndarray, "corners corners"]
+_Field = Float[Array, "corners corners"]
+_Stops = Int[Array, "rows columns"]
+_Lengths = Int[Array, "rows columns starts"]
 
 
 def charted(game: Game) -> Game:
-    """The same game with charts of all its arenas, by the ways of the larger robot; nothing if they are there."""
+    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them."""
     if game.scenario is None:
         if game.arena.chart is not None:
             return game
@@ -42,8 +57,8 @@ def charted(game: Game) -> Game:
 
 def largest_radius(game: Game) -> float:
     """Return the radius of a game's largest robot [m], for which its chart is drawn."""
-    makes = game.scenario.makes if game.scenario else None
-    bodies = [body for side in game.bodies for body in side] if makes is None else [makes.pursuer, makes.evader]
+    kinds = game.scenario.kinds if game.scenario else None
+    bodies = [body for side in game.bodies for body in side] if kinds is None else [kinds.pursuer, kinds.evader]
     return max(float(np.max(np.asarray(body.radius))) for body in bodies)
 
 
@@ -54,108 +69,162 @@ def _charts(arenas: list[Arena], radius: float) -> Chart:
 
 
 def _drawn(arena: Arena, radius: float) -> _Leaves:
-    """One arena's chart."""
     x, y = float(arena.x_min), float(arena.y_min)
     side = max(float(arena.x_max) - x, float(arena.y_max) - y)
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
-    field = np.asarray(_clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners)))
-    middles = (np.arange(STOPS) + 0.5) / STOPS
-    columns, rows = np.meshgrid(middles, middles)
-    at = np.stack([columns.ravel(), rows.ravel()], axis=1) * SIDE
-    open_ = _look(field, at) > radius
-    ways = _ways(field, at, open_, side, radius)
-    reached = ways.min(axis=1, initial=np.inf, where=~np.eye(len(ways), dtype=bool)) < np.inf
-    beside = _beside(field, at, open_ & reached)
-    lengths = np.minimum(np.round(100 * ways), NO_WAY).astype(np.uint16)
-    numbers = np.array([x, y, side], np.float32)
-    return field, lengths, beside, *numbers[:, None]
+    field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
+    ways, beside = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
+    return *map(np.asarray, (field, ways, beside)), *np.array([x, y, side], np.float32)[:, None]
 
 
 @eqx.filter_jit
-def _clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corners"]) -> Float[Array, "y x"]:
+def clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corners"]) -> _Field:
+    """Return the clearances [m] of an arena on a grid, rows by `y`."""
     return jax.lax.map(lambda y: jax.vmap(lambda x: arena.clearance(x, y))(x), y)
 
 
-def _look(field: _Field, at: Float[np.ndarray, "*points 2"]) -> Float[np.ndarray, "*points"]:
-    """The field between its corners; `at` in cells, x first."""
-    inside = np.clip(at, 0, SIDE - 1e-3)
-    first = inside.astype(int)
-    right, up = np.moveaxis(inside - first, -1, 0)
-    column, row = first[..., 0], first[..., 1]
+@jax.jit
+def paths(
+    field: _Field, side: Scalar, radius: Scalar
+) -> tuple[UInt16[Array, "stops stops"], UInt16[Array, "cells cells"]]:
+    """Return `Chart.ways` and `Chart.beside` of a field of clearances.
+
+    Args:
+        side: length of the arena's longer side [m].
+        radius: of the body that follows the paths [m].
+    """
+    links = _links(field, radius)
+
+    def ways_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts stops"]:
+        found = _paths_from(links, starts)
+        centimetres = jnp.round(found.astype(jnp.float32) / _UNIT * (100 * side / STOPS))
+        return jnp.where(found >= _FAR, NO_WAY, jnp.minimum(centimetres, NO_WAY)).astype(jnp.uint16).T
+
+    is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
+    ways = jax.lax.map(ways_from, jnp.arange(STOPS**2).reshape(-1, _TOGETHER)).reshape(STOPS**2, STOPS**2)
+    return ways, _beside(field, is_linked.reshape(STOPS**2))
+
+
+def _look(field: _Field, x: Scalar, y: Scalar) -> Scalar:
+    """Return the field between its corners; x and y in cells."""
+    x, y = (jnp.clip(length, 0.0, SIDE - 1e-3) for length in (x, y))
+    column, row = x.astype(jnp.int32), y.astype(jnp.int32)
+    right, up = x - jnp.floor(x), y - jnp.floor(y)
     below = (1 - right) * field[row, column] + right * field[row, column + 1]
     return (1 - up) * below + up * ((1 - right) * field[row + 1, column] + right * field[row + 1, column + 1])
 
 
-def _are_clear(
-    field: _Field, start: Float[np.ndarray, "lines 2"], end: Float[np.ndarray, "lines 2"], radius: float
-) -> Bool[np.ndarray, " lines"]:
-    """Whether a body fits all along some lines."""
-    clear = np.ones(len(start), bool)
-    for share in np.linspace(0, 1, _LOOKS):
-        clear &= _look(field, start + share * (end - start)) > radius
-    return clear
+def _is_clear(
+    field: _Field, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar, radius: Scalar | float
+) -> Bool[Array, ""]:
+    """Return whether a body fits all along a line between two points in cells."""
+
+    def look(number: Int[Array, ""], clear: Bool[Array, ""]) -> Bool[Array, ""]:
+        share = number / (_LOOKS - 1)
+        return clear & (_look(field, x + share * (to_x - x), y + share * (to_y - y)) > radius)
+
+    return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
 
 
-def _ways(
-    field: _Field, at: Float[np.ndarray, "stops 2"], is_open: Bool[np.ndarray, " stops"], side: float, radius: float
-) -> Float[np.ndarray, "stops stops"]:
-    """Lengths [m] of the shortest ways; inf where there is none."""
-    from scipy.sparse import coo_array  # 0.3 s, for none but those who draw charts
-    from scipy.sparse.csgraph import dijkstra
-
-    rows, columns = np.divmod(np.arange(STOPS**2), STOPS)
-    starts: list[Int[np.ndarray, " some"]] = []
-    ends: list[Int[np.ndarray, " some"]] = []
-    lengths: list[Float[np.ndarray, " some"]] = []
-    for right, up in _STEPS:
-        column, row = columns + right, rows + up
-        inside = (column < STOPS) & (row >= 0) & (row < STOPS)
-        start, end = np.flatnonzero(inside), (row * STOPS + column)[inside]
-        both = is_open[start] & is_open[end]
-        start, end = start[both], end[both]
-        clear = _are_clear(field, at[start], at[end], radius)
-        starts.append(start[clear])
-        ends.append(end[clear])
-        lengths.append(np.full(int(clear.sum()), np.hypot(right, up) * side / STOPS))
-    graph = coo_array(
-        (np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))), shape=(STOPS**2, STOPS**2)
-    )
-    return np.asarray(dijkstra(graph.tocsr(), directed=False))
+def _middle(stop: Any) -> Any:
+    """Return where the stop of a column or row is, in cells."""
+    return (stop + 0.5) * (SIDE / STOPS)
 
 
-def _beside(
-    field: _Field, at: Float[np.ndarray, "stops 2"], is_open: Bool[np.ndarray, " stops"]
-) -> UInt16[np.ndarray, "cells cells"]:
-    """What `Chart.beside` says."""
-    middles = (np.arange(SIDE) + 0.5) / SIDE
-    before = np.clip(np.floor(middles * STOPS - 0.5), 0, STOPS - 2).astype(int)
-    columns, rows = np.meshgrid(middles, middles)
-    cells = np.stack([columns.ravel(), rows.ravel()], axis=1) * SIDE
-    first = (before[:, None] * STOPS + before[None, :]).ravel()
-    seen = np.zeros(SIDE**2, int)
-    found = np.full(SIDE**2, -1)
-    shortest = np.full(SIDE**2, np.inf)
-    free = np.flatnonzero(_look(field, cells) > 0)
-    for bit, number in enumerate((0, 1, STOPS, STOPS + 1)):
-        stop = first[free] + number
-        visible = is_open[stop] & _are_clear(field, cells[free], at[stop], 0.0)
-        seen[free[visible]] |= 1 << (STOP_BITS + bit)
-        away = np.hypot(*(cells[free] - at[stop]).T)
-        nearer = visible & (away < shortest[free])
-        shortest[free[nearer]] = away[nearer]
-        found[free[nearer]] = stop[nearer]
-    return (seen.reshape(SIDE, SIDE) | _spread(found.reshape(SIDE, SIDE), field)).astype(np.uint16)
+def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
+    """Return the lengths of steps that lead to each stop: of `_STEPS`, and with the arena turned half round."""
+    numbers = jnp.arange(STOPS, dtype=jnp.float32)
+
+    def link(step: Float[Array, "2"], row: Scalar, column: Scalar) -> Int[Array, ""]:
+        from_column, from_row = column - step[0], row - step[1]
+        is_inside = (from_column >= 0) & (from_column < STOPS) & (from_row >= 0) & (from_row < STOPS)
+        x, y, from_x, from_y = (_middle(stop) for stop in (column, row, from_column, from_row))
+        length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
+        return jnp.where(is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR)
+
+    def along(step: Float[Array, "2"]) -> Int[Array, "rows columns"]:
+        return jax.lax.map(lambda row: jax.vmap(lambda column: link(step, row, column))(numbers), numbers)
+
+    steps = jnp.asarray(_STEPS, jnp.float32)
+    there, back = jax.lax.map(along, steps), jax.lax.map(along, -steps)
+    return jnp.stack([there, jnp.flip(back, (1, 2))])
 
 
-def _spread(found: Int[np.ndarray, "cells cells"], field: _Field) -> Int[np.ndarray, "cells cells"]:
-    """Each cell that has no stop takes that of one beside it that has, first through free cells, then through all."""
-    middles = (field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1]) / 4
-    for may in (middles > 0, np.ones(found.shape, bool)):
-        while True:
-            wide = np.pad(found, 1, constant_values=-1)
-            beside = np.max([wide[1:-1, 2:], wide[1:-1, :-2], wide[2:, 1:-1], wide[:-2, 1:-1]], axis=0)
-            new = (found < 0) & may & (beside >= 0)
-            if not new.any():
-                break
-            found = np.where(new, beside, found)
-    return np.maximum(found, 0)
+def _paths_from(links: Int[Array, "2 steps rows columns"], starts: Int[Array, " starts"]) -> Int[Array, "stops starts"]:
+    """Return the lengths of the shortest paths from some stops to all.
+
+    Sweeps go over the rows from below, and from above as the arena is turned by half a turn after each, until two in a
+    row have changed nothing.
+    """
+
+    def sweep(
+        carry: tuple[_Lengths, Int[Array, ""], Int[Array, ""]],
+    ) -> tuple[_Lengths, Int[Array, ""], Int[Array, ""]]:
+        lengths, turned, unchanged = carry
+        after = _swept(lengths, links[turned])
+        unchanged = jnp.where(jnp.any(after != lengths), 0, unchanged + 1)
+        return jnp.flip(after, (0, 1)), 1 - turned, unchanged
+
+    none = jnp.asarray(0)
+    first = jnp.where(jnp.arange(STOPS**2)[:, None] == starts[None], 0, _FAR).reshape(STOPS, STOPS, -1)
+    lengths, turned, _ = jax.lax.while_loop(lambda carry: carry[2] < 2, sweep, (first, none, none))
+    return jnp.where(turned == 1, jnp.flip(lengths, (0, 1)), lengths).reshape(STOPS**2, -1)
+
+
+def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
+    """Return lengths of paths that may end in steps upwards and to the right, row by row from below."""
+
+    def rightwards(before: Int[Array, " starts"], here: tuple[Array, Array]) -> tuple[Array, Array]:
+        length = jnp.minimum(here[0], before + here[1])
+        return length, length
+
+    def upwards(before: tuple[Array, Array], here: tuple[Array, Array]) -> tuple[tuple[Array, Array], Array]:
+        row, links = here
+        for number, (right, up) in enumerate(_STEPS[1:], 1):
+            padded = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
+            row = jnp.minimum(row, padded[2 - right : 2 - right + STOPS] + links[number, :, None])
+        _, row = jax.lax.scan(rightwards, jnp.full_like(row[0], _FAR), (row, links[0]))
+        return (row, before[0]), row
+
+    blank = jnp.full_like(lengths[0], _FAR)
+    return jax.lax.scan(upwards, (blank, blank), (lengths, jnp.moveaxis(links, 1, 0)))[1]
+
+
+def _beside(field: _Field, is_linked: Bool[Array, " stops"]) -> UInt16[Array, "cells cells"]:
+    """Return what `Chart.beside` says."""
+
+    def of_cell(row: Scalar, column: Scalar) -> tuple[Int[Array, ""], Int[Array, ""]]:
+        x, y = column + 0.5, row + 0.5
+        left, low = (jnp.clip(jnp.floor(length / SIDE * STOPS - 0.5), 0, STOPS - 2) for length in (x, y))
+
+        def look(bit: Int[Array, ""], before: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+            seen, nearest, shortest = before
+            stop_column, stop_row = (at + side.astype(jnp.float32) for at, side in ((left, bit % 2), (low, bit // 2)))
+            stop = (stop_row * STOPS + stop_column).astype(jnp.int32)
+            to_x, to_y = _middle(stop_column), _middle(stop_row)
+            is_seen = is_linked[stop] & _is_clear(field, x, y, to_x, to_y, 0.0)
+            away = jnp.hypot(x - to_x, y - to_y)
+            is_nearer = is_seen & (away < shortest)
+            seen = seen | (is_seen.astype(jnp.int32) << (STOP_BITS + bit))
+            return seen, jnp.where(is_nearer, stop, nearest), jnp.where(is_nearer, away, shortest)
+
+        return jax.lax.fori_loop(0, 4, look, (jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf)))[:2]
+
+    cells = jnp.arange(SIDE, dtype=jnp.float32)
+    seen, nearest = jax.lax.map(lambda row: jax.vmap(lambda column: of_cell(row, column))(cells), cells)
+    is_free = field[1:, 1:] + field[1:, :-1] + field[:-1, 1:] + field[:-1, :-1] > 0
+    nearest = _spread(_spread(nearest, is_free), jnp.ones_like(is_free))
+    return (seen | jnp.maximum(nearest, 0)).astype(jnp.uint16)
+
+
+def _spread(nearest: _Stops, may: Bool[Array, "rows columns"]) -> _Stops:
+    """Return stops of cells where those that may and have none, -1, take that of a cell beside them that has one."""
+
+    def widened(carry: tuple[_Stops, Bool[Array, ""]]) -> tuple[_Stops, Bool[Array, ""]]:
+        stops, _ = carry
+        wide = jnp.pad(stops, 1, constant_values=-1)
+        across, along = jnp.maximum(wide[1:-1, 2:], wide[1:-1, :-2]), jnp.maximum(wide[2:, 1:-1], wide[:-2, 1:-1])
+        after = jnp.where((stops < 0) & may, jnp.maximum(across, along), stops)
+        return after, jnp.any(after != stops)
+
+    return jax.lax.while_loop(lambda carry: carry[1], widened, (nearest, jnp.asarray(True)))[0]

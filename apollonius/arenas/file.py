@@ -1,4 +1,4 @@
-"""Games as files: one in TOML or JSON says what differs from the defaults, or a name stands for a game."""
+"""Games by name, and as TOML or JSON files of their differences from the defaults."""
 
 import os
 from dataclasses import replace
@@ -9,26 +9,27 @@ import tomli_w
 
 from apollonius.arenas.names import GALLERY, SUITES, game_names, unknown_game
 from apollonius.arenas.random_arena import is_drawn
-from apollonius.arenas.record import find_map, from_dict
+from apollonius.arenas.record import from_dict
 from apollonius.arenas.suite import arena_names, is_scenario, scenario_game, suite_arena
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
-from apollonius.game.presets import PRESETS, TEAM, in_teams, make_game
-from apollonius.game.validation import FEWER, MOST_DISCS, MOST_POLYGONS, MOST_ROBOTS
+from apollonius.game.names import TEAM
+from apollonius.game.presets import PRESETS, in_teams, make_game
+from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAME_FILES
 
 
 def about_game(name: str) -> str:
-    """What a game that ships with the package is, in a line: a preset's docstring, or a file's first comment."""
+    """Describe a game that ships with the package in a line: a preset's docstring, or a file's first comment."""
     if name in PRESETS:
         return (PRESETS[name].__doc__ or "").splitlines()[0]
     return (GALLERY / f"{name}.toml").read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
 
 
 def split_team(name: str) -> tuple[str | None, str]:
-    """The teams of which a game's name tells, as `team-3v1`, and the game that they play; None where it tells none."""
+    """Split a game's name into its teams, as `team-3v1`, or None, and the game that they play."""
     team, slash, game = name.partition("/")
     if TEAM.fullmatch(team) and (game or not slash):
         return team, game or "paper"
@@ -36,11 +37,11 @@ def split_team(name: str) -> tuple[str | None, str]:
 
 
 def find_game(name: str) -> Game:
-    """The game of this name, preset or from the gallery, of this `.toml` or `.json` file, or in this arena of a suite.
+    """Return the game of a name: a preset, of the gallery, a `.toml` or `.json` file, or in an arena of a suite.
 
     `suite-v1/racks-07` is the `paper` game in that arena, `suite-v1/held-out` that in any of the arenas of that part,
-    `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1` before any of them, as in `team-3v1/office`, gives
-    it three pursuers and one evader.
+    `suite-v1/maze-00,maze-01` that in either of the two. `team-3v1/office` is the game `office` with three pursuers and
+    one evader.
 
     Raises:
         InvalidInput: for an unknown name, and as `load_game`, `suite_arena` and `scenario_game`.
@@ -63,13 +64,13 @@ def find_game(name: str) -> Game:
 
 
 def game_in_one_arena(name: str, who: str) -> Game:
-    """Return the game of this name, as `find_game`, for what knows one arena only.
+    """Return the game of a name, as `find_game`, for a caller that knows one arena only.
 
     Args:
-        who: what does, for the message.
+        who: the caller, for the message.
 
     Raises:
-        InvalidInput: for a game in several arenas, with the name of one of them; and as `find_game`.
+        InvalidInput: for a game in several arenas, with the name of one; and as `find_game`.
     """
     game = find_game(name)
     if game.scenario is not None:
@@ -106,20 +107,15 @@ def load_game(path: Path) -> Game:
     content = read_bytes(path, "a game's .toml or .json file", "check the path, or name a preset")
     about = f"'{path}' is no JSON file; correct it"
     data = parse_json(content, about) if path.suffix == ".json" else parse_toml(content, path)
-    arena = data.get("arena")
-    _check_obstacles(arena, path)
-    if isinstance(arena, dict) and "map" in arena:
-        arena["map"] = found = find_map(arena["map"], path.parent)
-        data["arena"] = {"x_min": found.x, "x_max": found.x_max, "y_min": found.y, "y_max": found.y_max} | arena
     _read_teams(data, path)
-    game = from_dict(Game, data, f"'{path}'")
+    game = from_dict(Game, data, f"'{path}'", path.parent)
     alone = game.scenario is None or game.arena == Arena()
     require(alone, f"'{path}': arena", "given", "left out beside a scenario, in whose arenas the game is played")
     return game
 
 
 def save_game(record: dict[str, Any], path: Path) -> None:
-    """Write the record of a game, as `to_dict` makes it, to a `.toml` or `.json` file; its map is named from there.
+    """Write the record of a game, of `to_dict`, to a `.toml` or `.json` file; its map is named from there.
 
     Raises:
         OSError: when the disk is full or read-only.
@@ -133,7 +129,7 @@ def save_game(record: dict[str, Any], path: Path) -> None:
 
 
 def _read_teams(data: dict[str, Any], path: Path) -> None:
-    """Put what a file says of teams where the record of a game has it: the first robot, and those besides it."""
+    """Move a file's teams to their places in the record of a game: the first robot, and its mates."""
     teams = {"mates_collide": data.pop("mates_collide")} if "mates_collide" in data else {}
     for side in ("pursuer", "evader"):
         if (said := data.pop(f"{side}s", None)) is None:
@@ -150,12 +146,3 @@ def _read_teams(data: dict[str, Any], path: Path) -> None:
         data[side], teams[f"{side}s"] = bodies[0], bodies[1:]
     if any(teams.values()):
         data["teams"] = teams
-
-
-def _check_obstacles(arena: Any, path: Path) -> None:
-    """Refuse more obstacles than a game can have before any of them is made."""
-    for kind, most in (("discs", MOST_DISCS), ("polygons", MOST_POLYGONS)):
-        obstacles = arena.get(kind) if isinstance(arena, dict) else None
-        if isinstance(obstacles, list):
-            many = f"'{path}': arena.{kind}"
-            require(len(obstacles) <= most, many, f"{len(obstacles):,} of them", f"at most {most}; {FEWER}")

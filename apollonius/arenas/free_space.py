@@ -1,4 +1,4 @@
-"""Where both robots of a game can be: a raster of its largest part, the islands in it, and hexagonal cells as a graph.
+"""The free space of both robots of a game: a raster of its largest part, the islands in it, and a graph of hexagons.
 
 The graph is planar, with a node for each piece of free space. A cell that obstacles cut in two has two nodes, so no
 passage is lost and none is invented, however coarse the cells. Where there is no island, one pursuer is enough on the
@@ -6,48 +6,29 @@ graph, as it should be: every cycle has triangles inside, and no node in the mid
 graph is bridged (Chepoi, 2000), and one pursuer is enough on every bridged graph (Anstee and Farber, 1988).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import label
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from apollonius.arenas.survey import clearances_at, places
-from apollonius.game.arena import Arena
+from apollonius.arenas.survey import clearances_at, connected, places
 from apollonius.game.game import Game
-from apollonius.game.obstacle import AbstractObstacle
 from apollonius.io.errors import require
-
-_AROUND = np.ones((3, 3))
-"""Obstacles that touch at a corner let nothing through."""
-
-
-@dataclass(frozen=True)
-class Island:
-    """An obstacle, or several that leave no room between them, with free space all around.
-
-    Attributes:
-        x, y: a place in it, next to its middle [m].
-        obstacles: what they are called in a game's file.
-    """
-
-    x: float
-    y: float
-    obstacles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """Where the centres of both robots can be, `[rows, columns]`, the first row at the bottom.
+    """The places of both robots' centres, `[rows, columns]`, the first row at the bottom.
 
     Attributes:
-        free: which places: the largest part of all that are free.
+        free: the largest connected part.
         x, y: the lower left corner [m].
-        cell: side of a place [m].
-        parts: how many parts there are that no robot leaves.
-        islands: in the largest one.
+        cell: side of a cell [m].
+        parts: number of connected parts.
+        islands: number of islands in the largest part: obstacles with free space all around.
     """
 
     free: Bool[np.ndarray, "rows columns"]
@@ -55,75 +36,40 @@ class FreeSpace:
     y: float
     cell: float
     parts: int
-    islands: tuple[Island, ...]
+    islands: int
 
     @property
     def area(self) -> float:
-        """Of the largest part [m^2]."""
+        """The area of the largest part [m^2]."""
         return float(self.free.sum()) * self.cell**2
 
 
 def free_space(game: Game) -> FreeSpace:
-    """That of the larger of a game's robots.
+    """Return the free space of a game's larger robot.
 
     Raises:
-        InvalidInput: where there is none.
+        InvalidInput: where it fits nowhere.
     """
     arena = game.arena
     x, y, cell = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
-    clearances = clearances_at(arena, x, y)
-    free = clearances.min(axis=0) >= radius
+    free = clearances_at(arena, x, y).min(axis=0) >= radius
     require(free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena")
-    names = np.array(_names(arena))
-    nearest = clearances[4:].argmin(axis=0) if len(names) else np.zeros(free.shape, int)
-    return largest_part(free, float(arena.x_min), float(arena.y_min), cell, names[nearest] if len(names) else None)
+    return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
 
 
-def largest_part(
-    free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float, names: np.ndarray | None = None
-) -> FreeSpace:
-    """The largest part of a raster's free places, and the islands in it.
+def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
+    """Return the largest part of a raster's free cells, and the number of islands in it.
 
     Args:
-        free: which places are, at least one of them, the first row at the bottom.
+        free: the free cells, at least one, the first row at the bottom.
         x, y: the lower left corner [m].
-        cell: side of a place [m].
-        names: of the obstacle that is nearest to each place.
+        cell: side of a cell [m].
     """
-    parts, count = _labelled(free)
+    parts, count = connected(free, corners=False)
     largest = parts == 1 + np.argmax(np.bincount(parts[free])[1:])
-    # What is joined to the outside is no island; its number is the first one.
-    rest, islands = _labelled(np.pad(~largest, 1, constant_values=True), _AROUND)
-    rest = rest[1:-1, 1:-1]
-    found = []
-    for number in range(2, islands + 1):
-        rows, columns = np.nonzero(rest == number)
-        middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-        inside = () if names is None else tuple(map(str, np.unique(names[rows, columns])))
-        found.append(Island(x + (columns[middle] + 0.5) * cell, y + (rows[middle] + 0.5) * cell, inside))
-    return FreeSpace(largest, x, y, cell, count, tuple(found))
-
-
-def _labelled(
-    places: Bool[np.ndarray, "rows columns"], structure: np.ndarray | None = None
-) -> tuple[Int[np.ndarray, "rows columns"], int]:
-    """Connected parts numbered from 1, and how many there are; by default parts do not touch at corners."""
-    numbered = np.zeros(places.shape, np.int32)
-    count = int(label(places, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
-    return numbered, count
-
-
-def _names(arena: Arena) -> list[str]:
-    """Those of `arena.obstacles` in a game's file."""
-    found = []
-    for field in fields(arena):
-        value = getattr(arena, field.name)
-        if field.name not in ("territory", "chart"):
-            one = isinstance(value, AbstractObstacle)
-            found += [f"arena.{field.name}"] if one else []
-            found += [f"arena.{field.name}[{i}]" for i in range(len(value))] if isinstance(value, tuple) else []
-    return found
+    _, islands = connected(np.pad(~largest, 1, constant_values=True))
+    return FreeSpace(largest, x, y, cell, count, islands - 1)  # one of them is joined to the outside
 
 
 @dataclass(frozen=True)
@@ -131,10 +77,10 @@ class Tiling:
     """A graph of an arena. Two nodes are neighbours where their pieces of cells share a part of a side.
 
     Attributes:
-        places: of the nodes [m]: in each piece the place next to its middle.
-        adjacency: which nodes are neighbours; none is its own.
+        places: a point of each node [m], next to the middle of its piece.
+        adjacency: which nodes are neighbours, never of themselves.
         spacing: between the middles of neighbouring cells [m].
-        angle: by which the cells are turned [rad].
+        angle: of the cells [rad].
     """
 
     places: Float[np.ndarray, "nodes 2"]
@@ -142,22 +88,16 @@ class Tiling:
     spacing: float
     angle: float
 
-    @property
+    @cached_property
     def holes(self) -> int:
-        """Cycles that are not filled by triangles: the islands that are large enough for the graph to see them."""
+        """The number of cycles not filled by triangles: of islands large enough for the graph."""
         links = self.adjacency.astype(np.float32)
         triangles = round(float(np.sum((links @ links) * links)) / 6)
         return int(self.adjacency.sum()) // 2 - len(links) + 1 - triangles
 
 
 def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
-    """Cut free space into hexagonal cells.
-
-    Args:
-        space: what is cut.
-        spacing: between the middles of neighbouring cells [m].
-        angle: by which the cells are turned [rad].
-    """
+    """Cut free space into hexagonal cells with a spacing [m], turned by an angle [rad]."""
     rows, columns = np.nonzero(space.free)
     x, y = (columns + 0.5) * space.cell, (rows + 0.5) * space.cell
     cos, sin = np.cos(angle) / spacing, np.sin(angle) / spacing
@@ -185,7 +125,7 @@ def tile(space: FreeSpace, spacing: float, angle: float) -> Tiling:
 
 
 def _hexagons(x: Float[np.ndarray, " places"], y: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
-    """A number for the cell that each place lies in; the middles of neighbouring cells are 1 apart."""
+    """Return a number for the hexagon around each point; the middles of neighbours are 1 apart."""
     high = np.sqrt(3)
     one = np.round(x), np.round(y / high)
     other = np.floor(x), np.floor(y / high)

@@ -1,4 +1,4 @@
-"""ROS occupancy maps as files: the YAML that map_server reads, and the PGM or PNG image that it names."""
+"""ROS occupancy maps as files: the YAML of map_server, and the PGM or PNG image that it names."""
 
 import functools
 import hashlib
@@ -16,7 +16,7 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import require_memory
 
 _MOST_CELLS = 10_000
-"""Most cells along a side: the field of so many takes 400 MB, and 12 seconds."""
+"""Most cells along a side: the field of such a map takes 400 MB, and 12 seconds."""
 _BYTES_A_CELL = 110
 """Memory that reading a map and surveying it takes, measured, rounded up."""
 _MOST_YAML = 2**14
@@ -24,7 +24,7 @@ _MOST_YAML = 2**14
 _MOST_IMAGE = 5 * _MOST_CELLS**2
 """Largest image file [bytes]: as text, a cell may take four digits and a blank."""
 _BLACK, _FREE = 0, 254
-"""What map_server writes for occupied and free cells."""
+"""Grey levels that map_server writes for occupied and free cells."""
 _UNKNOWN = 205 / 255
 """Grey level that map_server writes for unknown cells, as a share of white."""
 _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
@@ -32,18 +32,17 @@ _WHITE = {"1": 1, "L": 255, "I;16": 65_535, "I": 65_535}
 
 
 def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
-    """The map of a YAML file: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`, `mode`.
+    """Return the map of a YAML file with `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`.
 
     A cell is free where its occupancy, the image's darkness, is below `free_thresh`. All others are occupied: those
     above `occupied_thresh`, and the unknown ones between. Other keys are ignored, as map_server does.
 
     Args:
         path: the YAML file; the image is found from its folder.
-        digest: what the map must have; None for any.
+        digest: the digest that is wanted; None for any.
 
     Raises:
-        InvalidInput: for a file that is missing or unreadable, an impossible value, a map that is turned, and a map
-            that has another digest.
+        InvalidInput: for a file that is missing or unreadable, an impossible value, a turned map, another digest.
     """
     text, content = _files(path)
     found = hashlib.sha256(text + content).hexdigest()
@@ -69,7 +68,7 @@ def _files(path: Path) -> tuple[bytes, bytes]:
 
 @functools.lru_cache(maxsize=2)
 def _map(path: Path, digest: str, text: bytes, content: bytes) -> OccupancyMap:
-    """The same for what two files hold; the latest are remembered, as one game reads its map several times."""
+    """Return the map of two files' contents; the latest two are cached, as one game reads its map several times."""
     name = f"map '{path}'"
     said = _read_yaml(text, name)
     free = _darkness(said, content, name) < said["free_thresh"]
@@ -82,7 +81,6 @@ def save_map(cells: OccupancyMap, path: Path) -> None:
     """Write a map's two files, from which `load_map` reads the same field.
 
     Args:
-        cells: the map.
         path: the YAML file; the image lies beside it, and ends in `.pgm`.
     """
     from PIL import Image
@@ -100,11 +98,11 @@ def save_map(cells: OccupancyMap, path: Path) -> None:
 
 
 def _read_yaml(text: bytes, name: str) -> dict[str, Any]:
-    """The values, as numbers, checked."""
+    """Return the checked values, as numbers."""
     import yaml
 
     class Loader(yaml.BaseLoader):
-        """Texts, lists and mappings alone, without aliases: with them a line is a million."""
+        """A loader of texts, lists and mappings alone, without aliases, by which a line can hold a million."""
 
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "tag", None) is not None:
@@ -149,7 +147,7 @@ def _number(value: Any, name: str) -> float:
 
 
 def _darkness(said: dict[str, Any], content: bytes, name: str) -> np.ndarray:
-    """How dark every pixel is, from 0 to 1 (the lightest is 1 where negated), the first row at the top."""
+    """Return the darkness of every pixel, from 0 to 1 (of the lightest where negated), the first row at the top."""
     from PIL.PngImagePlugin import PngImageFile
     from PIL.PpmImagePlugin import PpmImageFile
 

@@ -1,4 +1,4 @@
-"""Names of games and arenas, which are known without JAX: one that is misspelt is refused at once."""
+"""Names of games and arenas, known without JAX, so that a misspelt one is refused at once."""
 
 from pathlib import Path
 
@@ -8,9 +8,11 @@ from apollonius.io.errors import nearest, unknown_name
 GALLERY = Path(__file__).parent / "gallery"
 """Folder of the game files that ship with the package."""
 SUITES = ("suite-v1",)
-"""All suites. Each is a file beside this one, which never changes: another list is another suite."""
+"""All suites. Each is a file beside this one and never changes: another list is another suite."""
 PARTS = ("train", "held-out")
 """Purposes of the arenas of a suite."""
+KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
+"""Kinds of random arenas."""
 
 
 def game_names() -> list[str]:

@@ -1,4 +1,4 @@
-"""Passages that are too narrow for an arena's chart: players that read it, such as `P_any`, see no way there."""
+"""Passages too narrow for an arena's chart: players that read it, such as `P_any`, know no path through them."""
 
 from dataclasses import dataclass
 
@@ -13,11 +13,11 @@ from apollonius.game.chart import NO_WAY, SIDE, STOPS
 from apollonius.game.game import Game
 
 _LONGER = 1.1
-"""By this factor a way between stops may be longer than a straight one: it goes in sixteen directions."""
+"""Factor by which a path of a chart may be longer than a straight one, as it goes in sixteen directions."""
 _DETOUR = 3.0
-"""A chart misses a passage where its way is longer than the real one by more than so many distances of two stops."""
+"""Coarse cells by which a chart's path may be longer than the real one before a passage counts as missed."""
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
-"""From each cell of the raster to four of its eight neighbours, rows and columns."""
+"""Steps from each cell of the raster to four of its eight neighbours, rows and columns."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class MissedPassage:
     """A passage that the larger robot fits through, and that the chart of its arena does not have.
 
     Attributes:
-        x, y: a place in it [m].
-        resolves: width [m] from which on passages for this robot are in the chart.
-        detour: by how much longer the chart's way is [m]; inf where it has none.
+        x, y: a point in it [m].
+        resolves: least width [m] of passages for this robot in the chart.
+        detour: excess length of the chart's path [m]; inf where it has none.
     """
 
     x: float
@@ -46,8 +46,8 @@ class MissedPassage:
 def missed_passage(game: Game) -> MissedPassage | None:
     """Return the passage that costs players with a chart the longest detour, in one arena; None if they miss none.
 
-    From every stop of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can go
-    from one stop to the other; the chart should know a way that is about as short.
+    From every coarse cell of the chart the free space is flooded on a fine raster. Where two floods meet, the robot can
+    go from one cell to the other; the chart should have a path about as short.
     """
     arena, radius, chart = game.arena, largest_radius(game), charted(game).arena.chart
     assert chart is not None, "which a charted game has"
@@ -87,9 +87,8 @@ def _links(
     """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
 
     Args:
-        room: clearance of the body [m] in the middle of each cell. A line between two middles is free if it is no
-            longer than the sum of their clearances.
-        cell: side of a cell [m].
+        room: clearance of the body [m] in the middle of each cell, of side `cell` [m]. A line between two middles is
+            free if it is no longer than the sum of their clearances.
     """
     number = np.arange(room.size).reshape(room.shape)
     starts, ends, lengths = [], [], []

@@ -1,63 +1,52 @@
-"""Random arenas of several kinds, in which every robot that fits through the gaps can go everywhere."""
+"""Random arenas of several kinds, in which every robot thinner than the gap can go everywhere."""
 
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
+from apollonius.arenas.names import KINDS
 from apollonius.arenas.random.caves import caves
 from apollonius.arenas.random.scattered import Layout, blocks, discs
 from apollonius.arenas.random.walled import maze, racks, rooms
-from apollonius.game.arena import Arena
+from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
-from apollonius.game.validation import MOST_POLYGONS
 from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
-KINDS: dict[str, Callable[[Layout, np.random.Generator], Arena]] = {
-    "discs": discs,
-    "blocks": blocks,
-    "rooms": rooms,
-    "maze": maze,
-    "racks": racks,
-    "caves": caves,
-}
-"""All kinds, by name. Another is a file of its own and its name here."""
+_DRAW: dict[str, Callable[[Layout, np.random.Generator], Arena]] = dict(
+    zip(KINDS, (discs, blocks, rooms, maze, racks, caves), strict=True)
+)
 _LARGEST = 100.0
 """Longest side of a random arena [m]."""
 _DRAWN = re.compile(
     r"(\w{1,20}) seed=(\d{1,10}) gap=([\d.e+-]{1,30}) width=([\d.e+-]{1,30}) height=([\d.e+-]{1,30})", re.A
 )
-"""How a map that was drawn at random is called."""
+"""Name of a random map."""
 
 
 def random_arena(
-    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, **numbers: object
+    kind: str, seed: int, *, gap: float = 1.0, width: float = 10.0, height: float = 10.0, count: int | None = None
 ) -> Arena:
-    """An arena of one kind: one seed, one arena.
+    """Draw an arena of one kind: one seed, one arena. The `file` of a map in it is a name for `random_map`.
 
     Args:
         kind: one of `KINDS`.
-        seed: of the random numbers.
-        gap: least width of all passages [m]; whatever is thinner can go everywhere.
-        width, height: of the arena [m].
-        numbers: those that the kind has besides: of `discs` their `count` and `radius`.
-
-    Returns:
-        The arena. A map in it has no file: its `file` says by what it was drawn, and `random_map` draws it again.
+        gap: least width of all passages [m].
+        width, height: size of the arena [m].
+        count: number of discs, for that kind; None for one on every twenty square metres.
 
     Raises:
-        InvalidInput: for an unknown kind, impossible numbers, and where nothing finds room.
+        InvalidInput: for an unknown kind, impossible numbers, and obstacles that do not fit.
     """
     require(kind in KINDS, "kind", kind, f"one of {', '.join(KINDS)}")
     SEED.require("seed", seed)
     require(0 < gap < _LARGEST, "gap", gap, f"more than 0 and less than {_LARGEST:g} m")
     sides = (float(width), float(height))
     require(0 < min(sides) <= max(sides) <= _LARGEST, "width, height", sides, f"more than 0 and at most {_LARGEST:g} m")
-    arena = partial(KINDS[kind], **numbers)(Layout(*sides, gap), np.random.default_rng(seed))
+    arena = _DRAW[kind](Layout(*sides, gap, count), np.random.default_rng(seed))
     bound = f"wider, or the arena smaller: a game has at most {MOST_POLYGONS} polygons, and this one more"
     require(len(arena.polygons) <= MOST_POLYGONS, "gap", gap, bound)
     if arena.map:
@@ -67,22 +56,18 @@ def random_arena(
 
 
 def is_drawn(name: str) -> bool:
-    """Whether a map is called as `random_arena` calls those it draws, and no file is."""
+    """Return whether a name is of a random map, not of a file."""
     return bool(_DRAWN.fullmatch(name))
 
 
 def random_map(name: str, digest: str | None = None) -> OccupancyMap:
-    """The map of a random arena again, from its name.
-
-    All that a map was drawn by is in its name, and not where it is written down: so a game on it can be recorded
-    wherever it is played, in a replay or an agent's file, and needs no other file to be played again.
+    """Draw the map of a random arena again, from its name, which holds everything: a replay needs no other file.
 
     Args:
-        name: `file` of the map.
-        digest: what the map must have; None for any.
+        digest: the digest that is wanted; None for any.
 
     Raises:
-        InvalidInput: for another name, for one that draws no map, as `random_arena`, and for another digest.
+        InvalidInput: for another name, one that draws no map, as `random_arena`, and for another digest.
     """
     found = _DRAWN.fullmatch(name)
     kind, seed, *sizes = found.groups() if found else ("", "0")
@@ -99,17 +84,18 @@ def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     return drawn
 
 
-def in_random_arena(game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], **numbers: object) -> Game:
+def in_random_arena(
+    game: Game, kind: str, seed: int, gap: float, size: tuple[float, float], count: int | None = None
+) -> Game:
     """Return a game in one random arena of a width and height [m] in which both of its robots can go everywhere.
 
-    Arguments and errors are those of `random_arena`; the gap must also let the robots through, and these must be of
-    one make.
+    Arguments and errors are those of `random_arena`; the gap must also let the game's two robots through.
     """
-    alike = game.scenario is None or game.scenario.makes is None
-    require(alike, "game", "of robots of several makes", "one that says which robots play in the arena")
+    alike = game.scenario is None or game.scenario.kinds is None
+    require(alike, "game", "of robots of several kinds", "one that says which robots play in the arena")
     for name, body in (("pursuer", game.pursuer), ("evader", game.evader)):
         bound = f"more than 2 {name}.radius = {2 * body.radius:g} m, or it does not fit through"
         require(gap > 2 * body.radius, "gap", gap, bound)
     width, height = size
-    arena = random_arena(kind, seed, gap=gap, width=width, height=height, **numbers)
+    arena = random_arena(kind, seed, gap=gap, width=width, height=height, count=count)
     return replace(game, arena=arena, scenario=None)

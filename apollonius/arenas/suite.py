@@ -1,9 +1,9 @@
-"""A suite of arenas: a published list of what each is drawn by, and of the digests that say whether it came out alike.
+"""A suite of arenas: a published list of random arenas, each with its digest.
 
-Agents that should play on maps they have never seen learn in its part `train`, and are judged in `held-out`, which has
-kinds of arenas that training never saw. Robots of radius up to 0.3 m can go everywhere in all of them.
+Agents for unknown maps learn in its part `train` and are judged in `held-out`, which has kinds of arenas that training
+never saw. Robots of radius up to 0.3 m can go everywhere.
 
-Longer sides were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds of them or more, gaps uniformly
+Longer sides were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds or more, gaps uniformly
 from a fourteenth of the longer side, 0.8 m at least, to a seventh.
 """
 
@@ -15,18 +15,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import dacite
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.arenas.names import PARTS, SUITES
+from apollonius.arenas.names import GALLERY, PARTS, SUITES
 from apollonius.arenas.random_arena import random_arena
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.scenario import Makes, Scenario, together
+from apollonius.game.scenario import RobotKinds, Scenario, together
 from apollonius.game.starts import Starts
+from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
+from apollonius.io.record import read_record
+
+PAPERS_OWN = 16
+"""Pairs of the paper's robots in training,"""
+OTHERS = 48
+"""and pairs of others."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +40,12 @@ class Entry:
     """One arena of a suite.
 
     Attributes:
-        name: within the suite.
         part: one of `PARTS`.
         kind: of random arenas, or `gallery` for one that ships with the package, of the same name.
-        width, height: of the arena that was asked for [m].
+        width, height: requested size of the arena [m].
         sha256: `digest` of the arena.
-        gap: least width of its passages [m]; of what is in the gallery, nothing is asked.
-        seed: of its random numbers.
+        gap: least width of its passages [m]; None in the gallery.
+        seed: of its random numbers; None in the gallery.
     """
 
     name: str
@@ -48,27 +53,27 @@ class Entry:
     kind: str
     width: float
     height: float
-    sha256: str = ""
+    sha256: str
     gap: float | None = None
     seed: int | None = None
 
     def draw(self) -> Arena:
-        """The arena, whatever its digest.
-
-        Raises:
-            InvalidInput: as `random_arena`.
-        """
         if self.kind == "gallery":
-            from apollonius.arenas.file import find_game  # which finds the games of suites, too
-
-            return find_game(self.name).arena
-        assert self.seed is not None, "what is drawn has a seed"
-        assert self.gap is not None, "what is drawn has a gap"
+            path = GALLERY / f"{self.name}.toml"
+            return read_record(Arena, parse_toml(path.read_bytes(), path)["arena"], str(path), {})
+        assert self.seed is not None, "a random arena has a seed"
+        assert self.gap is not None, "a random arena has a gap"
         return random_arena(self.kind, self.seed, gap=self.gap, width=self.width, height=self.height)
 
 
+@functools.cache
+def _published(suite: str) -> tuple[Entry, ...]:
+    data = json.loads((Path(__file__).parent / f"{suite}.json").read_text(encoding="utf-8"))
+    return tuple(Entry(**one) for one in data["arenas"])
+
+
 def suite_entries(suite: str, part: str | None = None) -> tuple[Entry, ...]:
-    """The arenas of a suite, or of one of its parts, in their order.
+    """Return the arenas of a suite, or of one of its parts, in their order.
 
     Raises:
         InvalidInput: for an unknown suite or part.
@@ -83,23 +88,22 @@ def suite_names(suite: str, part: str | None = None) -> tuple[str, ...]:
 
 
 def suite_arena(suite: str, name: str) -> Arena:
-    """One arena of a suite.
+    """Return one arena of a suite.
 
     Raises:
-        InvalidInput: for an unknown suite or name, and where what is drawn is not what was published.
+        InvalidInput: for an unknown suite or name, and where the drawn arena is not the published one.
     """
     entries = {entry.name: entry for entry in suite_entries(suite)}
     some = f"one of {', '.join(list(entries)[:2])} ...; `apollonius arena suite` lists them"
     require(name in entries, f"arena of {suite}", name, some)
-    arena = entries[name].draw()
-    bound = f"{entries[name].sha256[:12]}... as published; draw it with the version that published it"
-    found = digest(arena)
-    require(found == entries[name].sha256, f"SHA-256 of {suite}/{name}", f"{found[:12]}...", bound)
+    arena, published = entries[name].draw(), entries[name].sha256
+    found, bound = digest(arena), f"{published[:12]}... as published; draw it with the version that published it"
+    require(found == published, f"SHA-256 of {suite}/{name}", f"{found[:12]}...", bound)
     return arena
 
 
 def digest(arena: Arena) -> str:
-    """SHA-256 of an arena, the same on every machine: of its numbers to a micrometre, and of its cells as bits."""
+    """Return the SHA-256 of an arena's numbers to a micrometre and its cells as bits, the same on every machine."""
     lines = ["walls", _text([arena.x_min, arena.x_max, arena.y_min, arena.y_max])]
     for disc in arena.discs:
         lines += ["disc", _text([disc.x, disc.y, disc.radius])]
@@ -116,33 +120,21 @@ def digest(arena: Arena) -> str:
 
 
 def _text(numbers: Sequence[object]) -> str:
-    """Numbers to six places; 0 has no sign."""
+    """Return numbers to six places; 0 without a sign."""
     return " ".join(f"{round(float(number), 6) + 0.0:.6f}" for number in numbers)  # pyright: ignore[reportArgumentType]
 
 
-@functools.cache
-def _published(suite: str) -> tuple[Entry, ...]:
-    data = json.loads((Path(__file__).parent / f"{suite}.json").read_text(encoding="utf-8"))
-    return tuple(dacite.from_dict(Entry, one, dacite.Config(strict=True, cast=[tuple])) for one in data["arenas"])
-
-
-PAPERS_OWN = 16
-"""Pairs of the paper's robots among those that are learned with,"""
-OTHERS = 48
-"""and pairs of others."""
-
-
 def is_scenario(name: str) -> bool:
-    """Whether a name is one of a part of a suite, or lists several of its arenas."""
+    """Return whether a name is of a part of a suite, or lists several of its arenas."""
     suite, _, within = name.partition("/")
     return suite in SUITES and (within in PARTS or "," in within)
 
 
 def scenario_game(name: str) -> Game:
-    """The paper's rules in the arenas of a suite's part, or in some of its arenas; errors as those of `find_scenario`.
+    """Return the paper's rules in the arenas of a scenario; errors as those of `find_scenario`.
 
-    In `train` there are robots of many `makes`, and games begin nearer to walls and obstacles, so that the larger ones
-    find a place.
+    In `train` robots are of many kinds (`kinds`), and games begin nearer to walls and obstacles, so that the larger
+    robots find a start.
     """
     starts = Starts(clearance=0.15) if name.endswith("/train") else Starts()
     return Game(starts=starts, scenario=find_scenario(name))
@@ -150,17 +142,17 @@ def scenario_game(name: str) -> Game:
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """The arenas of a part of a suite and, in `train`, the robots; or the arenas of a list, `suite-v1/maze-00,maze-01`.
+    """Return the arenas of a part of a suite, in `train` with its robots, or of a list, `suite-v1/maze-00,maze-01`.
 
     Raises:
         InvalidInput: for an unknown name, and as `suite_arena`.
     """
     arenas = _arenas(name)
-    return Scenario(together(arenas), len(arenas), makes() if name.endswith("/train") else None, name)
+    return Scenario(together(arenas), len(arenas), draw_robot_kinds() if name.endswith("/train") else None, name)
 
 
 def each_alone(game: Game) -> list[Game]:
-    """The game in each of the arenas of its scenario, as if there were no other; itself where there is none.
+    """Return the game in each arena of its scenario alone; itself without a scenario.
 
     Raises:
         InvalidInput: for a scenario without a name, and as `find_scenario`.
@@ -184,12 +176,12 @@ def arena_names(name: Any) -> list[str]:
     return [f"{suite}/{arena}" for arena in names]
 
 
-def makes() -> Makes:
-    """The paper's two robots a few times, and pairs of robots drawn at random around them, all log-uniformly.
+def draw_robot_kinds() -> RobotKinds:
+    """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
-    Each has a speed of 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's; accelerates by 0.15 to
-    1.2 m/s^2 and turns by 0.4 to 2 rad/s. Every other pair has bodies, with a radius of 0.05 to 0.25 m. One is caught
-    when there are 0.2 to 0.4 m between them.
+    Speeds are from 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's, accelerations from 0.15 to
+    1.2 m/s^2 and turn rates from 0.4 to 2 rad/s. Every other pair has bodies, with a radius of 0.05 to 0.25 m. The
+    evader is caught within 0.2 to 0.4 m between bodies.
     """
     rng = np.random.default_rng(0)
 
@@ -207,4 +199,4 @@ def makes() -> Makes:
 
     pursuer, evader = body(pursuer_v), body(evader_v)
     capture = jnp.asarray(drawn(0.2, 0.4, 0.3)) + pursuer.radius + evader.radius
-    return Makes(pursuer, evader, capture)
+    return RobotKinds(pursuer, evader, capture)

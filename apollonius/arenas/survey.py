@@ -1,4 +1,4 @@
-"""An arena surveyed before anyone trains in it: parts that are cut off, havens, room to start."""
+"""A survey of an arena before training: parts that are cut off, havens, space to start."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -20,19 +20,19 @@ _CELLS = 500
 _LEAST_PART = 1e-4
 """Parts of the free space smaller than this share of the arena are specks of the grid."""
 _LEAST_ROOM = 0.02
-"""Share of the arena from which on there is room enough to start."""
+"""Least share of the arena on which a robot can start."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What a grid over an arena shows, `[rows, columns]`, the first row at the bottom.
+    """Findings on a grid over an arena, `[rows, columns]`, the first row at the bottom.
 
     Attributes:
-        blocked: where no robot's centre can be: walls apart, the obstacles themselves.
-        parts: of the pursuer's and the evader's free space, numbered from 1; 0 is not free.
-        haven: where the evader can be, and no pursuer that can start comes close enough to catch it.
-        wrong: what makes games in this arena go wrong, a line each.
-        notes: what is odd but harmless, a line each.
+        blocked: cells in obstacles.
+        parts: connected parts of the pursuer's and the evader's free space, numbered from 1; 0 is not free.
+        haven: cells of the evader in which no pursuer that can start comes close enough to catch it.
+        wrong: faults that spoil games in this arena, a line each.
+        notes: odd but harmless facts, a line each.
     """
 
     blocked: Bool[np.ndarray, "rows columns"]
@@ -43,7 +43,7 @@ class Survey:
 
 
 def survey(game: Game) -> Survey:
-    """Look at every place of a game's arena, to a five-hundredth of its longer side."""
+    """Survey a game's arena, to a five-hundredth of its longer side."""
     arena, starts = game.arena, game.starts
     x, y, cell = places(arena)
     clearances = clearances_at(arena, x, y)
@@ -90,7 +90,7 @@ def survey(game: Game) -> Survey:
 
 
 def map_notes(arena: Arena) -> list[str]:
-    """Return a note where a map's unknown cells are read as free; of a map that is no file there is none."""
+    """Return a note where the unknown cells of a map's file are read as free."""
     path = Path(arena.map.file) if arena.map else None
     share = unknown_read_as_free(path) if path and path.is_file() else 0.0
     if not share:
@@ -102,7 +102,7 @@ def map_notes(arena: Arena) -> list[str]:
 
 
 def places(arena: Arena) -> tuple[Grid, Grid, float]:
-    """The middles x, y [m] of square cells all over an arena, and the side of a cell [m]; a grid of modest size."""
+    """Return the middles x, y [m] of square cells all over an arena, and the side of a cell [m]."""
     width, height = float(arena.x_max - arena.x_min), float(arena.y_max - arena.y_min)
     cell = max(width, height) / _CELLS
     middles = _middles(float(arena.x_min), width, cell), _middles(float(arena.y_min), height, cell)
@@ -116,15 +116,24 @@ def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cell
 
 
 def clearances_at(arena: Arena, x: Grid, y: Grid) -> Float[np.ndarray, "each rows columns"]:
-    """Of the four walls, then of each obstacle [m]."""
+    """Return the clearances [m] from the four walls, then from each obstacle."""
     every = jax.jit(jax.vmap(jax.vmap(lambda x, y: jnp.stack(arena.clearances(x, y)), 0, 1), 0, 1))
     return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
 
 
+def connected(
+    cells: Bool[np.ndarray, "rows columns"], corners: bool = True
+) -> tuple[Int[np.ndarray, "rows columns"], int]:
+    """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or not."""
+    numbered = np.zeros(cells.shape, np.int32)
+    structure = np.ones((3, 3)) if corners else None
+    count = int(label(cells, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
+    return numbered, count
+
+
 def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
-    """Connected parts numbered from 1, specks left out."""
-    numbered = np.zeros(free.shape, np.int32)
-    count = int(label(free, structure=np.ones((3, 3)), output=numbered))  # pyright: ignore[reportArgumentType]
+    """Number the connected parts from 1, without specks."""
+    numbered, count = connected(free)
     sizes = np.bincount(numbered.ravel(), minlength=count + 1)
     kept = [part for part in range(1, count + 1) if sizes[part] > _LEAST_PART * free.size]
     renumber = np.zeros(count + 1, int)
@@ -133,7 +142,7 @@ def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows colu
 
 
 def _notes(game: Game, within: Bool[np.ndarray, "each rows columns"], cell: float) -> list[str]:
-    """Overlaps of discs as depths; those with polygons, whose depths are no such simple matter, as areas."""
+    """Return notes on overlaps, of discs by depth, with polygons by area, and on bodies that overlap before capture."""
     arena, notes = game.arena, []
     depths = {
         (i, j): one.radius + other.radius - float(np.hypot(one.x - other.x, one.y - other.y))

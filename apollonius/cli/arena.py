@@ -1,21 +1,17 @@
-"""`apollonius arena`: the arenas there are, the check of one's own, the suite, and random ones."""
+"""`apollonius arena`: list arenas, check one, verify the suite, draw random ones."""
 
 import argparse
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from apollonius.arenas.names import PARTS
+from apollonius.arenas.names import KINDS, PARTS
 from apollonius.cli.options import add_json, command, finish
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
 
-KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
-"""Kinds of random arenas."""
-CELLS = ("caves",)
-"""Kinds that consist of a map's cells, in files of their own."""
 SHOWN = 8
 """Arenas of each kind in a suite's picture: a row."""
 
@@ -84,14 +80,11 @@ def run_check(options: argparse.Namespace) -> int:
     require(not (saved and saved.exists()), "--out", saved, "a new file; choose another name")
     game = game_in_one_arena(options.game, "arena check")
     options.display.begin("surveying the arena", compiles=True)
+    found, passage = survey(game), missed_passage(game)
     if options.out and not saved:
         from apollonius.show.arena import save_plan
 
-        found = survey(game)
         save_plan(Path(options.game).stem, game, found, options.out)
-    else:
-        found = survey(game)
-    passage = missed_passage(game)
     if saved:
         save_game(to_dict(game), saved)
     options.display.end()
@@ -152,14 +145,14 @@ def run_random(options: argparse.Namespace) -> int:
     from apollonius.arenas.random_arena import in_random_arena
     from apollonius.arenas.record import to_dict
 
-    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind in CELLS else []
+    cells = [options.out.with_suffix(suffix) for suffix in (".yaml", ".pgm")] if options.kind == "caves" else []
     for path in (options.out, *cells):
         require(options.force or not path.exists(), "--out", path, "a new file; --force overwrites it")
     require(
         options.discs is None or options.kind == "discs", "--discs", options.discs, "left out unless --kind is discs"
     )
-    game, numbers = find_game(options.game), {} if options.discs is None else {"count": options.discs}
-    elsewhere = in_random_arena(game, options.kind, options.seed, options.gap, tuple(options.size), **numbers)
+    size = tuple(options.size)
+    elsewhere = in_random_arena(find_game(options.game), options.kind, options.seed, options.gap, size, options.discs)
     record, what = to_dict(elsewhere), f"{len(elsewhere.arena.discs) + len(elsewhere.arena.polygons)} obstacles"
     if elsewhere.arena.map:
         save_map(elsewhere.arena.map, cells[0])

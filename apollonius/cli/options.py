@@ -162,16 +162,17 @@ def requested_grid(
     return grid, hold
 
 
-_SHOWN = 3
-"""Files that are named one by one; of more, the folder and the first."""
+_NAMED = 3
+"""Most files that are named one by one."""
 
 
 def finish(*written: Path, then: str = "", json: bool = False) -> None:
     """Print on standard error the written files and folders and, unless a program reads, the next sensible step."""
-    lines = [f"wrote {_named(path)}" for path in written]
-    if len(written) > _SHOWN:
-        size = _in_words(sum(map(_size, written)))
-        lines = [f"wrote {len(written)} files in {written[0].parent} ({size}), first of all {written[0].name}"]
+    lines = [f"wrote {path} ({_size(path)})" for path in written]
+    if len(written) > _NAMED:
+        lines = [
+            f"wrote {len(written)} files in {written[0].parent} ({_size(*written)}), first of all {written[0].name}"
+        ]
     if then and not json:
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)
@@ -202,20 +203,8 @@ def command(*words: object) -> str:
     return shlex.join(["apollonius", *map(str, words)])
 
 
-def _named(path: Path) -> str:
-    if not path.is_dir():
-        return f"{path} ({_in_words(_size(path))})"
-    count = sum(file.is_file() for file in path.rglob("*"))
-    return f"{path} ({count} file{'' if count == 1 else 's'}, {_in_words(_size(path))})"
-
-
-def _size(path: Path) -> int:
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
-
-
-def _in_words(size: int) -> str:
-    """Return a number of bytes in the unit that keeps it short."""
-    if size < 10**6:
-        return f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"
-    return f"{size / 10**6:.1f} MB"
+def _size(*paths: Path) -> str:
+    """Return the size of files, and of all in folders, in the unit that keeps it short."""
+    files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
+    size = sum(file.stat().st_size for file in files)
+    return f"{size / 10**6:.1f} MB" if size >= 10**6 else f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"

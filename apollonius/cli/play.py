@@ -11,7 +11,7 @@ from apollonius.cli.values import count, known_agent, known_game, new_folder
 from apollonius.io.limits import PORT, SEED
 
 PLAYER = (
-    "a rule such as intercept, a zoo agent or a .safetensors file, which the page can play; shielded: may precede it"
+    "a rule such as intercept, a zoo agent, a .safetensors file, or a .wasm file of your own; shielded: may precede it"
 )
 """Help for an argument that names a player of the page."""
 

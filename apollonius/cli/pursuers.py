@@ -11,7 +11,6 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from apollonius.arenas.free_space import Island
     from apollonius.solve.enough import Enough
 
 
@@ -35,15 +34,7 @@ def run_pursuers(options: argparse.Namespace) -> int:
     game = game_in_one_arena(options.game, "pursuers")
     warn(options, game)
     display.begin("looking where robots can be", compiles=True)
-    space, known = free_space(game), set[float]()
-
-    def report(spacing: float, share: float) -> None:
-        if spacing not in known:
-            known.add(spacing)
-            display.begin(f"solving the game on cells of {spacing:.2g} m")
-        display.note({"caught from": f"{share:.1%} of all starts"})
-
-    enough = how_many(space, report)
+    enough = how_many(free_space(game), lambda spacing: display.begin(f"solving the game on cells of {spacing:.2g} m"))
     display.end()
     if not enough.readings:
         raise InvalidInput(
@@ -53,7 +44,7 @@ def run_pursuers(options: argparse.Namespace) -> int:
     if options.json:
         print(to_json(_facts(options.game, enough)))
     else:
-        print(_told(options.game, enough))
+        print(_text(options.game, enough))
     if options.out:
         from apollonius.show.arena import save_evasion
 
@@ -64,64 +55,44 @@ def run_pursuers(options: argparse.Namespace) -> int:
 
 
 def _facts(name: str, enough: "Enough") -> dict[str, Any]:
-    facts: dict[str, Any] = {
+    finest = enough.readings[-1]
+    return {
         "arena": name,
         "pursuers": enough.pursuers,
         "agree": enough.agree,
         "parts": enough.space.parts,
-        "islands": [_island(island) for island in enough.space.islands],
+        "islands": enough.space.islands,
         "graphs": [
             {
                 "spacing": reading.tiling.spacing,
                 "turned_degrees": degrees(reading.tiling.angle),
                 "nodes": len(reading.tiling.places),
                 "core": len(reading.core),
-                "islands_seen": reading.islands,
+                "islands_seen": reading.tiling.holes,
                 "pursuers": reading.pursuers,
             }
             for reading in enough.readings
         ],
-        "evasion": None,
+        "evasion": {"pursuers": finest.starts.tolist(), "run": finest.run.tolist()} if len(finest.run) else None,
     }
-    if enough.evasion:
-        facts["evasion"] = {
-            "pursuers": enough.starts.tolist(),
-            "run": enough.run.tolist(),
-            "round": [_island(island) for island in enough.circled],
-        }
-    return facts
 
 
-def _island(island: "Island") -> dict[str, Any]:
-    return {"x": island.x, "y": island.y, "obstacles": island.obstacles}
-
-
-def _told(name: str, enough: "Enough") -> str:
+def _text(name: str, enough: "Enough") -> str:
     lines = [
         f"{name}: {enough.verdict}",
         "equally fast, without inertia, turn by turn, seeing each other; robots of the game may need more",
         f"{'cells':>8}  {'turned':>6}  {'nodes':>6}  {'core':>6}  {'islands seen':>12}  enough",
     ]
     for reading in enough.readings:
-        tiling, seen = reading.tiling, f"{reading.islands} of {len(enough.space.islands)}"
+        tiling, seen = reading.tiling, f"{reading.tiling.holes} of {enough.space.islands}"
         lines.append(
             f"{tiling.spacing:>6.2f} m  {degrees(tiling.angle):>5.0f}°  {len(tiling.places):>6}  "
             f"{len(reading.core):>6}  {seen:>12}  {reading.pursuers:>6}"
         )
-    if enough.unseen:
-        small = "1 island is" if enough.unseen == 1 else f"{enough.unseen} islands are"
-        lines.append(f"{small} smaller than these cells, and left out: who takes smaller steps runs round it too")
     if enough.space.parts > 1:
         lines.append(f"the free space falls into {enough.space.parts} parts; this is about the largest")
-    if enough.evasion:
-        few = len(enough.starts)
-        who, catch = ("1 pursuer", "catches") if few == 1 else (f"{few} pursuers", "catch")
-        starts, (start, *_) = ([_place(x, y) for x, y in places.tolist()] for places in (enough.starts, enough.run))
-        lines.append(f"{who} at {' and '.join(starts)} never {catch} an evader that starts at {start}")
-        round_ = "; ".join(f"{', '.join(one.obstacles)} at {_place(one.x, one.y)}" for one in enough.circled)
-        lines.append(f"it runs {f'round {round_}' if round_ else 'to and fro'}")
+    finest = enough.readings[-1]
+    if len(finest.run):
+        (start, *_), *starts = ([f"({x:.2f}, {y:.2f})" for x, y in each] for each in (finest.run, finest.starts))
+        lines.append(f"one fewer, from {' and '.join(starts[0])}, never catches an evader that starts at {start}")
     return "\n".join(lines)
-
-
-def _place(x: float, y: float) -> str:
-    return f"({x:.2f}, {y:.2f})"

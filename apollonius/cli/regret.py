@@ -1,6 +1,7 @@
 """`apollonius regret`: how far an agent is from optimal play."""
 
 import argparse
+from dataclasses import asdict
 from typing import Any
 
 from apollonius.cli.options import (
@@ -17,9 +18,9 @@ from apollonius.cli.solve import SOLVING, add_table_options, requested_tables
 from apollonius.cli.values import count, known_agent
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
-from apollonius.io.limits import GAMES, RECORDS
+from apollonius.io.limits import GAMES
 
-_TABLE, _RESPONSE = PLAYING = "playing against the table", "playing against the response"
+_PLAYING = "playing against the table"
 
 
 def add_regret(subparsers: Any) -> None:
@@ -30,11 +31,6 @@ def add_regret(subparsers: Any) -> None:
     )
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="number of games (default: %(default)s)")
     add_table_options(parser)
-    parser.add_argument(
-        "--response-games", type=count(RECORDS), default=0, metavar="N",
-        help="also N games against an opponent that knows the agent, one hold ahead: a lower bound of what it can lose "
-        "(default: none)",
-    )  # fmt: skip
     add_record_options(parser, "write the K games that cost most as replays")
     add_game_options(parser)
     add_json(parser)
@@ -51,7 +47,6 @@ def run_regret(options: argparse.Namespace) -> int:
     from apollonius.evaluate.start_filter import starting
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
-    from apollonius.solve.foresight import ResponsePolicy
 
     require(options.starts != "viable", "--starts", options.starts, "rest or moving; the table says what can be had")
     check_records(options, WORST, f"{WORST}")
@@ -59,26 +54,18 @@ def run_regret(options: argparse.Namespace) -> int:
     role, display = Role[options.role.upper()], options.display
     agent = find_player(options.agent, role, game)
     warn(options, game, [agent])
-    playing = PLAYING if options.response_games else PLAYING[:1]
-    display.plan(dict.fromkeys([*SOLVING, *playing], 1.0))
+    display.plan(dict.fromkeys([*SOLVING, _PLAYING], 1.0))
     tables = requested_tables(options, game)
     own, other = tables[role], tables[role.other]
     match = Match(game, BySide.of(role, agent, Named(TABLE, other)), options.games, options.seed)
-    response = ResponsePolicy(other.zero_sum_game, other.table, agent.policy) if options.response_games else None
-    display.begin(_TABLE, compiles=True)
-
-    def report(opponent: str, done: int, total: int) -> None:
-        if opponent == "response" and display.what != _RESPONSE:
-            display.begin(_RESPONSE, compiles=True)
-        display.report(done, total)
-
-    card = measure_card(match, own, response, options.response_games, report)
+    display.begin(_PLAYING, compiles=True)
+    card = measure_card(match, own, display.report)
     written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
     display.end()
     if options.json:
         about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
         about["grid"] = list(own.zero_sum_game.grids[0].counts)
-        print(to_json(about | card.to_dict()))
+        print(to_json(about | asdict(card)))
     else:
         print(card_table(agent.name, game.starts.speed, card))
     finish_with_replays(written, options)

@@ -36,7 +36,7 @@ SOLVING = ("solving the game for the pursuer", "solving the game for the evader"
 def solved_game(
     display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
 ) -> "BySide[SaddlePolicy]":
-    """The players of both sides by the solved game, kept in a folder; arguments and errors as of `kept_tables`."""
+    """Return the players of both sides by the solved game; arguments and errors as of `kept_tables`."""
     from apollonius.cli.terminal import sweeps_on
     from apollonius.solve.solving import kept_tables
 
@@ -92,10 +92,6 @@ def add_solve(subparsers: Any) -> None:
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
     )
     parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
-    parser.add_argument(
-        "--payoff", choices=("win", "time"),
-        help="of game: a win is worth 1 and a loss -1, discounted (win, default), or only the time to a win (time)",
-    )  # fmt: skip
     add_grid_options(parser)
     parser.add_argument(
         "--out",
@@ -156,16 +152,13 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     from apollonius.solve.solving import joint_grid, reference_grid
     from apollonius.solve.store import Problem
 
-    what, target, payoff = options.what, options.target, options.payoff
+    what, target = options.what, options.target
     require((target is not None) == (what == "reach"), "--target", target, "X Y for reach, and left out otherwise")
     alone = not (what == "reach" and options.role)
     require(alone, "--role", options.role, "left out for reach, where the pursuer moves")
-    bound = "left out but for game, where there is an opponent"
-    require(payoff is None or what == "game", "--payoff", payoff, bound)
     role = Role[(options.role or "pursuer").upper()]
     grid, hold = requested_grid(options, game, role, joint_grid if what == "game" else reference_grid)
-    payoff = payoff or "win" if what == "game" else None
-    return Problem(what, role.name.lower(), to_dict(game), list(grid.counts), hold, target, payoff)
+    return Problem(what, role.name.lower(), to_dict(game), list(grid.counts), hold, target)
 
 
 def _next(options: argparse.Namespace, path: Path, role: str) -> str:

@@ -141,27 +141,20 @@ def varied_table(varied: "VariedMatches") -> str:
 
 def card_table(agent: str, starts: str, card: "Card") -> str:
     """Return a regret card as lines of text."""
-    scores = [(f"{agent} against the table", card.agent)]
-    if card.response:
-        scores.append((f"{agent} against a response", card.response))
-    width = max(len(who) for who, _ in scores)
-    lines = [f"{agent} ({card.role}) in the solved game: {card.games:,} games, starts: {starts}"]
-    lines.append(f"  {'':<{width}}  {'won':>7}  {'lost':>7}  payoff (95 % interval)")
-    for who, score in scores:
-        low, high = score.payoff_interval
-        numbers = f"{score.won:>7.2%}  {score.lost:>7.2%}  {score.payoff:+.3f} ({low:+.3f} to {high:+.3f})"
-        lines.append(f"  {who:<{width}}  {numbers}, {score.games:,} games")
-    if card.response:
-        low, _ = card.response.lost_interval
-        lines.append(
-            f"  it can be made to lose {low:.2%} at least; the response looks one hold ahead, so far from the most"
+    won, lost, payoff = (
+        f"{share} ({low} to {high})"
+        for share, low, high in (
+            (f"{card.won:.2%}", *(f"{end:.2%}" for end in card.won_interval)),
+            (f"{card.lost:.2%}", *(f"{end:.2%}" for end in card.lost_interval)),
+            (f"{card.payoff:+.3f}", *(f"{end:+.3f}" for end in card.payoff_interval)),
         )
-    lines.append(
-        f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds off their nodes"
     )
-    lines.append(
-        f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})"
-    )
+    lines = [
+        f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}; 95 % intervals",
+        f"  won {won}, lost {lost}, payoff {payoff}",
+        f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds off their nodes",
+        f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})",
+    ]
     lines.append("  most is lost in these games (--record K writes them):")
     for game in card.worst:
         lines.append(f"    {game['game']:>6}  {game['outcome']} after {game['seconds']} s, gap {game['gap']:+.3f}")

@@ -25,7 +25,7 @@ class Compiled:
         self._compiled = jax.jit(functools.partial(function, *constants))
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function with the rest of its arguments."""
+        """Return the result of the function for the rest of its arguments."""
         return self._compiled(*arguments)
 
     def __reduce__(self) -> tuple[type["Compiled"], tuple[Any, ...]]:

@@ -18,8 +18,8 @@ from apollonius.io.errors import require
 class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     """A game seen from one side, of one robot; on the other there may be a team.
 
-    Actions are the 9 of Eq. 5, or two numbers. The reward is that side's of Eq. 8 or 9. `info["outcome"]` says how the
-    game stands: `ongoing`, or the name of a row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]. The reward is that side's of Eq. 8 or 9. `info["outcome"]` is
+    `ongoing`, or the name of a row of Tables II and III.
 
     Args:
         role: the side that acts from outside.
@@ -65,14 +65,14 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin a new game from the game's distribution of starts."""
+        """A new game from the game's distribution of starts."""
         super().reset(seed=seed)
         self._live.reset(self._bits())
         self._view.begin()
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Play one step.
+        """Let all robots hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`.
@@ -89,7 +89,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         return live.observation(self._robot), reward, live.terminated, live.truncated, {"outcome": live.outcome}
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
         return self._view.render()
 
     def _bits(self) -> np.uint32:

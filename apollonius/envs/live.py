@@ -57,7 +57,7 @@ class LiveGame:
     ) -> None:
         self._space = action_space(actions)
         self.idle = np.zeros(self._space.shape or (), self._space.dtype)
-        """Stands for the action of a side that is played from inside."""
+        """Return a placeholder for the action of a side that is played from inside."""
         reads = find_observation(observation)
         game.require_one_arena("an environment of a single game")
         inside = inside or {}
@@ -89,7 +89,7 @@ class LiveGame:
         self._take(self._begin(bits), 0)
 
     def step(self, actions: Sequence[Any], bits: np.uint32 = _NO_BITS) -> None:
-        """Play one step; actions of a side played from inside are not looked at.
+        """Let all robots hold their actions for one step; those of a side played from inside are ignored.
 
         Args:
             actions: of each pursuer and each evader, all of the kind of this game's actions.
@@ -108,17 +108,17 @@ class LiveGame:
         self._told, self._read, self._steps = told, np.asarray(told), steps
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
-        """Return what a robot sees now, by its place in the order of a game's robots."""
+        """Return the observation of a robot by its number among the game's robots."""
         return self._read[self._seen[robot]].copy()
 
     @property
     def rewards(self) -> list[float]:
-        """Return each robot's reward for the last step."""
+        """Of each robot, for the last step."""
         return self._read[self._rewards].tolist()
 
     @property
     def statuses(self) -> list[str]:
-        """Return each robot's `RobotStatus` by name in a game of teams; nothing in a game of two."""
+        """Return the names of all robots' `RobotStatus`; none in a game of two."""
         return [_STATUSES[int(status)] for status in self._read[self._statuses]]
 
     @property
@@ -136,12 +136,12 @@ class LiveGame:
 
     @property
     def outcome(self) -> str:
-        """Return the outcome: `ongoing`, or the name of a row of Tables II and III."""
+        """Return `ongoing` or the name of a row of Tables II and III."""
         return _OUTCOMES[int(self._read[_OUTCOME])]
 
     @property
     def robots(self) -> list[float]:
-        """Return x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader."""
+        """x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader."""
         return self._read[: 4 * len(self.places)].tolist()
 
 
@@ -218,7 +218,7 @@ class View:
                 self._print(self._canvas)
 
     def render(self) -> UInt8[np.ndarray, "height width 3"] | None:
-        """Return the picture in mode `rgb_array`, None otherwise: `human` is drawn anyway."""
+        """The picture, in mode `rgb_array`; otherwise None, as `human` is drawn anyway and no mode means no picture."""
         return np.array(self._canvas.picture()) if self._canvas and self.mode == "rgb_array" else None
 
     def _print(self, canvas: Canvas) -> None:
@@ -232,7 +232,7 @@ class View:
 
 
 def in_letters(picture: Image.Image, columns: int = _COLUMNS) -> str:
-    """Return a picture as lines of text, for a terminal with colours: each letter is one pixel above another."""
+    """A picture as lines of text, for a terminal with colours: each letter is one pixel above another."""
     rows = max(1, round(columns * picture.height / picture.width / 2))
     pixels = np.asarray(picture.resize((columns, 2 * rows), Image.Resampling.BOX)).tolist()
 

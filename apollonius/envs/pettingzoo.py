@@ -17,13 +17,13 @@ from apollonius.game.game import Game
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
     """A game between `pursuer_0` and `evader_0`, or all robots of teams up to `pursuer_2` or so, who act together.
 
-    Actions are the 9 of Eq. 5, or two numbers; rewards are those of Eq. 8 and 9. `terminations`: the rules ended the
-    game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` says how it stands: `ongoing`, or the name
-    of a row of Tables II and III.
+    Actions are the 9 of Eq. 5, or two numbers in [-1, 1]; rewards are those of Eq. 8 and 9. `terminations`: the rules
+    ended the game; `truncations`: the time limit stopped it. `infos[agent]["outcome"]` is `ongoing`, or the name of a
+    row of Tables II and III.
 
     In a game of teams a robot that is captured or fails leaves before the others: its termination is true in that step,
-    and from then on it is not among `agents`, neither acts nor observes. `infos[agent]["status"]` is how the
-    robot stands: `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
+    and from then on it is not among `agents` and has neither action nor observation. `infos[agent]["status"]` is
+    `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
 
     Args:
         game: the game, the name of one, or its `.toml` or `.json` file.
@@ -62,17 +62,17 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
-        """Return the space of an agent's observations, the same for all."""
+        """Return the space of observations, which all agents share."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> gymnasium.spaces.Space[Any]:
-        """Return the space of an agent's actions, the same for all."""
+        """Return the space of actions, which all agents share."""
         return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too."""
+        """A new game from the game's distribution of starts; games after a seeded one are seeded too."""
         if seed is not None:
             self._random, _ = np_random(seed)
         self._live.reset(np.uint32(self._random.integers(2**32, dtype=np.uint64)))
@@ -85,7 +85,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
-        """Play one step.
+        """All agents hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
@@ -110,7 +110,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         return told
 
     def render(self) -> np.ndarray | None:
-        """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
         return self._view.render()
 
     def _observations(self) -> dict[str, np.ndarray]:
@@ -125,5 +125,11 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         return infos
 
 
-parallel_env = BothSides
-"""By the name that environments of PettingZoo have."""
+def parallel_env(
+    game: Game | str = "paper",
+    observation: str = "encoded",
+    render_mode: str | None = None,
+    actions: str = "discrete",
+) -> BothSides:
+    """The game as PettingZoo's parallel environment; arguments and errors are those of `BothSides`."""
+    return BothSides(game, observation, render_mode, actions)

@@ -26,7 +26,7 @@ SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
 SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
 _TOGETHER = 512
-"""Starts that are drawn again and again until the last one fits: of more, more would be drawn in vain."""
+"""Starts that are drawn together until all fit: with more, more draws would be in vain."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Sitting:
         return self.game.bodies.map(len)
 
     def see(self, state: GameState) -> Float[Array, "games *robots size"]:
-        """Return what the side from outside sees."""
+        """Return the observations of the side from outside."""
         _, seen = perceive(self.observation, self.game, state, self.role)
         return of_robots(jnp.split(seen, self.robots[self.role]))
 
@@ -72,13 +72,13 @@ class Sitting:
         return Standing(state, self.see(state), opponent)
 
     def each(self, actions: SideActions) -> tuple[Actions, ...]:
-        """Return the action of each robot from outside, of actions with an axis of robots where there are several."""
+        """Return the action of each robot from outside; for several, actions have an axis of robots."""
         several = self.robots[self.role] > 1
         return tuple(actions[:, number] for number in range(actions.shape[1])) if several else (actions,)
 
 
 class Standing(eqx.Module):
-    """Games as they stand, what the side from outside sees in each, and what the opponent carries on."""
+    """Games under way, the observations of the side from outside, and the opponent's memory."""
 
     state: GameState
     seen: Float[Array, "games *robots size"]
@@ -101,7 +101,7 @@ class Told(eqx.Module):
 
 
 def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
-    """Return a pile of starts."""
+    """A pile of starts."""
     keys = jax.random.split(jax.random.key(bits), SPARE * sitting.num_envs)
     starts = jax.lax.map(sitting.game.reset, keys, batch_size=_TOGETHER)
     return sitting.begin(starts)
@@ -111,7 +111,7 @@ def step_games(
     sitting: Sitting, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
     action: SideActions, bits: UInt32[Array, ""],
 ) -> tuple[Standing, Told]:  # fmt: skip
-    """Play one step of every game; those that have `ended` before do not count where they begin again in this step."""
+    """One step of every game; those that have `ended` before do not count where they begin again in this step."""
     answer, opponent = sitting.answer(now, bits)
     actions = BySide.of(sitting.role, sitting.each(action), answer)
     after = jax.vmap(sitting.game.step)(now.state, *actions.pair)
@@ -138,11 +138,11 @@ def _told(sitting: Sitting, led_to: Standing, after: Timestep) -> Told:
 
 
 def renew(now: Standing, starts: Standing, used: Int[Array, ""], resets: Bool[Array, " games"]) -> Standing:
-    """Return games, some begun again from the first starts that have not been used."""
+    """Return games, some restarted from the first unused starts."""
     place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
     return _choose(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
 
 
 def _choose(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:
-    """Return of some games the one record, of the rest the other."""
+    """Of some games the one record, of the rest the other."""
     return jax.tree.map(lambda a, b: jnp.where(which.reshape(-1, *[1] * (a.ndim - 1)), a, b), one, other)

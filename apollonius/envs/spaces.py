@@ -1,4 +1,4 @@
-"""Spaces of observations and actions, for Gymnasium and PettingZoo."""
+"""Spaces of observations and actions for Gymnasium and PettingZoo."""
 
 from typing import Any
 
@@ -14,13 +14,11 @@ ACTIONS = ("discrete", "continuous")
 
 
 def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box:
-    """Return the space of observations.
-
-    Every number is within 2 of 0, unless a robot leaves the walls by more than half the arena in one step.
+    """Return the space of observations, within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
 
     Args:
-        observation: what each robot sees.
-        robots: of several there is an axis.
+        observation: of each robot.
+        robots: their number; several have an axis.
 
     Raises:
         InvalidInput: for an unknown observation.
@@ -29,32 +27,39 @@ def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box
     return gymnasium.spaces.Box(-2.0, 2.0, (size,) if robots == 1 else (robots, size), np.float32)
 
 
-ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.MultiDiscrete | gymnasium.spaces.Box
+ActionSpace = gymnasium.spaces.Discrete | gymnasium.spaces.Box
 
 
-def action_space(actions: str, robots: int = 1) -> ActionSpace:
-    """Return the space of actions: the nine of Eq. 5, or shares of the largest acceleration and turn rate.
-
-    Args:
-        robots: of several there is an axis.
+def action_space(actions: str) -> ActionSpace:
+    """Return the nine actions of Eq. 5, or shares of the largest acceleration and of the largest turn rate.
 
     Raises:
         InvalidInput: for an unknown kind of actions.
     """
     require(actions in ACTIONS, "actions", actions, f"one of {', '.join(ACTIONS)}")
-    if actions == "continuous":
-        return gymnasium.spaces.Box(-1.0, 1.0, (2,) if robots == 1 else (robots, 2), np.float32)
-    several = gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
-    return gymnasium.spaces.Discrete(NUM_ACTIONS) if robots == 1 else several
+    if actions == "discrete":
+        return gymnasium.spaces.Discrete(NUM_ACTIONS)
+    return gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def team_action_space(actions: str, robots: int) -> gymnasium.spaces.Space[Any]:
+    """Return the joint actions of several robots: `[robots]` of the nine, or shares `[robots, 2]`.
+
+    Raises:
+        InvalidInput: for an unknown kind of actions.
+    """
+    if isinstance(action_space(actions), gymnasium.spaces.Discrete):
+        return gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
+    return gymnasium.spaces.Box(-1.0, 1.0, (robots, 2), np.float32)
 
 
 def as_actions(given: Any, space: ActionSpace, batch: tuple[int, ...] = ()) -> np.ndarray:
-    """Return actions of a space in its number type: one, or a batch.
+    """Return one action of a space or a batch in its number type.
 
     Raises:
         InvalidInput: for another shape or type, or an action outside the space.
     """
-    discrete = not isinstance(space, gymnasium.spaces.Box)
+    discrete = isinstance(space, gymnasium.spaces.Discrete)
     name, kind = "actions" if batch else "action", "a whole number" if discrete else "numbers"
     shape = batch if discrete else (*batch, 2)
     least, most = (0, NUM_ACTIONS - 1) if discrete else (-1, 1)

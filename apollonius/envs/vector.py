@@ -1,6 +1,6 @@
 """Gymnasium's vector interface: thousands of games at once in one compiled call, one side from outside.
 
-In games of teams all robots of that side act from outside, and every game has an axis of robots.
+In games of teams all robots of that side act from outside, and arrays have an axis of robots.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.compiled import Compiled, require_unforked
 from apollonius.envs.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
-from apollonius.envs.spaces import action_space, as_actions, observation_space
+from apollonius.envs.spaces import action_space, as_actions, observation_space, team_action_space
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
@@ -82,7 +82,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         robots = len(game.bodies[role])
         self.single_observation_space = observation_space(observation, robots)
         self._actions = action_space(actions)
-        self.single_action_space = action_space(actions, robots)
+        self.single_action_space = self._actions if robots == 1 else team_action_space(actions, robots)
         self._acting = (num_envs,) if robots == 1 else (num_envs, robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -104,11 +104,11 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin new games, all from the game's distribution of starts.
+        """Start new games from the game's distribution of starts.
 
         Args:
             seed: of these games and of all that are drawn after them.
-            options: `reset_mask`, which games begin again, `[games]`, bool; the others stay as they are.
+            options: `reset_mask`, `[games]`, bool: the games that are restarted.
 
         Raises:
             gymnasium.error.ResetNeeded: for a mask before the first `reset`.
@@ -130,7 +130,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:  # fmt: skip
-        """Play one step of every game.
+        """Step every game.
 
         Args:
             actions: of the side from outside, `[games]`, each 0..8, or `[games, 2]`; of a team each robot's.
@@ -171,7 +171,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return np.int32(SPARE * self.num_envs - self._left)
 
     def _provide(self) -> None:
-        """Draw a new pile of starts where the last might not do; each is used once, from the first on."""
+        """A new pile of starts where the last might not do; each is used once, from the first on."""
         if self._left < self.num_envs:
             self._starts, self._left = self._draw(self._bits()), SPARE * self.num_envs
 
@@ -191,7 +191,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
 
 def _final(led_to: np.ndarray, outcome: np.ndarray, over: np.ndarray) -> dict[str, Any]:
-    """Return what Gymnasium wants to know of games that ended and have begun again."""
+    """Return the `info` of games that ended and were restarted."""
     return {
         "final_obs": led_to,
         "_final_obs": over,

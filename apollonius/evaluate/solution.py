@@ -1,4 +1,4 @@
-"""What a solution says of the starts of its game."""
+"""A solution in numbers: how well it was solved, and its values at the starts of its game."""
 
 from dataclasses import replace
 from typing import Any
@@ -24,7 +24,7 @@ STARTS = 20_000
 
 
 def about(solution: Solution, game: Game) -> dict[str, Any]:
-    """A solution in numbers, by what they are: how well it was solved, and what it means for the game's starts."""
+    """Return a solution in numbers by their names: how well it was solved, and its values at the game's starts."""
     problem = solution.problem
     how = {
         "grid": "x".join(map(str, problem.counts)),
@@ -76,7 +76,6 @@ def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
     starts = sample_starts(game, jax.random.key(0), STARTS)
     sure = np.asarray(player.best_value(starts))
     return {
-        "payoff": solution.problem.payoff,
         f"the {role.name.lower()}'s estimate, on average over starts": float(np.mean(sure)),
         "at the best start": float(np.max(sure)),
         "at the worst": float(np.min(sure)),

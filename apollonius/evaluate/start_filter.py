@@ -1,4 +1,4 @@
-"""Starts of a match: those of the game's file, or what a word asks for instead."""
+"""Starts of a match: those of the game's file, or others by a word."""
 
 from dataclasses import replace
 from enum import Enum
@@ -12,14 +12,14 @@ from apollonius.solve.viability import doomed_start_rate, solve_viability, viabl
 
 
 class StartFilter(Enum):
-    """Which of the starts that a game draws are played."""
+    """The starts of a game that are played."""
 
     ALL = "all"
     VIABLE = "viable"
-    """Those from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
+    """Starts from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
 
     def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
-        """Initial states of several games, leaves `[games]`. The key is consumed.
+        """Draw initial states of several games, leaves `[games]`. The key is consumed.
 
         Raises:
             InvalidInput: when hardly any start of the game is viable, and as `solve_viability`.
@@ -62,5 +62,5 @@ def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
 
 
 def _starts_at_rest(game: Game) -> bool:
-    """Whether all robots start where they can stay, so that no start is lost."""
+    """Return whether all robots start where they can stay, so that no start is lost."""
     return all(bool(body.v_min <= 0) for side in game.bodies for body in side) and game.starts.speed == "rest"

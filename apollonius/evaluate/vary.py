@@ -17,7 +17,6 @@ from apollonius.evaluate.match import Match, MatchResult, play_match
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
-from apollonius.game.validation import check_game
 from apollonius.io.errors import InvalidInput, require
 from apollonius.play.playout import Report
 
@@ -93,7 +92,7 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
 
     varied = jax.tree_util.tree_map_with_path(value, game)
     try:
-        check_game(varied)
+        varied.check()
     except InvalidInput as error:
         at = ", ".join(f"{name} = {number:g}" for name, number in numbers.items())
         raise InvalidInput(f"with {at}: {error}") from error

@@ -1,4 +1,4 @@
-"""One value for each side of the game, so that what holds for both is written once."""
+"""One value for each side of the game, so that rules for both are written once."""
 
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
@@ -15,7 +15,7 @@ U = TypeVar("U")
 class BySide(eqx.Module, Generic[T_co]):
     """One value for each side, indexed by `Role`: `values[role]`, and `values[role.other]` for the opponent's.
 
-    What a side has for each of its robots is a tuple: `BySide[tuple[RobotState, ...]]`.
+    The values of a side's robots are a tuple: `BySide[tuple[RobotState, ...]]`.
     """
 
     pursuer: T_co
@@ -23,11 +23,10 @@ class BySide(eqx.Module, Generic[T_co]):
 
     @classmethod
     def of(cls, role: int, own: U, other: U) -> "BySide[U]":
-        """What one side, a `Role`, has of its own, and what the other has."""
+        """Return the values of a side, a `Role`, and of its opponents."""
         return BySide(other, own) if role else BySide(own, other)
 
     def __getitem__(self, role: int) -> T_co:
-        """The value of one side, a `Role`."""
         return (self.pursuer, self.evader)[role]
 
     def __iter__(self) -> Iterator[T_co]:
@@ -35,16 +34,14 @@ class BySide(eqx.Module, Generic[T_co]):
 
     @property
     def pair(self) -> tuple[T_co, T_co]:
-        """The pursuer's value and the evader's."""
         return self.pursuer, self.evader
 
     def map(self, function: Callable[[T_co], U]) -> "BySide[U]":
-        """What a function makes of either side's value."""
         return BySide(function(self.pursuer), function(self.evader))
 
 
 def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
-    """The values of the two robots of a game of two: what can only be said of two comes by here.
+    """Return the values of the two robots of a game of two.
 
     Raises:
         InvalidInput: when a side has more robots, or none.

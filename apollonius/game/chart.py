@@ -1,6 +1,6 @@
-"""What is known of an arena beforehand: how much room there is at each place, and how long the ways between places are.
+"""The chart of an arena: its clearances, and the lengths of all shortest paths between the cells of a coarse grid.
 
-A chart is drawn once (`apollonius.arenas.charting`); the game itself never asks it, only players do.
+A chart is drawn once (`apollonius.arenas.charting`); the game itself never reads it, only players do.
 """
 
 import equinox as eqx
@@ -8,24 +8,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt16
 
-from apollonius.game.occupancy import beside
+from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
 STOPS = 40
-"""Stops along the longer side, between which the ways are known."""
+"""Cells of the coarse grid along the longer side, between whose middles path lengths are known."""
 STOP_BITS = 11
-"""Bits of a stop's number."""
+"""Bits of the number of a coarse cell."""
 NO_WAY = 2**16 - 1
-"""The length of a way that there is not [cm]."""
+"""Length of a missing path [cm]."""
 GLANCES = 12
-"""Steps in which a ray is followed: each is as long as there is room where the one before ended."""
+"""Steps of a ray: each is as long as the clearance at the end of the one before."""
 FARTHEST = 12.0
-"""Where rays end that meet nothing [m]."""
+"""Length of rays that meet nothing [m]."""
 
 Places = tuple[Int[Array, "4"], Float[Array, "4"]]
-"""Four stops beside a point, and their weights."""
+"""The four coarse cells around a point, and their weights."""
 
 
 class Chart(eqx.Module):
@@ -34,14 +34,14 @@ class Chart(eqx.Module):
     Attributes:
         field: distance [m] from walls and obstacles at the corners of `SIDE` by `SIDE` cells, the first row at the
             bottom; negative beyond them.
-        ways: lengths [cm] of the shortest ways between `STOPS` by `STOPS` stops, in the middles of as many cells;
-            a stop's number is `row * STOPS + column`.
-        beside: for each cell of the field the stop that is nearest by the ways that there are (the lower `STOP_BITS`
-            bits), and which of the four stops around its middle can be seen from there: the next bits stand for those
-            at its lower left, lower right, upper left and upper right.
+        ways: lengths [cm] of the shortest paths between the middles of `STOPS` by `STOPS` coarse cells; the number of
+            a coarse cell is `row * STOPS + column`.
+        beside: for each cell of the field the coarse cell with the shortest path to it (the lower `STOP_BITS` bits),
+            and which of the four around its middle can be seen from there: the next bits stand for those at its lower
+            left, lower right, upper left and upper right.
         x, y: the lower left corners [m].
         side: lengths of the sides [m].
-        member: which of the arenas it is.
+        member: index of the arena.
     """
 
     field: Float[Array, "arenas corners corners"]
@@ -52,28 +52,26 @@ class Chart(eqx.Module):
     side: Float[Array, " arenas"]
     member: Int[Array, ""] | int = 0
 
-    def room(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest wall or obstacle, interpolated; negative beyond."""
+    def clearance(self, x: Scalar, y: Scalar) -> Scalar:
+        """Return the distance [m] from a point to the nearest wall or obstacle, interpolated; negative beyond."""
         member, cell = self.member, self.side[self.member] / SIDE
-        column, right = beside((x - self.x[member]) / cell, SIDE + 1)
-        row, up = beside((y - self.y[member]) / cell, SIDE + 1)
-        below = (1 - right) * self.field[member, row, column] + right * self.field[member, row, column + 1]
-        above = (1 - right) * self.field[member, row + 1, column] + right * self.field[member, row + 1, column + 1]
-        return (1 - up) * below + up * above
+        across = between_nodes((x - self.x[member]) / cell, SIDE + 1)
+        upwards = between_nodes((y - self.y[member]) / cell, SIDE + 1)
+        return bilinear(lambda row, column: self.field[member, row, column], across, upwards)
 
     def range(self, x: Scalar, y: Scalar, cos: Scalar, sin: Scalar) -> Scalar:
-        """Distance [m] from a point to the first wall or obstacle in a direction, `FARTHEST` at most.
+        """Return the distance [m] from a point to the first wall or obstacle in a direction, at most `FARTHEST`.
 
-        It is followed by sphere tracing (Hart, 1996), `GLANCES` steps: along a long wall it is too short.
+        Sphere tracing (Hart, 1996) with `GLANCES` steps: along a long wall the distance is too short.
         """
 
         def on(_: Int[Array, ""], along: Scalar) -> Scalar:
-            return jnp.minimum(along + jnp.maximum(self.room(x + along * cos, y + along * sin), 0.0), FARTHEST)
+            return jnp.minimum(along + jnp.maximum(self.clearance(x + along * cos, y + along * sin), 0.0), FARTHEST)
 
         return jax.lax.fori_loop(0, GLANCES, on, jnp.zeros_like(x))
 
     def places(self, x: Scalar, y: Scalar) -> Places:
-        """The stops around a point that can be seen from there, weighed by how near they are along x and y.
+        """Return the coarse cells around a point that can be seen from there, with bilinear weights.
 
         Where none can be seen it is the nearest one alone.
         """
@@ -96,23 +94,23 @@ class Chart(eqx.Module):
         blind = total == 0
         return jnp.where(blind, nearest, stops), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
 
-    def way(self, start: Places, end: Places) -> Scalar:
-        """Length [m] of the shortest way between two points, to about half the distance between two stops."""
+    def path_length(self, start: Places, end: Places) -> Scalar:
+        """Return the length [m] of the shortest path between two points, to about half a coarse cell."""
         (starts, start_weights), (ends, end_weights) = start, end
         lengths = self.ways[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
-    def way_from(self, stop: Int[Array, ""], end: Places) -> Scalar:
-        """The same from one stop."""
+    def path_length_from(self, stop: Int[Array, ""], end: Places) -> Scalar:
+        """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
         stops, weights = end
         return jnp.sum(self.ways[self.member, stop, stops].astype(jnp.float32) * weights) / 100
 
 
 def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
-    """The stop before a cell's middle along one axis, and how far a point is on the way to the next, from 0 to 1.
+    """Return the coarse cell before a cell's middle along one axis, and the weight of the next one at a point.
 
     Args:
-        middle, share: of the cell's middle and of the point, shares of the side.
+        middle, share: of the cell's middle and of the point, as shares of the side.
     """
     before = jnp.clip(jnp.floor(middle * STOPS - 0.5), 0.0, STOPS - 2.0)
     return before.astype(jnp.int32), jnp.clip(share * STOPS - 0.5 - before, 0.0, 1.0)

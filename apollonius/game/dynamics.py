@@ -6,15 +6,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Shaped
 
 from apollonius.game.types import Action, Real, RobotState, Scalar
+from apollonius.io.errors import require
+
+MAX_TURN = 2.0
+"""Largest turn in one step [rad]: a step is one arc, and beyond this its contacts would not be those of its chord."""
 
 
 def wrap_angle(angle: Scalar) -> Scalar:
-    """The same direction in (-pi, pi] [rad]."""
+    """Return the same direction in (-pi, pi] [rad]."""
     return angle - 2 * jnp.pi * jnp.ceil((angle - jnp.pi) / (2 * jnp.pi))
 
 
 def unit_vector(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """Cosine and sine of an angle [rad], to 1e-6.
+    """Return cosine and sine of an angle [rad], to 1e-6.
 
     The series of the half angle, which is within a quarter turn, and the double-angle formulas: several times faster
     than `jnp.cos` and `jnp.sin`, which reduce arguments of any size, and most of what a step of the game costs.
@@ -27,12 +31,12 @@ def unit_vector(angle: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def sinc(angle: Scalar) -> Scalar:
-    """`sin(angle) / angle`, to 3e-6 within 1 rad of 0 and to single precision within 0.6 rad: its series."""
+    """Return `sin(angle) / angle` by its series, to 3e-6 within 1 rad of 0, to single precision within 0.6 rad."""
     return _horner(angle * angle, 1.0, -1 / 6, 1 / 120, -1 / 5040)
 
 
 def _horner(x: Scalar, *coefficients: float) -> Scalar:
-    """The polynomial with these coefficients, the constant one first."""
+    """Evaluate the polynomial with these coefficients, the constant one first."""
     value = jnp.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         value = value * x + coefficient
@@ -40,9 +44,7 @@ def _horner(x: Scalar, *coefficients: float) -> Scalar:
 
 
 def gears(action: Action) -> tuple[Scalar, Scalar]:
-    """The shares of u1_max and of u2_max that an action asks for: of a discrete one -1, 0 or 1 each; others are clipped
-    to [-1, 1].
-    """
+    """Return the shares of u1_max and u2_max: -1, 0 or 1 each for a discrete action; others are clipped to [-1, 1]."""
     if is_continuous(action):
         share_u1, share_u2 = jnp.clip(action, -1.0, 1.0)
         return share_u1, share_u2
@@ -50,12 +52,12 @@ def gears(action: Action) -> tuple[Scalar, Scalar]:
 
 
 def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
-    """Whether actions, or what they will be, are pairs of gears; known before anything runs."""
+    """Return whether actions, or their shape and type, are pairs of shares; known before anything runs."""
     return jnp.issubdtype(action.dtype, jnp.floating)
 
 
 def nearest_action(action: Action) -> Int[Array, ""]:
-    """The discrete action with the nearest gears; a discrete one is its own."""
+    """Return the discrete action with the nearest shares."""
     if not is_continuous(action):
         return action
     gear_u1, gear_u2 = (jnp.round(gear).astype(jnp.int32) for gear in gears(action))
@@ -63,14 +65,14 @@ def nearest_action(action: Action) -> Int[Array, ""]:
 
 
 def together(*actions: Action) -> Int[Array, " robots"] | Float[Array, "robots 2"]:
-    """The actions of several robots as one array: gears, where one of them is continuous."""
+    """Return the actions of several robots as one array: of shares, where one is continuous."""
     if any(is_continuous(action) for action in actions):
         return jnp.stack([jnp.stack(gears(action)) for action in actions])
     return jnp.stack(actions)
 
 
 class Unicycle(eqx.Module):
-    """One robot's body and limits. Knows no opponent and no arena.
+    """One robot's body and limits.
 
     Attributes:
         v_min, v_max: speed limits [m/s].
@@ -87,16 +89,29 @@ class Unicycle(eqx.Module):
 
     @property
     def brakes_to_rest(self) -> bool:
-        """Whether full braking ends at rest, neither driving on nor backwards."""
+        """Return whether full braking ends at rest rather than in driving on or backwards."""
         return bool(self.v_min == 0 and self.u1_max > 0)
 
+    def check(self, name: str, dt: Real) -> None:
+        """Refuse impossible limits, and turns too large for a step of `dt` [s]."""
+        largest = f"at most {MAX_TURN / dt:g} rad/s, {MAX_TURN} rad in a step of {dt:g} s; make it or dt smaller"
+        for field, holds, bound in (
+            ("v_min", self.v_min <= self.v_max, f"at most v_max = {self.v_max} m/s; exchange the two"),
+            ("v_max", self.v_max > 0, "more than 0 m/s, or the robot cannot go forward"),
+            ("u1_max", self.u1_max >= 0, "0 m/s^2 or more; accelerations are -u1_max, 0, +u1_max"),
+            ("u2_max", self.u2_max >= 0, "0 rad/s or more; turn rates are -u2_max, 0, +u2_max"),
+            ("u2_max", self.u2_max * dt <= MAX_TURN, largest),
+            ("radius", self.radius >= 0, "0 m (a point) or more"),
+        ):
+            require(holds, f"{name}.{field}", getattr(self, field), bound)
+
     def controls(self, action: Action) -> tuple[Scalar, Scalar]:
-        """The control inputs of an action: acceleration u1 [m/s^2] and turn rate u2 [rad/s] (Eq. 4, 5)."""
+        """Return an action's acceleration u1 [m/s^2] and turn rate u2 [rad/s] (Eq. 4, 5)."""
         gear_u1, gear_u2 = gears(action)
         return gear_u1 * self.u1_max, gear_u2 * self.u2_max
 
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
-        """The robot after holding its controls for `dt` (Eq. 1).
+        """Return the robot after holding its controls for `dt` (Eq. 1).
 
         The speed is a ramp clipped to its limits and the heading turns at a constant rate; both are exact. The robot
         follows the circular arc of that turn with the ramp's exact mean speed, whose chord is
@@ -104,7 +119,6 @@ class Unicycle(eqx.Module):
         robot does not turn, and of second order in `dt` otherwise (2e-5 m in one step of the `paper` game).
 
         Args:
-            robot: state before the step.
             u1: acceleration [m/s^2].
             u2: turn rate [rad/s].
             dt: duration [s].

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 
+from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle
@@ -19,15 +20,16 @@ from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
-from apollonius.game.validation import check_game
 from apollonius.io.errors import require
 
+MAX_STEPS = 2**31 - 1
+"""Largest time limit [steps]: steps are counted in 32 bits."""
 _BLOCK = 1024
 """Starts of a match that are drawn at a time."""
 
 
 class Game(eqx.Module):
-    """A pursuit-evasion game between two robots, or two teams of them, among obstacles.
+    """A pursuit-evasion game between two robots, or two teams, among obstacles.
 
     All its numbers are leaves of a pytree: one compilation serves every speed, radius and time step, and a sweep over
     them is a `vmap`. Only the numbers of robots, of obstacles and of their corners and cells, and the named profiles,
@@ -37,11 +39,9 @@ class Game(eqx.Module):
         pursuer, evader: the robots' limits, of a team those of its first robot; equal in the paper.
         arena: walls and obstacles.
         capture_distance: the robots' centres come closer than this [m]: captured (D_catch of Table I).
-        dt: how long controls are held [s].
+        dt: duration of a step, in which controls are held [s].
         max_steps: time limit [steps].
-        reward: what each side is paid.
-        starts: where games begin.
-        scenario: the arenas of which each game has one (`in_arenas`); None where all are played in `arena`.
+        scenario: the arenas from which each game draws one (`in_arenas`); None for games in `arena`.
         teams: the other robots of either side; None in a game of two.
 
     Raises:
@@ -60,7 +60,24 @@ class Game(eqx.Module):
     teams: Teams | None = None
 
     def __check_init__(self) -> None:
-        check_game(self)
+        self.check()
+
+    def check(self) -> None:
+        """Refuse a game that cannot be played; one whose numbers are traced or swept is left unchecked."""
+        validation.require_single_precision()
+        if validation.is_swept(self):
+            return
+        validation.check_finite(self)
+        require(np.float32(self.dt) > 0, "dt", self.dt, "more than 0 s; the paper game uses 0.1")
+        bound = "more than 0 m; the paper uses 0.3"
+        require(np.float32(self.capture_distance) > 0, "capture_distance", self.capture_distance, bound)
+        steps, bound = self.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
+        require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
+        self.reward.check()
+        validation.check_bodies(self.bodies, float(self.dt))
+        self.arena.check()
+        self.starts.check(self.capture_distance)
+        validation.check_space_to_start(self.arena, self.bodies, self.starts)
 
     @property
     def bodies(self) -> BySide[tuple[Unicycle, ...]]:
@@ -70,62 +87,58 @@ class Game(eqx.Module):
 
     @property
     def size(self) -> str:
-        """How many robots either side has, as `3 v 1`."""
+        """The numbers of robots, as `3 v 1`."""
         return " v ".join(str(len(side)) for side in self.bodies)
 
     def body(self, role: Role) -> Unicycle:
-        """The limits of one side's robot, in a game of two robots."""
+        """Return the limits of one side's robot, in a game of two."""
         return one_each(self.bodies)[role]
 
     def reset(self, key: PRNGKeyArray) -> GameState:
-        """An initial state from the game's distribution of arenas and starts. The key is consumed."""
+        """Draw an arena and an initial state. The key is consumed."""
         if self.scenario is None:
             return self.starts.sample(key, self.arena, self.bodies)
         place_key, start_key = jax.random.split(key)
         return self.reset_at(self.scenario.sample(place_key), start_key)
 
     def reset_at(self, place: Int[Array, ""], key: PRNGKeyArray) -> GameState:
-        """An initial state at one place of the scenario, which there must be. The key is consumed."""
-        assert self.scenario is not None, "who knows of places knows that there are some"
-        game = self.scenario.game(self, place)
+        """Draw an initial state in one arena of the scenario. The key is consumed."""
+        game = self.in_place(place)
         return replace(self.starts.sample(key, game.arena, game.bodies), place=place)
 
     def at(self, state: GameState) -> "Game":
-        """The game in one arena and of two known robots that is played in this state."""
-        return self if self.scenario is None else self.scenario.game(self, state.place)
+        """Return the game in one arena and between known robots that is played in a state."""
+        return self if self.scenario is None else self.in_place(state.place)
+
+    def in_place(self, place: Int[Array, ""] | None) -> "Game":
+        """Return the game at one place of its scenario."""
+        scenario = self.scenario
+        assert scenario is not None, "only a scenario has places"
+        assert place is not None, "a state of a game in one of several arenas says in which"
+        alone = replace(self, arena=scenario.arena(place), scenario=None)
+        if scenario.kinds is None:
+            return alone
+        kind = jax.tree.map(lambda leaf: leaf[place // scenario.count], scenario.kinds)
+        others = self.teams and replace(
+            self.teams,
+            pursuers=(kind.pursuer,) * len(self.teams.pursuers),
+            evaders=(kind.evader,) * len(self.teams.evaders),
+        )
+        return replace(
+            alone, pursuer=kind.pursuer, evader=kind.evader, capture_distance=kind.capture_distance, teams=others
+        )
 
     def require_one_arena(self, who: str) -> None:
-        """Refuse a game in one of several arenas.
-
-        Args:
-            who: what has to know the arena beforehand, for the message.
-
-        Raises:
-            InvalidInput: with how many there are.
-        """
+        """Refuse a game in one of several arenas, for `who` needs one; raises InvalidInput."""
         if self.scenario is not None:
             require(False, "arenas", self.scenario.size, f"one, which {who} has to know beforehand")
 
     def require_two(self, who: str) -> None:
-        """Refuse a game of teams.
-
-        Args:
-            who: what knows two robots only, for the message.
-
-        Raises:
-            InvalidInput: with how many there are.
-        """
+        """Refuse a game of teams, for `who` knows two robots only; raises InvalidInput."""
         require(self.teams is None, "robots", self.size, f"1 v 1: {who} knows games of two robots only")
 
     def duel(self, who: str) -> "Game":
-        """The game of two that any pursuer of a team plays against any evader.
-
-        Args:
-            who: what knows two robots only, for the message.
-
-        Raises:
-            InvalidInput: where robots of one side differ in their limits.
-        """
+        """Return the game of two robots of alike teams, for `who` knows only two; raises InvalidInput if unlike."""
         alike = all(body == side[0] for side in self.bodies for body in side)
         require(alike, "robots", "of several kinds", f"alike on either side: {who} knows one pursuer and one evader")
         return replace(self, teams=None)
@@ -133,10 +146,10 @@ class Game(eqx.Module):
     def step(
         self, state: GameState, pursuer_action: Action | Sequence[Action], evader_action: Action | Sequence[Action]
     ) -> Timestep:
-        """All robots hold their actions for `dt`; then the rules judge the step.
+        """Let all robots hold their actions for `dt`, and judge the step.
 
         Args:
-            pursuer_action, evader_action: of a side of one robot its action, of a team a list or tuple of them.
+            pursuer_action, evader_action: one action, or for a team a list or tuple of actions.
         """
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
@@ -148,10 +161,7 @@ class Game(eqx.Module):
         return self.step_controls(state, ROLES.map(controls))
 
     def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
-        """All robots hold their controls (u1 [m/s^2], u2 [rad/s], within their limits) for `dt`.
-
-        One that is not active stands still.
-        """
+        """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""
         game = self.at(state)
 
         def moved(role: Role) -> tuple[RobotState, ...]:
@@ -178,18 +188,18 @@ class Game(eqx.Module):
 
 
 def _moved_or_still(active: Bool[Array, ""], end: RobotState, start: RobotState) -> RobotState:
-    """Where a robot is after a step: at rest where it was, if it is not active."""
+    """Return the robot after a step: at rest where it was, if it is not active."""
     halted = replace(start, v=jnp.zeros_like(start.v))
     return jax.tree.map(lambda there, here: jnp.where(active, there, here), end, halted)
 
 
 def distance(state: GameState) -> Scalar:
-    """Distance [m] between the centres of two robots, in a game of two."""
+    """Return the distance [m] between the centres of the two robots of a game of two."""
     return jnp.hypot(state.evader.x - state.pursuer.x, state.evader.y - state.pursuer.y)
 
 
 def _leads(before: GameState, after: GameState) -> list[tuple[Scalar, Scalar]]:
-    """Distances [m] of each evader from the nearest of the pursuers that are active before a step, before and after."""
+    """Return each evader's distances [m] from the nearest active pursuer, before and after a step."""
 
     def lead(state: GameState, evader: RobotState) -> Scalar:
         pursuers = state.robots.pursuer
@@ -207,21 +217,18 @@ def _paid(reward: Reward, outcome: Int[Array, ""], before: GameState, after: Gam
 
 
 _paid_apart = fusion_barrier(_paid)
-"""In teams mates share what they are paid, which would be computed anew for each of them and each of its uses."""
+"""In teams mates share their rewards, which would be computed again for each mate and each use."""
 
 
 def reset_batch(game: Game, key: PRNGKeyArray, games: int) -> GameState:
-    """Initial states of several games, leaves of shape `[games]`. The key is consumed."""
+    """Draw initial states of several games, leaves `[games]`. The key is consumed."""
     return jax.vmap(game.reset)(jax.random.split(key, games))
 
 
 def sample_starts(game: Game, key: PRNGKeyArray, games: int) -> GameState:
-    """The starts of `reset_batch`, drawn block by block: one compilation serves every number of games.
+    """Draw the starts of `reset_batch` block by block: one compilation serves every number of games.
 
-    In several arenas games take turns, as `Scenario.place_of` says.
-
-    Returns:
-        Initial states, leaves `[games]`.
+    Several arenas take turns, as `Scenario.place_of` says.
     """
     blocks = [jax.device_get(_draw_block(game, key, np.uint32(first))) for first in range(0, games, _BLOCK)]
     return jax.device_put(jax.tree.map(lambda *leaves: np.concatenate(leaves)[:games], *blocks))

@@ -1,35 +1,45 @@
-"""What a step does to every robot of a game in one arena, and how the game stands after it."""
+"""Events of a step for every robot of a game in one arena, and the outcome of the game."""
 
 import functools
 import operator
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
+from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, come_within, decide, is_one_of
-from apollonius.game.types import ROLES, GameState, Outcome, RobotStatus, Role
-
-if TYPE_CHECKING:
-    from apollonius.game.game import Game
+from apollonius.game.teams import Teams
+from apollonius.game.types import ROLES, GameState, Outcome, Real, RobotStatus, Role
 
 Flag = Bool[Array, ""]
 Statuses = BySide[tuple[Int[Array, ""], ...]]
 """A `RobotStatus` for each robot."""
 
 
-class Fate(eqx.Module):
-    """What comes of one robot in a step: nothing, if it is not active before it.
+@runtime_checkable
+class Judged(Protocol):
+    """A game in one arena, as far as judging a step needs it."""
 
-    Attributes:
-        active: whether it is, before the step.
-        captured: whether it is caught.
-        failed: whether it goes out of play otherwise.
-    """
+    @property
+    def arena(self) -> Arena: ...
+    @property
+    def bodies(self) -> BySide[tuple[Unicycle, ...]]: ...
+    @property
+    def capture_distance(self) -> Real: ...
+    @property
+    def max_steps(self) -> int | Array: ...
+    @property
+    def teams(self) -> Teams | None: ...
+
+
+class Fate(eqx.Module):
+    """The fate of one robot in a step: it was active before, and is captured or fails otherwise."""
 
     active: Flag | bool
     captured: Flag | bool
@@ -37,13 +47,12 @@ class Fate(eqx.Module):
 
 
 class _Events(eqx.Module):
-    """What happens to one robot in a step: nothing, if it is not active before it.
+    """The events of one robot in a step; none if it is not active before it.
 
     Attributes:
-        active: whether it is, before the step.
-        captured: whether it is caught; what else would happen to it then does not.
-        hit, out: whether it touches an obstacle, leaves the walls.
-        collided: whether it touches a mate, and does neither.
+        captured: it is caught, which excludes all other events.
+        hit, out: it touches an obstacle, leaves the walls.
+        collided: it touches a mate, and does neither.
     """
 
     active: Flag
@@ -54,11 +63,10 @@ class _Events(eqx.Module):
 
     @property
     def stays(self) -> Flag:
-        """Whether it is active after the step."""
         return self.active & ~(self.captured | self.hit | self.out | self.collided)
 
     def status(self, before: Int[Array, ""]) -> Int[Array, ""]:
-        """Its status after the step; one that hits an obstacle and leaves the walls has hit the obstacle."""
+        """Return the status after the step; a robot that hits an obstacle and leaves the walls has hit the obstacle."""
         status = jnp.where(self.collided, RobotStatus.HIT_MATE, before)
         status = jnp.where(self.out, RobotStatus.OUT_OF_RANGE, status)
         status = jnp.where(self.hit, RobotStatus.HIT_OBSTACLE, status)
@@ -66,14 +74,14 @@ class _Events(eqx.Module):
 
 
 @fusion_barrier
-def judge(game: "Game", before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses | None]:
-    """How the game stands after a step, and each robot of a team with it, from the states at the step's two ends.
+def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses | None]:
+    """Judge a step by the states at its two ends.
 
-    A side is beaten when none of its robots is active any more. The game then has the outcome of the last of them, as
-    `decide` says: so the pursuers win by capturing the last evader, even if no pursuer is active any more.
+    A side is beaten when no robot of it is active any more. The game then has the outcome of the last one, by the order
+    of `decide`: so the pursuers win by capturing the last evader, even if no pursuer is active any more.
 
     Returns:
-        The outcome, and the status of each robot; None in a game of two, where the outcome tells it.
+        The outcome, and the status of each robot; None in a game of two, where the outcome implies it.
     """
     events = ROLES.map(lambda role: _events(game, before, after, role))
     beaten = events.map(lambda side: ~_any(robot.stays for robot in side))
@@ -102,11 +110,7 @@ def judge(game: "Game", before: GameState, after: GameState) -> tuple[Int[Array,
 
 
 def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None) -> BySide[tuple[Fate, ...]]:
-    """What came of each robot in a step that the game had this outcome after.
-
-    Args:
-        before, after: how each robot stood at the step's two ends; None in a game of two.
-    """
+    """Return the fate of each robot in a step with this outcome, from the statuses before and after it, if any."""
     if before is None or after is None:
         caught, both = outcome == Outcome.CAPTURED, Outcome.BOTH_FAILED
         pursuer = Fate(active=True, captured=False, failed=is_one_of((both, *PURSUER_FAILS), outcome))
@@ -121,7 +125,7 @@ def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | No
     return ROLES.map(lambda role: tuple(map(fate, before[role], after[role])))
 
 
-def _events(game: "Game", before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
+def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
     active, bodies = before.active, game.bodies[role]
     ways = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
     hunters = list(zip(ways.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []

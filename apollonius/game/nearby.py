@@ -1,4 +1,4 @@
-"""Which polygons a robot can come near to from where it is: only these need be looked at on its way."""
+"""The polygons within reach of a robot: only these can touch it on its way."""
 
 from collections.abc import Sequence
 
@@ -14,25 +14,25 @@ from apollonius.game.types import Real, RobotState, Scalar
 _CELLS = 64
 """Cells along the longer side of the indexed rectangle."""
 _ROUNDING = 1e-3
-"""What is added to a reach [m], many times what single precision rounds away."""
+"""Addition to a reach [m], many times the rounding of single precision."""
 
 
 class Edges(eqx.Module):
-    """Some edges, leaves `[edges]`: as `Edge`, and one over the squared length of each [1/m^2]."""
+    """Edges, leaves `[edges]`, and one over the squared length of each [1/m^2]."""
 
     edge: Edge
     inverse: Float[Array, " edges"]
 
     def clearance_from(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest of them; negative inside a polygon."""
+        """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
         here = RobotState(x, y, x, y)
         return self.clearances_along([here], [here])[0]
 
     def clearances_along(self, before: Sequence[RobotState], after: Sequence[RobotState]) -> list[Scalar]:
-        """Least clearance [m] on each of some segments between two states.
+        """Return the least clearance [m] on each of several segments between two states.
 
-        It is that of `Polygons.clearance_along`, but for the clearance of the beginning: on a way of many segments that
-        is the end of another one.
+        It is that of `Polygons.clearance_along` without the clearance of the segment's start, which on a path is the
+        end of another one.
         """
         segments = [_Segment.between(*ends) for ends in zip(before, after, strict=True)]
         looked, _ = jax.lax.scan(lambda some, here: ([one.beside(here) for one in some], None), segments, self)
@@ -40,14 +40,13 @@ class Edges(eqx.Module):
 
 
 class _Segment(eqx.Module):
-    """A segment among the edges that were looked at so far.
+    """A segment among the edges so far.
 
     Attributes:
-        before, after: its ends.
         per_length_squared: one over its squared length [1/m^2].
         from_end, from_corners: squared distances of its end from the nearest edge, and of the nearest corner [m^2].
-        windings: how often the edges go round its end.
-        crossed: whether one of them crosses it.
+        windings: of the edges around its end.
+        crossed: whether an edge crosses it.
     """
 
     before: RobotState
@@ -60,14 +59,14 @@ class _Segment(eqx.Module):
 
     @classmethod
     def between(cls, before: RobotState, after: RobotState) -> "_Segment":
-        """The segment among nothing."""
+        """Return the segment without any edge."""
         length_squared = _squared(after.x - before.x, after.y - before.y)
         far = jnp.asarray(jnp.inf, jnp.float32)
         none, not_crossed = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
         return cls(before, after, 1 / jnp.maximum(length_squared, 1e-12), far, far, none, not_crossed)
 
     def beside(self, edges: Edges) -> "_Segment":
-        """The same, with one more edge."""
+        """Return the segment with one more edge."""
         edge = edges.edge
         dx, dy = self.after.x - self.before.x, self.after.y - self.before.y
         to_x, to_y = edge.x - self.after.x, edge.y - self.after.y
@@ -88,17 +87,17 @@ class _Segment(eqx.Module):
 
     @property
     def clearance(self) -> Scalar:
-        """Its least clearance [m]."""
+        """The least clearance [m]."""
         outside = jnp.where(self.crossed, PASSED_THROUGH, jnp.sqrt(jnp.minimum(self.from_end, self.from_corners)))
         return jnp.where(self.windings > 0, -jnp.sqrt(self.from_end), outside)
 
 
 class Surroundings(eqx.Module):
-    """For each square cell of a rectangle the polygons that are within reach from anywhere in it.
+    """For each square cell of a rectangle the polygons within reach from anywhere in it.
 
     Attributes:
-        edges: those of all polygons, and a last one that is far from everywhere.
-        within: for each cell the numbers of the edges of those polygons, filled up with that of the last one.
+        edges: the edges of all polygons, and a last one that is far from everywhere.
+        within: for each cell the numbers of the edges of those polygons, padded with the last one.
         x, y: the lower left corner [m].
         cell: side of a cell [m].
     """
@@ -110,7 +109,7 @@ class Surroundings(eqx.Module):
     cell: Real
 
     def near(self, x: Scalar, y: Scalar) -> Edges:
-        """The edges of all polygons within reach from a point, and maybe some more; leaves `[edges]`."""
+        """Return the edges of all polygons within reach from a point, and maybe more; leaves `[edges]`."""
         rows, columns, _ = self.within.shape
         row = jnp.clip(jnp.floor((y - self.y) / self.cell).astype(jnp.int32), 0, rows - 1)
         column = jnp.clip(jnp.floor((x - self.x) / self.cell).astype(jnp.int32), 0, columns - 1)
@@ -121,7 +120,7 @@ class Surroundings(eqx.Module):
 def surroundings(
     polygons: Sequence[Polygon], reach: float, x_min: float, x_max: float, y_min: float, y_max: float
 ) -> Surroundings:
-    """The index of polygons for a rectangle [m], by a reach [m]."""
+    """Index polygons for a rectangle [m], by a reach [m]."""
     edges = edges_of(polygons)
     size = max(x_max - x_min, y_max - y_min)
     cell = size / _CELLS
@@ -150,7 +149,7 @@ def surroundings(
 def _is_within(
     edges: Edge, numbers: range, x: Float[np.ndarray, "1 columns"], y: Float[np.ndarray, "rows 1"], reach: float
 ) -> Bool[np.ndarray, "rows columns"]:
-    """Whether points are in a polygon, given by its edges, or within reach of it [m]."""
+    """Return whether points are in a polygon, given by its edges, or within reach of it [m]."""
     near, inside = np.zeros((y.size, x.size), bool), np.zeros((y.size, x.size), bool)
     for number in numbers:
         at_x, at_y, along_x, along_y = (

@@ -1,20 +1,17 @@
-"""What every obstacle can say: how far away it is, and whether a straight step touches it."""
+"""What every obstacle can say, how far away it is and whether a straight step touches it; and the walls around it."""
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Int
 
 from apollonius.game.types import Real, RobotState, Scalar
 
-if TYPE_CHECKING:
-    from apollonius.game.arena import Arena
-
 
 def closest_approach_squared(px: Scalar, py: Scalar, dx: Real, dy: Real) -> Scalar:
-    """Squared distance [m^2] from the origin to the segment from (px, py) to (px + dx, py + dy)."""
+    """Return the squared distance [m^2] from the origin to the segment from (px, py) to (px + dx, py + dy)."""
     length_squared = dx * dx + dy * dy
     fraction = jnp.clip(-(px * dx + py * dy) / jnp.maximum(length_squared, 1e-12), 0.0, 1.0)
     nearest_x = px + fraction * dx
@@ -22,36 +19,64 @@ def closest_approach_squared(px: Scalar, py: Scalar, dx: Real, dy: Real) -> Scal
     return nearest_x * nearest_x + nearest_y * nearest_y
 
 
+Between = tuple[Int[Array, ""], Scalar]
+"""A position along one axis of a grid: the node before it, and the weight of the next one."""
+
+
+def between_nodes(position: Scalar, nodes: int | Int[Array, ""]) -> Between:
+    """Return where a position is, counted in nodes; clipped to the first and the last."""
+    inside = jnp.clip(position, 0.0, nodes - 1.0)
+    before = jnp.clip(jnp.floor(inside), 0.0, nodes - 2.0)
+    return before.astype(jnp.int32), inside - before
+
+
+def bilinear(value: Callable[[Int[Array, ""], Int[Array, ""]], Scalar], across: Between, upwards: Between) -> Scalar:
+    """Interpolate between a grid's values, a function of row and column."""
+    (column, right), (row, up) = across, upwards
+    below = (1 - right) * value(row, column) + right * value(row, column + 1)
+    above = (1 - right) * value(row + 1, column) + right * value(row + 1, column + 1)
+    return (1 - up) * below + up * above
+
+
+class Walls(eqx.Module):
+    """A rectangle that no robot may leave [m]."""
+
+    x_min: Real = 0.0
+    x_max: Real = 10.0
+    y_min: Real = 0.0
+    y_max: Real = 10.0
+
+    def enclose(self, x: Real, y: Real) -> bool:
+        return bool(self.x_min <= x <= self.x_max and self.y_min <= y <= self.y_max)
+
+    @property
+    def sides(self) -> str:
+        """The rectangle in words."""
+        return f"[{self.x_min}, {self.x_max}] x [{self.y_min}, {self.y_max}] m"
+
+
 Corners = tuple[tuple[Real, Real], ...]
 """Corners x, y [m] of a shape with straight edges, in order."""
 
 
 class AbstractObstacle(eqx.Module):
-    """Something that no robot may touch. Its numbers are data; only how many they are is static."""
+    """Something that no robot may touch. Its numbers are data; only the shapes of its arrays are static."""
 
     @abstractmethod
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point; negative inside."""
+        """Return the distance [m] from a point; negative inside."""
 
     @abstractmethod
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states; too short rather than too long."""
+        """Return the least clearance [m] on the segment between two states; too short rather than too long."""
 
     def is_hit(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
-        """Whether a body of this radius [m] touches it anywhere along the segment between two states."""
+        """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self.clearance_along(before, after) < radius
 
     def outline(self) -> Corners:
-        """What it looks like, for pictures of what is neither a disc nor a map; without corners it is not drawn."""
+        """Return its shape for pictures, unless it is a disc or a map; without corners it is not drawn."""
         return ()
 
-    def check(self, name: str, arena: "Arena") -> None:
-        """Refuse one that cannot be.
-
-        Args:
-            name: what it is called where it was given.
-            arena: its walls are all that is looked at.
-
-        Raises:
-            InvalidInput: names value, bound and remedy.
-        """
+    def check(self, name: str, walls: Walls) -> None:
+        """Refuse an impossible one."""

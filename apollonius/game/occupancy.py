@@ -1,4 +1,4 @@
-"""An occupancy map as an obstacle: how far a place is from its occupied cells, by a field of distances."""
+"""An occupancy map as an obstacle: a field of distances from its occupied cells."""
 
 import equinox as eqx
 import jax
@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.obstacle import AbstractObstacle
+from apollonius.game.obstacle import AbstractObstacle, Walls, between_nodes, bilinear
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 
@@ -17,7 +17,7 @@ _PARTS = 4
 
 
 class OccupancyMap(AbstractObstacle):
-    """Square cells, occupied or free, and the distance from those that are occupied.
+    """Square cells, occupied or free, with the distance from the occupied ones.
 
     The field is exact at the cells' corners, as the nearest point of an occupied square from there is a corner too.
     Between them it is interpolated, and lowered by as much as that can be too high. So in the free cells a clearance
@@ -51,13 +51,10 @@ class OccupancyMap(AbstractObstacle):
         return self.y + (self.field.shape[0] - 1) * self.cell
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest occupied cell, rather too short than too long; negative inside."""
+        """Return the distance [m] from a point to the nearest occupied cell, never too long; negative inside."""
         rows, columns = self._corners
-        column, right = beside((x - self.x) / self.cell, columns)
-        row, up = beside((y - self.y) / self.cell, rows)
-        below = (1 - right) * self._at(row, column) + right * self._at(row, column + 1)
-        above = (1 - right) * self._at(row + 1, column) + right * self._at(row + 1, column + 1)
-        return (1 - up) * below + up * above - _ROUNDING * self.cell
+        across = between_nodes((x - self.x) / self.cell, columns)
+        return bilinear(self._at, across, between_nodes((y - self.y) / self.cell, rows)) - _ROUNDING * self.cell
 
     @property
     def _corners(self) -> tuple[int | Int[Array, ""], int | Int[Array, ""]]:
@@ -70,10 +67,10 @@ class OccupancyMap(AbstractObstacle):
         return self.field[row, column]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """No more than the least clearance [m] on the segment between two states.
+        """Return a lower bound of the clearance [m] on the segment between two states.
 
-        The field is looked up at five places. Between two of them a distance is less than at both by half their own
-        distance from each other at most, so what is returned is too short by an eighth of the step at most.
+        The field is looked up at five points. Between two neighbours a distance is less than at both by at most half
+        their own distance, so the result is too short by at most an eighth of the step.
         """
         shares = jnp.arange(_PARTS + 1) / _PARTS
         x, y = before.x + shares * (after.x - before.x), before.y + shares * (after.y - before.y)
@@ -81,21 +78,22 @@ class OccupancyMap(AbstractObstacle):
         apart = jnp.hypot(after.x - before.x, after.y - before.y) / _PARTS
         return jnp.minimum(jnp.min(there), jnp.min(there[1:] + there[:-1] - apart) / 2)
 
+    def check(self, name: str, walls: Walls) -> None:
+        """Refuse walls beyond the map's ends."""
+        ends = Walls(self.x, self.x_max, self.y, self.y_max)
+        covered = ends.enclose(walls.x_min, walls.y_min) and ends.enclose(walls.x_max, walls.y_max)
+        require(
+            covered, "arena walls", walls.sides, f"within the map's ends {ends.sides}; leave them out to have those"
+        )
+
     def occupied(self) -> Bool[np.ndarray, "rows columns"]:
-        """The cells that are occupied, the first row at the bottom."""
+        """Return the occupied cells, the first row at the bottom."""
         corners = np.asarray(self.field)
         return (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1]) <= 0
 
 
-def beside(position: Scalar, corners: int | Int[Array, ""]) -> tuple[Int[Array, ""], Scalar]:
-    """The corner before a place along one axis, and how far the place is on the way to the next; at most the ends."""
-    inside = jnp.clip(position, 0.0, corners - 1.0)
-    before = jnp.clip(jnp.floor(inside), 0.0, corners - 2.0)
-    return before.astype(jnp.int32), inside - before
-
-
 def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> Float[np.ndarray, "corners_y corners_x"]:
-    """The field of distances [m] at the corners of cells.
+    """Return the field of distances [m] at the corners of cells.
 
     Raises:
         InvalidInput: unless there are free cells.
@@ -113,6 +111,6 @@ def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> F
 
 
 def _corners_of(cells: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "corners_y corners_x"]:
-    """Which corners belong to at least one of these cells."""
+    """Return the corners that belong to at least one of these cells."""
     wide = np.pad(cells, 1)
     return wide[1:, 1:] | wide[1:, :-1] | wide[:-1, 1:] | wide[:-1, :-1]

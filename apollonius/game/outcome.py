@@ -1,4 +1,4 @@
-"""What a step does to the game: capture, failures, time limit, and which of them counts."""
+"""Outcomes of a step: capture, failures, the time limit, and their order; winners and counts."""
 
 import functools
 import operator
@@ -24,13 +24,12 @@ PURSUER_FAILS = (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)
 def come_within(
     one: tuple[RobotState, RobotState], other: tuple[RobotState, RobotState], distance: Real
 ) -> Bool[Array, ""]:
-    """Whether two robots come closer than a distance [m] to each other anywhere along a step.
+    """Return whether two robots' centres come closer than a distance [m] anywhere along a step.
 
     Both move along their segments at the same time, so their relative position moves along a segment too.
 
     Args:
-        one, other: where each is before the step and after it.
-        distance: between their centres.
+        one, other: each robot before and after the step.
     """
     (before, after), (other_before, other_after) = one, other
     relative_x = other_before.x - before.x
@@ -42,7 +41,7 @@ def come_within(
 
 
 def is_captured(before: GameState, after: GameState, capture_distance: Real) -> Bool[Array, ""]:
-    """Whether the two robots of a game come closer than `capture_distance` [m] anywhere along a step."""
+    """Return whether the two robots of a game come closer than `capture_distance` [m] anywhere along a step."""
     pursuer, evader = (before.pursuer, after.pursuer), (before.evader, after.evader)
     return come_within(pursuer, evader, capture_distance)
 
@@ -57,7 +56,7 @@ def decide(
     out_of_time: Bool[Array, ""],
     territory_reached: Bool[Array, ""] | None = None,
 ) -> Int[Array, ""]:
-    """The one outcome of a step in which several things may have happened.
+    """Return the one outcome of a step with several events.
 
     Capture comes first, then failures, then the territory where there is one, then the time limit: the order of the
     cases of Eq. 8 and 9. Two robots that fail in the same step have an outcome of their own. A robot that hits an
@@ -77,27 +76,24 @@ def decide(
 
 
 def pursuer_wins(outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
-    """Whether the outcome is one of `PURSUER_WINS`."""
     return is_one_of(PURSUER_WINS, outcome)
 
 
 def evader_wins(outcome: Int[Array, "*games"], time_limit_wins: bool) -> Bool[Array, "*games"]:
-    """Whether the outcome is one of `evader_winning`."""
     return is_one_of(evader_winning(time_limit_wins), outcome)
 
 
 def evader_winning(time_limit_wins: bool) -> tuple[Outcome, ...]:
-    """The pursuer failed alone, or the evader reached the territory or, where that wins, outlived the time limit."""
+    """Return the evader's wins: the pursuer failed alone, the territory and, where that wins, the time limit."""
     return *PURSUER_FAILS, Outcome.TERRITORY_REACHED, *([Outcome.NO_RESULT] if time_limit_wins else [])
 
 
 def is_one_of(outcomes: Sequence[Outcome], outcome: Int[Array, "*games"]) -> Bool[Array, "*games"]:
-    """Whether an outcome is one of several."""
     return functools.reduce(operator.or_, (outcome == one for one in outcomes))
 
 
 def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]:
-    """Games by the name of their outcome, from counts indexed by `Outcome`.
+    """Return the numbers of games by the name of their outcome, from counts indexed by `Outcome`.
 
     Unfinished games are left out, and a territory that was never reached, as most games have none.
     """
@@ -110,8 +106,8 @@ def require_counts(counts: Mapping[str, int], source: str, games: int | None = N
     """Refuse counts by name, as files have them, that cannot be those of games.
 
     Args:
-        source: where they come from, for the message.
-        games: how many there are in all; None for any number.
+        source: their file, for the message.
+        games: their sum; None for any.
 
     Raises:
         InvalidInput: for outcomes that are missing or unknown, negative counts, and those that do not add up.
@@ -125,5 +121,4 @@ def require_counts(counts: Mapping[str, int], source: str, games: int | None = N
 
 
 def names_of(outcomes: Sequence[Outcome]) -> list[str]:
-    """The names that outcomes have in counts."""
     return [outcome.name.lower() for outcome in outcomes]

@@ -1,7 +1,7 @@
-"""Polygonal obstacles: how far away they are, and how near a straight step comes to them."""
+"""Polygonal obstacles: distances from them, and contact with them along a step."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -9,18 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from apollonius.game.obstacle import AbstractObstacle, Corners, closest_approach_squared
+from apollonius.game.obstacle import AbstractObstacle, Corners, Walls, closest_approach_squared
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 
-if TYPE_CHECKING:
-    from apollonius.game.arena import Arena
-
 T = TypeVar("T")
 MOST_CORNERS = 1_000
-"""Most corners of a polygon: every step looks at all of them."""
+"""Most corners of a polygon: every step looks at them all."""
 _APART = 1e-6
-"""What is nearer [m] is taken to touch, as places of an arena some metres wide are told apart no better."""
+"""Distances below this [m] count as contact: single precision resolves no less in an arena some metres wide."""
 PASSED_THROUGH = -1e-6
 """The clearance [m] of a step that goes in and out again: less than nothing, as it is for any other contact."""
 
@@ -36,28 +33,26 @@ class Polygon(AbstractObstacle):
     vertices: tuple[tuple[Real, Real], ...] | Float[Array, "*arenas corners 2"]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest edge; negative inside."""
+        """Return the distance [m] from a point to the nearest edge; negative inside."""
         return Polygons((self,)).clearance(x, y)
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states, as that of `Polygons`."""
+        """Return the least clearance [m] on the segment between two states, as `Polygons` does."""
         return Polygons((self,)).clearance_along(before, after)
 
     def outline(self) -> Corners:
-        """Its corners."""
+        """Return the corners."""
         return tuple((x, y) for x, y in self.vertices)
 
-    def check(self, name: str, arena: "Arena") -> None:
+    def check(self, name: str, walls: Walls) -> None:
         """Refuse corners outside the walls, and edges that meet elsewhere than at the corners they share."""
         name = f"{name}.vertices"
         corners = np.asarray(self.vertices, float).reshape(-1, 2)
         count = len(corners)
         bound = f"3 to {MOST_CORNERS}; give [x, y] of each, in order"
         require(3 <= count <= MOST_CORNERS, name, f"{count} corners", bound)
-        low, high = (arena.x_min, arena.y_min), (arena.x_max, arena.y_max)
-        outside = np.flatnonzero(((corners < low) | (corners > high)).any(axis=1))
-        walls = f"[{arena.x_min}, {arena.x_max}] x [{arena.y_min}, {arena.y_max}] m"
-        beyond = f"inside the walls {walls}; move them"
+        outside = np.flatnonzero([not walls.enclose(x, y) for x, y in corners])
+        beyond = f"inside the walls {walls.sides}; move them"
         require(not len(outside), name, f"{_places(corners, outside)} and others", beyond)
         meeting = _meeting(corners)
         require(
@@ -67,7 +62,7 @@ class Polygon(AbstractObstacle):
 
 
 class Edge(eqx.Module):
-    """From a corner (x, y) [m] along to the next; `turn` is 1 where the polygon is counter-clockwise, else -1."""
+    """An edge from a corner (x, y) [m] to the next; `turn` is 1 where the polygon is counter-clockwise, else -1."""
 
     x: Scalar
     y: Scalar
@@ -76,17 +71,20 @@ class Edge(eqx.Module):
     turn: Int[Array, ""]
 
     def left(self, x: Scalar, y: Scalar) -> Scalar:
-        """How far a point is to the left of the edge's line, times the edge's length [m^2]."""
+        """Return a point's distance to the left of the edge's line, times the edge's length [m^2]."""
         return self.along_x * (y - self.y) - self.along_y * (x - self.x)
 
     def windings(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
-        """1 or -1 where a ray from a point along x crosses the edge: over all edges, how many polygons enclose it."""
+        """Return 1 or -1 where a ray from a point along x crosses the edge, else 0.
+
+        The sum over all edges is the number of polygons around the point.
+        """
         begins_above, ends_above = self.y > y, self.y + self.along_y > y
         crosses = (begins_above != ends_above) & ((self.left(x, y) > 0) == ends_above)
         return jnp.where(crosses, jnp.where(ends_above, self.turn, -self.turn), 0)
 
     def is_crossed(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
-        """Whether the ends of the edge, and those of a step, lie on different sides of the other."""
+        """Return whether the ends of the edge, and those of a step, lie on different sides of the other."""
         dx, dy = after.x - before.x, after.y - before.y
         x, y = self.x - before.x, self.y - before.y
         sides = (dx * y - dy * x) * (dx * (y + self.along_y) - dy * (x + self.along_x))
@@ -94,13 +92,7 @@ class Edge(eqx.Module):
 
 
 class Place(eqx.Module):
-    """A point among the edges that were looked at so far.
-
-    Attributes:
-        x, y: where it is [m].
-        squared: distance from the nearest of them, squared [m^2].
-        windings: how often they go round it.
-    """
+    """A point (x, y) [m] among the edges so far: its squared distance from the nearest [m^2], and their windings."""
 
     x: Scalar
     y: Scalar
@@ -108,14 +100,14 @@ class Place(eqx.Module):
     windings: Int[Array, ""]
 
     def beside(self, edge: Edge) -> "Place":
-        """The same, with one more edge."""
+        """Return the point with one more edge."""
         squared = closest_approach_squared(edge.x - self.x, edge.y - self.y, edge.along_x, edge.along_y)
         windings = self.windings + edge.windings(self.x, self.y)
         return Place(self.x, self.y, jnp.minimum(self.squared, squared), windings)
 
     @property
     def clearance(self) -> Scalar:
-        """Distance [m] from the nearest edge; negative inside."""
+        """The distance [m] from the nearest edge; negative inside."""
         distance = jnp.sqrt(self.squared)
         return jnp.where(self.windings > 0, -distance, distance)
 
@@ -126,11 +118,11 @@ class Polygons(AbstractObstacle):
     polygons: tuple[Polygon, ...]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest edge; negative inside a polygon."""
+        """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
         return self._over_edges(lambda place, edge: place.beside(edge), _nowhere(x, y)).clearance
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states.
+        """Return the least clearance [m] on the segment between two states.
 
         Outside it is exact: the least distance of any point of the segment from any edge. Of a segment that touches the
         inside it is negative: the clearance of the deeper end, or `PASSED_THROUGH` where both ends are outside.
@@ -148,12 +140,11 @@ class Polygons(AbstractObstacle):
         return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
 
     def _over_edges(self, look: Callable[[T, Edge], T], seen: T) -> T:
-        """Return what is seen when one edge after another has been looked at."""
         return jax.lax.scan(lambda seen, edge: (look(seen, edge), None), seen, edges_of(self.polygons))[0]
 
 
 def edges_of(polygons: Sequence[Polygon]) -> Edge:
-    """The edges of all polygons, leaves `[edges]`. One after another they take the least arithmetic for a batch."""
+    """Return the edges of all polygons, leaves `[edges]`: scanned one by one they take the least arithmetic."""
     corners = [_corners(polygon) for polygon in polygons]
     if len({places.shape for places in corners}) == 1:  # compiles sooner than one polygon after another
         numbers = jax.vmap(_numbers)(jnp.stack(corners))
@@ -183,7 +174,7 @@ def _nowhere(x: Scalar, y: Scalar) -> Place:
 
 
 def _meeting(corners: Float[np.ndarray, "corners 2"]) -> Int[np.ndarray, " some"]:
-    """The corners at which two edges begin that meet elsewhere than at a corner they share; the first such two."""
+    """Return the corners at which the first two edges begin that meet elsewhere than at a corner they share."""
     count = len(corners)
     along = np.roll(corners, -1, axis=0) - corners
     length = np.maximum(np.hypot(*along.T), _APART)[:, None]

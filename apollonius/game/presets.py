@@ -1,6 +1,6 @@
-"""The named games."""
+"""The named games, and games made from others: of teams, in several arenas."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from apollonius.game.arena import Arena, Disc
@@ -8,6 +8,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
+from apollonius.game.scenario import Scenario, together
 from apollonius.game.teams import Teams
 from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
@@ -62,7 +63,7 @@ PRESETS: dict[str, Callable[[], Game]] = {
 
 
 def make_game(name: str) -> Game:
-    """The game of this name: a preset, or as `team-3v1` the `paper` game with three pursuers against one evader.
+    """Return the game of a name: a preset, or as `team-3v1` the `paper` game with three pursuers and one evader.
 
     Raises:
         InvalidInput: for an unknown name; lists the known ones.
@@ -75,7 +76,7 @@ def make_game(name: str) -> Game:
 
 
 def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = False) -> Game:
-    """A game of two with so many robots on either side, all of a side with the limits of its one robot.
+    """Return a game of two with more robots, all of a side with the limits of its one robot.
 
     Raises:
         InvalidInput: for a side with none or too many, for a game of teams, and as `Game`.
@@ -87,3 +88,19 @@ def in_teams(game: Game, pursuers: int, evaders: int, mates_collide: bool = Fals
         return game
     others = (game.pursuer,) * (pursuers - 1), (game.evader,) * (evaders - 1)
     return replace(game, teams=Teams(*others, mates_collide))
+
+
+def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
+    """Return a game in one of several arenas, drawn at each start; with one it is the game in that.
+
+    All numbers of an arena are data, so one compilation serves all. `game.arena` is the first one.
+
+    Raises:
+        InvalidInput: for no arena, for one that the game cannot be played in, and for arenas of which only some have a
+            territory.
+    """
+    require(arenas, "arenas", "none", "one at least")
+    first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
+    if not others:
+        return first
+    return replace(first, scenario=Scenario(together(arenas), len(arenas)))

@@ -1,4 +1,4 @@
-"""What each side is paid for a step: the paper's rewards (Eq. 8, 9) or the zero-sum profile."""
+"""The rewards of a step: the paper's (Eq. 8, 9) or the zero-sum profile."""
 
 import functools
 import operator
@@ -13,20 +13,21 @@ from apollonius.game.by_side import BySide
 from apollonius.game.judge import Fate
 from apollonius.game.outcome import evader_wins, pursuer_wins
 from apollonius.game.types import Outcome, Real, Scalar
+from apollonius.io.errors import require
 
 
 class Reward(eqx.Module):
     """The rewards of both sides.
 
     Attributes:
-        profile: `paper` (Eq. 8, 9) or `zero-sum` (+1 to the winner, -1 to the loser, 0 while the game goes on and
-            when both fail in one step).
+        profile: `paper` (Eq. 8, 9) or `zero-sum` (+1 to the winner, -1 to the loser, 0 before the end and when both
+            fail in one step).
         capture: paid to the pursuer for a capture and taken from the evader (Eq. 8, 9); the other way round when the
             evader reaches a territory.
         failure: taken from a robot that hits an obstacle or leaves the walls (Eq. 8, 9).
         progress: weight c of the change in distance, per metre (Eq. 8, 9).
-        zero_sum_within: how far [m] the robots' progress is zero-sum: beyond it the evader, too, is paid for coming
-            closer (the partial zero-sum reward of Zhong et al., "AD-VAT", ICLR 2019); None is everywhere, as in Eq. 9.
+        zero_sum_within: distance [m] up to which progress is zero-sum: beyond it the evader, too, is paid for coming
+            closer (the partial zero-sum reward of Zhong et al., "AD-VAT", ICLR 2019); None for everywhere, as in Eq. 9.
     """
 
     profile: Literal["paper", "zero-sum"] = eqx.field(static=True, default="paper")
@@ -37,26 +38,31 @@ class Reward(eqx.Module):
 
     @property
     def time_limit_wins(self) -> bool:
-        """Whether outliving the time limit is the evader's win (and so terminal) rather than a truncation."""
+        """Return whether outliving the time limit is the evader's win (and so terminal) rather than a truncation."""
         return self.profile == "zero-sum"
+
+    def check(self) -> None:
+        """Refuse impossible names and numbers."""
+        require(self.profile in ("paper", "zero-sum"), "reward.profile", self.profile, "paper or zero-sum")
+        within, bound = self.zero_sum_within, "more than 0 m, or left out for everywhere"
+        require(within is None or within > 0, "reward.zero_sum_within", within, bound)
 
     def __call__(
         self, outcome: Int[Array, ""], robots: BySide[tuple[Fate, ...]], lead: Sequence[tuple[Scalar, Scalar]]
     ) -> BySide[tuple[Scalar, ...]]:
-        """Every robot's reward for one step.
+        """Return every robot's reward for one step.
 
-        In the paper's profile pursuers share what they are paid: for each capture, and for the progress towards each
-        evader of the pursuer that is nearest to it. An evader is paid for its own lead over that pursuer. Who fails
-        pays for it and has no part in the rest, but in the step that captures the last evader no pursuer pays, as
-        capture comes first. Robots are paid for progress when only an opponent failed, as Eq. 8 and 9 have no case for
-        that, and nothing once they are out of play.
+        In the paper's profile pursuers share their rewards: for each capture, and for the progress of the nearest
+        pursuer towards each evader. An evader is paid for its own lead over that pursuer. A robot that fails pays for
+        it and has no share in the rest, but in the step that captures the last evader no pursuer pays, as capture comes
+        first. Robots are paid for progress when only an opponent failed, as Eq. 8 and 9 have no case for that, and
+        nothing once they are out of play.
 
         The zero-sum profile pays all robots of a side by how the game ends, those out of play too.
 
         Args:
-            outcome: how the game stands after the step.
-            robots: what came of each.
-            lead: of each evader over the nearest pursuer, the distance of their centres before and after the step [m].
+            robots: the fate of each.
+            lead: distance of each evader's centre from the nearest pursuer's, before and after the step [m].
         """
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)

@@ -1,8 +1,8 @@
-"""Games in several arenas: each is played in one of them, drawn at its start. One fixed arena takes none of this."""
+"""Scenarios: several arenas, and maybe several kinds of robots, from which each game draws one at its start."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,115 +17,70 @@ from apollonius.game.polygon import Polygon
 from apollonius.game.types import Role
 from apollonius.io.errors import require
 
-if TYPE_CHECKING:
-    from apollonius.game.game import Game
-
 _STRIDE = 7
-"""By how many makes two arenas next to each other differ in a match."""
+"""Kinds of robots by which two neighbouring arenas differ in a match."""
 _FAR = 1e6
-"""Where what fills an empty place is [m], along x and y: so far away that it touches nothing."""
+"""Coordinates of padding [m]: so far away that it touches nothing."""
 
 
-class Makes(eqx.Module):
-    """Pairs of robots of several makes, leaves `[makes]`.
-
-    Attributes:
-        pursuer, evader: their limits.
-        capture_distance: how near to each other they are when one is caught [m].
-    """
+class RobotKinds(eqx.Module):
+    """Pairs of robots of several kinds, leaves `[kinds]`, with the capture distance of each [m]."""
 
     pursuer: Unicycle
     evader: Unicycle
-    capture_distance: Float[Array, " makes"]
+    capture_distance: Float[Array, " kinds"]
 
     def __len__(self) -> int:
         return len(self.capture_distance)
 
     def every(self, role: Role) -> list[Unicycle]:
-        """The robots of one side, one by one, in plain numbers."""
+        """Return the robots of one side in plain numbers."""
         bodies = self.evader if role == Role.EVADER else self.pursuer
         return [jax.tree.map(lambda leaf, one=one: float(leaf[one]), bodies) for one in range(len(self))]
 
 
 class Scenario(eqx.Module):
-    """Arenas of one shape, each as likely as any other, and maybe robots of several makes, each as likely too.
+    """Arenas of one shape, all equally likely, and maybe robots of several kinds, equally likely too.
 
     Attributes:
         arenas: leaves `[arenas]`.
-        count: how many they are.
-        makes: the robots, all of a side alike; None for those of the game everywhere.
-        name: of the file that says which they are, or empty.
+        count: number of arenas.
+        kinds: the robots, all of a side alike; None for those of the game everywhere.
+        name: its name in a game's file (`apollonius.arenas.suite`), or empty.
     """
 
     arenas: Arena
     count: int = eqx.field(static=True)
-    makes: Makes | None = None
+    kinds: RobotKinds | None = None
     name: str = eqx.field(static=True, default="")
 
     @property
     def size(self) -> int:
-        """How many places there are: every arena with every make of robots."""
-        return self.count * (len(self.makes) if self.makes else 1)
+        """The number of places: every arena with every kind of robots."""
+        return self.count * (len(self.kinds) if self.kinds else 1)
 
     def sample(self, key: PRNGKeyArray) -> Int[Array, ""]:
-        """The number of one of them. The key is consumed."""
+        """Draw a place. The key is consumed."""
         return jax.random.randint(key, (), 0, self.size)
 
     def place_of(self, index: Any) -> Any:
-        """The number of the one in which a match has its game of this index: all arenas take turns, all makes too."""
+        """Return the place of a match's game of this index: all arenas take turns, and all kinds of robots."""
         arena, turn = index % self.count, index // self.count
-        return arena if self.makes is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.makes))
+        return arena if self.kinds is None else arena + self.count * ((turn + _STRIDE * arena) % len(self.kinds))
 
     def arena(self, place: Int[Array, ""]) -> Arena:
-        """The arena of this place, which the state of a game says. Its chart stays with those of the others, as it is
-        too large to be copied for each game.
-        """
+        """Return the arena of a place. Its chart stays with all others: it is too large to copy for each game."""
         number = place % self.count
         arena = jax.tree.map(lambda leaf: leaf[number], replace(self.arenas, chart=None))
         chart = self.arenas.chart
         return arena if chart is None else replace(arena, chart=replace(chart, member=number))
 
-    def game(self, game: "Game", place: Int[Array, ""] | None) -> "Game":
-        """The game in one arena that is played at this place."""
-        assert place is not None, "a state of a game in one of several arenas says in which"
-        alone = replace(game, arena=self.arena(place), scenario=None)
-        if self.makes is None:
-            return alone
-        make = jax.tree.map(lambda leaf: leaf[place // self.count], self.makes)
-        others = game.teams and replace(
-            game.teams,
-            pursuers=(make.pursuer,) * len(game.teams.pursuers),
-            evaders=(make.evader,) * len(game.teams.evaders),
-        )
-        return replace(
-            alone, pursuer=make.pursuer, evader=make.evader, capture_distance=make.capture_distance, teams=others
-        )
-
-
-def in_arenas(game: "Game", arenas: Sequence[Arena], makes: Makes | None = None) -> "Game":
-    """A game that is played in one of several arenas, drawn at each start; with one it is the game in that.
-
-    All numbers of an arena are data, so that what is compiled serves them all. `game.arena` is the first of them.
-
-    Args:
-        makes: robots of several makes, of which a pair is drawn too; None for those of the game.
-
-    Raises:
-        InvalidInput: for no arena, for one that the game cannot be played in, and for arenas that do not go together:
-            with a territory in some of them only.
-    """
-    require(arenas, "arenas", "none", "one at least")
-    first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
-    if not others and makes is None:
-        return first
-    return replace(first, scenario=Scenario(together(arenas), len(arenas), makes))
-
 
 def together(arenas: Sequence[Arena]) -> Arena:
-    """Arenas of one shape, leaves `[arenas]`: those with fewer obstacles or smaller maps than others are `padded`.
+    """Return arenas as one, leaves `[arenas]`: those with fewer obstacles or smaller maps than others are `padded`.
 
     Raises:
-        InvalidInput: for arenas that do not go together, as `in_arenas`.
+        InvalidInput: for arenas of which only some have a territory.
     """
     maps = [arena.map.field.shape for arena in arenas if arena.map]
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
@@ -147,19 +102,12 @@ def _packed(polygon: Polygon) -> Polygon:
 def padded(
     arena: Arena, discs: int, polygons: int, corners: int, corners_of_map: tuple[int, int] | None = None
 ) -> Arena:
-    """The same arena with so many discs and polygons of so many corners each; what is missing is far from everywhere.
+    """Return an arena with these numbers of discs, polygons and corners of each; what is added is far from everywhere.
 
     Args:
-        corners_of_map: rows and columns of its map's field, which goes on as it ends; the map is then of no file. One
-            without a map has one that is free everywhere. None for arenas without maps.
-
-    Raises:
-        InvalidInput: when it has more.
+        corners_of_map: rows and columns of its map's field, which continues as it ends; an arena without a map gets
+            one that is free everywhere. None for arenas without maps.
     """
-    most = max((len(polygon.vertices) for polygon in arena.polygons), default=0)
-    found = len(arena.discs), len(arena.polygons), most
-    fits = all(number <= bound for number, bound in zip(found, (discs, polygons, corners), strict=True))
-    require(fits, "discs, polygons, corners", found, f"at most {(discs, polygons, corners)}")
     nowhere = Polygon(((_FAR, _FAR),) * corners)
     filled = tuple(
         Polygon((*outline, *[outline[-1]] * (corners - len(outline))))

@@ -1,4 +1,4 @@
-"""Where games begin: the distributions of initial states."""
+"""The distributions of initial states."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal
@@ -12,14 +12,15 @@ from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import ROLES, GameState, Real, RobotState, Role, Scalar
+from apollonius.io.errors import require
 
 
 class Starts(eqx.Module):
     """Robots uniform in the free space, apart from each other, headings uniform.
 
     Attributes:
-        speed: `rest` (v = 0, or the slowest the robot can go) or `moving` (v uniform between the robot's limits;
-            some of these starts are lost before they begin).
+        speed: `rest` (v = 0, or the robot's lowest) or `moving` (v uniform between the robot's limits; some of these
+            starts are lost before they begin).
         clearance: least distance of a robot's body from walls, obstacles and the bodies of its mates [m].
         separation: least distance between the centres of opponents, and of evaders from a territory [m].
     """
@@ -28,12 +29,19 @@ class Starts(eqx.Module):
     clearance: Real = 0.3
     separation: Real = 1.0
 
+    def check(self, capture_distance: Real) -> None:
+        """Refuse impossible names and numbers."""
+        require(self.speed in ("rest", "moving"), "starts.speed", self.speed, "rest or moving")
+        require(self.clearance >= 0, "starts.clearance", self.clearance, "0 m or more")
+        bound = f"at least capture_distance = {capture_distance} m, or games would be over before they begin"
+        require(self.separation >= capture_distance, "starts.separation", self.separation, bound)
+
     def sample(self, key: PRNGKeyArray, arena: Arena, bodies: BySide[tuple[Unicycle, ...]]) -> GameState:
-        """One initial state. The key is consumed.
+        """Draw an initial state. The key is consumed.
 
         The first robots of both sides are drawn together: their positions are drawn again until they fit, so the
-        distribution is exactly uniform over the pairs that do. Then their mates are drawn one by one, each uniform in
-        the room that those before it leave.
+        distribution is exactly uniform over the pairs that fit. Then their mates are drawn one by one, each uniform in
+        the space that is left.
         """
         order = [(role, number) for role in ROLES for number in range(1, len(bodies[role]))]
         position_key, heading_key, speed_key, *mate_keys = jax.random.split(key, 3 + len(order))
@@ -60,7 +68,7 @@ class Starts(eqx.Module):
         role: Role,
         number: int,
     ) -> RobotState:
-        """The robot of this number of a side, besides those that are there. The key is consumed."""
+        """Draw a further robot of a side. The key is consumed."""
         position_key, heading_key, speed_key = jax.random.split(key, 3)
         body = bodies[role][number]
 
@@ -82,7 +90,7 @@ class Starts(eqx.Module):
     def fits(
         self, arena: Arena, pursuer: Unicycle, evader: Unicycle, px: Scalar, py: Scalar, ex: Scalar, ey: Scalar
     ) -> Bool[Array, ""]:
-        """Whether the positions [m] of two opponents are far enough from the obstacles and from each other."""
+        """Return whether the positions [m] of two opponents are far enough from obstacles and from each other."""
         return (
             (arena.clearance(px, py) >= self.clearance + pursuer.radius)
             & (arena.clearance(ex, ey) >= self.clearance + evader.radius)
@@ -91,7 +99,6 @@ class Starts(eqx.Module):
         )
 
     def _is_off_territory(self, arena: Arena, x: Scalar, y: Scalar) -> Bool[Array, ""]:
-        """Whether an evader's position [m] is far enough from the territory, if there is one."""
         if (goal := arena.territory) is None:
             return jnp.ones((), bool)
         return jnp.hypot(x - goal.x, y - goal.y) >= goal.radius + self.separation
@@ -110,7 +117,7 @@ def _draw_until(
     low: Float[Array, " size"],
     high: Float[Array, " size"],
 ) -> Float[Array, " size"]:
-    """The first of uniform draws between bounds that fits. The key is consumed."""
+    """Draw uniformly between bounds until it fits. The key is consumed."""
 
     def draw(draw_key: PRNGKeyArray) -> Float[Array, " size"]:
         return jax.random.uniform(draw_key, low.shape, minval=low, maxval=high)

@@ -1,4 +1,4 @@
-"""Games of more robots than two: who they are besides the first of either side, and which robot is the nearest."""
+"""Games of more than two robots: the mates of either side's first robot, and the order of robots by distance."""
 
 import functools
 import operator
@@ -17,11 +17,10 @@ T = TypeVar("T")
 
 
 class Teams(eqx.Module):
-    """The robots of either side besides its first one.
+    """The limits of either side's robots besides its first one.
 
     Attributes:
-        pursuers, evaders: the limits of each.
-        mates_collide: whether robots of one side whose bodies touch are out of play.
+        mates_collide: robots of one side whose bodies touch are out of play.
     """
 
     pursuers: tuple[Unicycle, ...] = ()
@@ -32,15 +31,13 @@ class Teams(eqx.Module):
 def nearest(
     here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
 ) -> T:
-    """Of values, one for each of some robots, that of the active robot whose centre is nearest.
-
-    Of two that are equally near it is the first one's, and where none is active that of the first robot.
+    """Return the value of the nearest active robot: of two equally near the first one's, without any the first.
 
     Args:
-        here: from where it is looked.
+        here: the robot from whose centre distances count.
         robots: at least one.
-        active: which of them count.
-        values: pytrees of one structure.
+        active: which robots count.
+        values: one for each robot, pytrees of one structure.
     """
     best, least = values[0], jnp.where(active[0], distance_squared(here, robots[0]), jnp.inf)
     for robot, counts, value in zip(robots[1:], active[1:], values[1:], strict=True):
@@ -53,19 +50,13 @@ def nearest(
 def by_distance(
     here: RobotState, robots: Sequence[RobotState], active: Sequence[Bool[Array, ""] | bool], values: Sequence[T]
 ) -> list[T]:
-    """All of these values, those of the active robots from the nearest to the farthest first, then the rest.
-
-    Of two that are equally near the first one comes first; the first of all is that of `nearest`.
-
-    Args:
-        here, robots, active, values: as `nearest` has them, but there may be none.
-    """
+    """Return all values, those of active robots first, from the nearest to the farthest; arguments as of `nearest`."""
     away = [
         jnp.where(counts, distance_squared(here, robot), jnp.inf) for robot, counts in zip(robots, active, strict=True)
     ]
 
     def place(number: int) -> Int[Array, ""]:
-        """How many come before the robot of this number."""
+        """Return the number of robots that come before one."""
         before = [
             away[other] <= away[number] if other < number else away[other] < away[number]
             for other in range(len(away))
@@ -92,6 +83,6 @@ def _choose(first: Bool[Array, ""], one: T, other: T) -> T:
 
 
 def distance_squared(first: RobotState, second: RobotState) -> Scalar:
-    """Squared distance [m^2] between two robots' centres."""
+    """Return the squared distance [m^2] between two robots' centres."""
     dx, dy = second.x - first.x, second.y - first.y
     return dx * dx + dy * dy

@@ -1,4 +1,4 @@
-"""What the rules speak of: robots, the state of the game, how a game ends, one transition."""
+"""Robots, actions, outcomes, the state of the game, and one transition."""
 
 from enum import IntEnum
 
@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from apollonius.game.by_side import BySide, one_each
 
 Scalar = Float[Array, ""]
-"""A traced real number; its unit is in the docstring of whatever holds it."""
+"""A traced real number; its unit is in the docstring of its owner."""
 
 Real = float | int | Array
 """A parameter of the rules: a Python float, or an array where a caller sweeps it with `vmap`."""
@@ -18,9 +18,9 @@ NUM_ACTIONS = 9
 """3 accelerations x 3 turn rates (Eq. 5)."""
 
 Action = Int[Array, ""] | Float[Array, "2"]
-"""What a robot does in a step: one of the nine actions of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two gears in [-1, 1],
-the shares of its largest acceleration and of its largest turn rate. Which of the two is known by number type and shape,
-so before anything runs; a player does always the one or always the other, and both kinds may meet."""
+"""A robot's action in a step: one of the nine of Eq. 5, `3 * i_u1 + i_u2` in 0..8, or two numbers in [-1, 1], the
+shares of its largest acceleration and of its largest turn rate. Number type and shape say which before anything runs;
+each player always does the one or always the other, and both kinds may meet."""
 
 Actions = Int[Array, " games"] | Float[Array, "games 2"]
 """Actions of one side of a batch of games."""
@@ -34,19 +34,18 @@ class Role(IntEnum):
 
     @property
     def other(self) -> "Role":
-        """The opponents' side."""
         return Role(1 - self)
 
 
 ROLES = BySide(Role.PURSUER, Role.EVADER)
-"""Both sides; `ROLES.map` makes something for each."""
+"""Both sides."""
 
 
 class Outcome(IntEnum):
-    """How a game stands. The rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
+    """Outcomes: the rows of Tables II and III, plus `BOTH_FAILED` for two failures in one step.
 
-    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A game of teams that is decided
-    has the outcome of the last robot of the side that is out altogether; a body of a team mate is an obstacle then.
+    `TERRITORY_REACHED`, by the evader, is possible only where an arena has a territory. A decided game of teams has the
+    outcome of the last robot of the beaten side; a body of a team mate counts as an obstacle.
     """
 
     ONGOING = 0
@@ -61,7 +60,7 @@ class Outcome(IntEnum):
 
 
 class RobotStatus(IntEnum):
-    """Whether a robot is in play, or what put it out. `HIT_MATE` is possible only where a game asks for it."""
+    """A robot in play, or the reason why it is not. `HIT_MATE` is possible only where a game asks for it."""
 
     ACTIVE = 0
     CAPTURED = 1
@@ -86,8 +85,8 @@ class RobotState(eqx.Module):
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
-    `place` is the number of the arena that the game is played in, None where there is only one (`game.scenario`).
-    `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one of them is out.
+    `place` is the number of the game's arena in its scenario, None where there is no scenario.
+    `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one robot is out.
     """
 
     robots: BySide[tuple[RobotState, ...]]
@@ -97,38 +96,36 @@ class GameState(eqx.Module):
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":
-        """The state of a game that begins: all robots are active."""
+        """Return the state at the start: all robots are active."""
         steps, is_of_two = jnp.zeros((), jnp.int32), all(len(side) == 1 for side in robots)
         active = jnp.full((), RobotStatus.ACTIVE, jnp.int32)
         return cls(robots, steps, status=None if is_of_two else robots.map(lambda side: (active,) * len(side)))
 
     @property
     def active(self) -> BySide[tuple[Bool[Array, ""], ...]]:
-        """Whether each robot is in play."""
+        """Return whether each robot is in play."""
         if self.status is None:
             return self.robots.map(lambda side: tuple(jnp.ones(robot.x.shape, bool) for robot in side))
         return self.status.map(lambda side: tuple(status == RobotStatus.ACTIVE for status in side))
 
     @classmethod
     def of_two(cls, pursuer: RobotState, evader: RobotState, steps: Int[Array, ""]) -> "GameState":
-        """The state of a game of two robots."""
+        """Return the state of a game of two robots."""
         return cls(BySide((pursuer,), (evader,)), steps)
 
     @property
     def pursuer(self) -> RobotState:
-        """The pursuer of a game of two robots."""
         return one_each(self.robots).pursuer
 
     @property
     def evader(self) -> RobotState:
-        """The evader of a game of two robots."""
         return one_each(self.robots).evader
 
 
 class Timestep(eqx.Module):
-    """One transition: the state it leads to, how the game stands there, and what each robot is paid for it.
+    """One transition: the next state, its outcome, and every robot's reward.
 
-    `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value goes on beyond.
+    `terminated`: the rules ended the game. `truncated`: the time limit stopped it, so its value continues beyond.
     Never both.
     """
 
@@ -140,5 +137,5 @@ class Timestep(eqx.Module):
 
     @property
     def reward(self) -> BySide[Scalar]:
-        """What either side is paid in a game of two robots."""
+        """The rewards of a game of two robots."""
         return one_each(self.rewards)

@@ -17,7 +17,7 @@ from apollonius.agents.pool import Seated
 from apollonius.agents.trained import greedy
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role
-from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.opponents import SCHEMES, OpponentConfig
 
 FORGETTING = 0.5
 """Weight that games keep at a renewal: versions are judged by their games against recent learners."""
@@ -69,8 +69,9 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
 
 def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
     """Return the probability of each version to get a slot."""
-    filled = jnp.arange(archive.games.shape[0]) < archive.count
-    weights = jnp.where(filled, config.rule.weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
+    filled, weigh = jnp.arange(archive.games.shape[0]) < archive.count, SCHEMES[config.scheme]
+    assert weigh is not None
+    weights = jnp.where(filled, weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
     return weights / jnp.sum(weights)
 
 

@@ -69,7 +69,7 @@ class RunConfig:
         require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
         longest = games * self.game.max_steps
         require(
-            past.renewal >= longest or not past.rule.keeps_records, "renewal", past.renewal,
+            past.renewal >= longest or past.share == 0, "renewal", past.renewal,
             f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end",
         )  # fmt: skip
         require(

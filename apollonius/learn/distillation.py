@@ -1,9 +1,9 @@
 """Distillation: one side learns a teacher's action values, in the states of its own games (DAgger).
 
-The student plays, greedy but for some random actions, against several opponents; among them some that know it and look
-ahead (`solve.foresight`). The teacher labels these states and others, and the network is fitted to the labels (Ross,
-Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning", 2011; Rusu
-et al., "Policy distillation", 2016).
+The student plays, greedy but for some random actions, against several opponents; among them some that know it and
+search (`solve.rollout_search`). The teacher labels these states and others, and the network is fitted to the labels
+(Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning",
+2011; Rusu et al., "Policy distillation", 2016).
 """
 
 import functools
@@ -33,7 +33,7 @@ from apollonius.learn.teacher import Setting
 from apollonius.learn.train_state import LearnerState, TrainState, first_learner
 from apollonius.observe.observation import perceive
 from apollonius.play.rollout import Games, Players, begin, collect
-from apollonius.solve.foresight import ResponsePolicy
+from apollonius.solve.rollout_search import RolloutSearch
 
 ORDER = 10.0
 """Weight of the differences between a state's actions, relative to their mean: the choice depends on them alone."""
@@ -136,10 +136,10 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     student = PersistentNoise(explores, jax.random.bits(key, (games,), jnp.uint32))
     attackers = [
         Holding(
-            ResponsePolicy(table.zero_sum_game, table.table, greedy(network), *foresight),
+            RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead),
             plan.learner.steps_per_iteration,
         )
-        for foresight in _PLANS
+        for ahead in _PLANS
     ]
     kinds, left = len(setting.opponents), games - config.near_sighted - config.far_sighted
     shares = [left // kinds + (number < left % kinds) for number in range(kinds)]

@@ -6,31 +6,15 @@ from typing import Any
 
 from apollonius.io.errors import require, require_positive
 
-
-@dataclass(frozen=True)
-class Scheme:
-    """A distribution over the earlier versions of the other side.
-
-    Attributes:
-        weigh: returns weights from the share of its recent games that each version lost to the other side's learner;
-            compiled.
-        keeps_records: whether `weigh` depends on these shares.
-        share: share of the games with an earlier version, half with one of either side; None leaves it to the config.
-    """
-
-    weigh: Callable[[Any], Any] = lambda lost: lost**0
-    keeps_records: bool = False
-    share: float | None = None
-
-
-SCHEMES = {
-    "latest": Scheme(share=0.0),
-    "uniform": Scheme(),
-    "prioritised-hard": Scheme(lambda lost: (1 - lost) ** 2, keeps_records=True),
+SCHEMES: dict[str, Callable[[Any], Any] | None] = {
+    "latest": None,
+    "uniform": lambda lost: lost**0,
+    "prioritised-hard": lambda lost: (1 - lost) ** 2,
 }
-"""By name. `latest`: only each other, Algorithm 2 of the paper. `uniform`: all versions equally likely,
-fictitious self-play (Heinrich, Lanctot, Silver, 2015). `prioritised-hard`: the more likely, the harder to beat,
-AlphaStar's f_hard (Vinyals et al., 2019)."""
+"""Weights of the earlier versions of the other side, from the share of its recent games that each lost to the learner.
+
+`latest`: only each other, Algorithm 2 of the paper. `uniform`: fictitious self-play (Heinrich, Lanctot, Silver, 2015).
+`prioritised-hard`: the more likely, the harder to beat, AlphaStar's f_hard (Vinyals et al., 2019)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +24,7 @@ class OpponentConfig:
     scheme: str = "latest"
     """`latest`: each other, as in Algorithm 2. Others: an earlier version in a share of the games."""
     past_share: float = 0.5
-    """Share of the games with an earlier version, half with one of either side, where the scheme does not say it."""
+    """Share of the games with an earlier version, half with one of either side, unless the scheme is `latest`."""
     versions: int = 16
     """Earlier versions kept of each side, taken evenly over the stage."""
     slots: int = 8
@@ -55,14 +39,9 @@ class OpponentConfig:
         require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
 
     @property
-    def rule(self) -> Scheme:
-        """The scheme itself."""
-        return SCHEMES[self.scheme]
-
-    @property
     def share(self) -> float:
         """Share of the games with an earlier version."""
-        return self.past_share if self.rule.share is None else self.rule.share
+        return 0.0 if SCHEMES[self.scheme] is None else self.past_share
 
     def slot_games(self, games: int) -> int:
         """Return how many games of a batch belong to one slot."""

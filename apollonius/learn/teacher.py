@@ -66,7 +66,7 @@ class Clearance(eqx.Module):
 
         def clearance(action: Array) -> Scalar:
             course = self.motion.hold(robot, action)
-            return jnp.minimum(self.motion.room(course), self.grid.interpolate(self.table, last(course)))
+            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
 
         return jax.vmap(clearance)(jnp.arange(NUM_ACTIONS))
 
@@ -128,13 +128,13 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
     """
     stage, role, scenario = config.distillation, config.distillation.side, game.scenario
     kinds = "robots of several kinds"
-    require(scenario is None or scenario.makes is None, "game", kinds, "of one kind: the solved game has its robots")
+    require(scenario is None or scenario.kinds is None, "game", kinds, "of one kind: the solved game has its robots")
     alone = each_alone(game)
     grids = [reference_grid(one, role) for one in alone]
     counts = tuple(np.max([grid.counts for grid, _ in grids], axis=0).tolist())
 
     def setting(number: int, one: Game) -> Setting:
-        here = game if scenario is None else scenario.game(game, jnp.asarray(number))
+        here = game if scenario is None else game.in_place(jnp.asarray(number))
         named = {(name, role.other) for name in stage.opponents} | {(stage.teacher, role)}
         players = {each: find_player(*each, here) for each in named if each[0] != TABLE}
         values = stage.teacher == TABLE or isinstance(players[stage.teacher, role].policy, AbstractActionValuePolicy)

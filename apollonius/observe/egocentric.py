@@ -110,7 +110,7 @@ def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]
     """Return the clearance of the body here, and at the point where braking straight ahead would stop it."""
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
-    here, there = chart.room(state.x, state.y), chart.room(state.x + braking * cos, state.y + braking * sin)
+    here, there = chart.clearance(state.x, state.y), chart.clearance(state.x + braking * cos, state.y + braking * sin)
     return [jnp.clip(room - body.radius, -1.0, 1.0) for room in (here, there)]
 
 
@@ -133,9 +133,9 @@ def _ways(
     far = jnp.maximum(distance, 1e-6)
     is_seen = chart.range(own.x, own.y, away[0] / far, away[1] / far) >= jnp.minimum(distance, FARTHEST)
     there, here = chart.places(opponent.x, opponent.y), chart.places(own.x, own.y)
-    from_stop = jax.vmap(chart.way_from, in_axes=(None, 0))
+    from_stop = jax.vmap(chart.path_length_from, in_axes=(None, 0))
     stop = there[0][jnp.argmax(there[1])]
-    whole = chart.way_from(stop, here)
+    whole = chart.path_length_from(stop, here)
 
     def from_ahead(reach: float) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
         """Return the distances of the points ahead, and the opponent's path lengths to them."""
@@ -151,7 +151,7 @@ def _ways(
     weights = jax.nn.softmax(-_SHARPNESS * longer)
     angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
     shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
-    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.way(there, here))))
+    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
     return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
 
 

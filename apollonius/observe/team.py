@@ -66,7 +66,7 @@ def _in_order(own: RobotState, robots: Sequence[Robot]) -> Sequence[Robot]:
 def _way(chart: Chart, start: tuple[RobotState, Places], end: tuple[RobotState, Places]) -> Scalar:
     """Return the path length [m] between two robots, at least their distance."""
     away = jnp.sqrt(distance_squared(start[0], end[0]))
-    return jnp.maximum(chart.way(start[1], end[1]), away)
+    return jnp.maximum(chart.path_length(start[1], end[1]), away)
 
 
 def _of_a_robot(

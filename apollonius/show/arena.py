@@ -127,7 +127,7 @@ def save_evasion(name: str, game: Game, enough: Enough, path: Path) -> None:
         for which, colour in ((~solved, palette.GRID), (solved, palette.OBSTACLE)):
             axes.add_collection(LineCollection(list(places[links[which]]), colors=colour, linewidths=0.5, zorder=0.5))
         draw_arena(axes, arena)
-        run, starts = enough.run, enough.starts
+        run, starts = reading.run, reading.starts
         if len(run):
             axes.plot(*np.append(run, run[:1], axis=0).T, color=palette.EVADER, linestyle="--", label="its run")
             for step in range(len(run) // (2 * _ARROWS), len(run), max(1, len(run) // _ARROWS)):

@@ -4,10 +4,9 @@
 
 import { circle, path } from "../web/page/arena.js";
 import { between, draw } from "../web/page/draw.js";
+import { ROLES, countsOf, isActive, robotOf, robotsOf } from "../web/page/game.js";
 import { known } from "../web/page/layers.js";
 import { layersOf } from "../web/page/overlay.js";
-import { ROLES } from "../web/page/rules.js";
-import { countsOf, isActive, robotOf, robotsOf } from "../web/page/teams.js";
 
 const MARK_SECONDS = 5; // between two dots on a trail
 const SQUARE = 2; // between two lines of the ground [m]

@@ -36,9 +36,9 @@ class Drive:
     friction: float = 0.8
     """Coulomb coefficient between tyre and floor."""
     inertia: float = 0.01
-    """Of a motor's rotor as the wheel feels it, through the transmission [kg m^2]; a stiff controller rings without."""
+    """Of a motor's rotor at the wheel, behind the gearbox [kg m^2]; without it a stiff controller rings."""
     resistance: float = 0.05
-    """Torque that turning a wheel takes at any speed: rolling resistance and transmission [N m]."""
+    """Torque that turning a wheel takes at any speed: rolling resistance and gearbox [N m]."""
     torque: float = 3.0
     """Largest torque of a wheel [N m]."""
     stiffness: float = 5.0
@@ -61,13 +61,13 @@ class Drive:
         require(self.mass_behind < self.caster, "mass_behind", self.mass_behind, bound)
 
     def wheel_speeds(self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]) -> np.ndarray:
-        """Return speeds [rad/s] of left and right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""
+        """Speeds [rad/s] of the left and the right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""
         half = turn_rate * self.track / 2
         return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
 
 
 def load_drive(path: Path | None) -> Drive:
-    """Return the drive of a .toml file that says what is other about a robot; without a file, the one that is built in.
+    """The drive of a .toml file that says what is other about a robot; without a file, the one that is built in.
 
     Raises:
         InvalidInput: for a file that is missing or no TOML, an unknown key, or an impossible number.
@@ -102,7 +102,7 @@ class References:
         steps: int,
         h: float,
     ) -> Float[np.ndarray, "games steps 4"]:
-        """Return wheel speeds [rad/s] to ask for over one step of the game: pursuer's left and right, then evader's.
+        """Wheel speeds [rad/s] to be asked for over one step of the game: pursuer's left and right, then evader's.
 
         Args:
             chosen: acceleration [m/s^2] and turn rate [rad/s] of both sides.

@@ -31,7 +31,7 @@ _ABOVE = 0.06
 
 
 def mjcf(game: Game, drive: Drive, step: float) -> str:
-    """Return the model as text.
+    """The model as text.
 
     Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
     hollow one. Robots do not touch each other: whether the evader is caught is for the referee to say.
@@ -91,7 +91,7 @@ def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterato
 
 
 def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radius: float) -> None:
-    """Add a chassis with two wheels and a caster; its frame is on the axle, x ahead.
+    """A chassis with two wheels and a caster; its frame is on the axle, x ahead.
 
     Obstacles push the robot where the game's has a radius; one that is a point is judged by its centre alone.
     """
@@ -158,7 +158,7 @@ class Physics:
         self._rollout = rollout.Rollout(nthread=1)
 
     def place(self, rows: Float[np.ndarray, "games 8"]) -> Float64[np.ndarray, "games numbers"]:
-        """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
+        """States in which the robots stand, or roll, where rows of x, y, v and heading say."""
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
         for row, state in zip(rows.astype(float).reshape(-1, 2, 4), states, strict=True):
@@ -178,12 +178,12 @@ class Physics:
     def advance(
         self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps 4"]
     ) -> Float64[np.ndarray, "games numbers"]:
-        """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s]."""
+        """States after a step of the physics for each of the wheel speeds asked for [rad/s]."""
         moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
         return moved[:, -1]
 
     def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games 8"]:
-        """Return what the game knows of states: x, y, forward speed and heading of pursuer and evader."""
+        """Return the game's view of states: x, y, forward speed and heading of pursuer and evader."""
         positions, speeds = np.split(states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1)
         columns = []
         for side in SIDES:

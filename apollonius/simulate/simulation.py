@@ -29,7 +29,7 @@ from apollonius.simulate.physics import SIDES, Physics
 
 @dataclass(frozen=True)
 class Simulated:
-    """Games that were simulated, with every step.
+    """Simulated games with all their steps.
 
     Attributes:
         results: how the games ended.
@@ -75,7 +75,7 @@ def simulate(
     Args:
         starts: initial states, leaves `[games]`.
         key: consumed.
-        report: called after every step of the games with how many have ended.
+        report: called after every step with the number of games that have ended.
 
     Raises:
         InvalidInput: as `Physics`.
@@ -108,7 +108,7 @@ def simulate(
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
-    """Play the games of a match, from the same starts, with bodies; `report` as in `simulate`.
+    """The games of a match, from the same starts, with bodies; `report` as in `simulate`.
 
     Raises:
         InvalidInput: as `simulate`, and for more games than memory has room for.
@@ -118,7 +118,7 @@ def simulate_match(match: Match, drive: Drive, report: Report = lambda done, tot
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
-    """Return one of the games as a replay, to be looked at. Played again, by the rules, it goes another way.
+    """One of the games as a replay, to be looked at. Played again, by the rules, it goes another way.
 
     Args:
         index: which of the games, from 0.
@@ -208,7 +208,7 @@ class Comparison:
 
 
 def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
-    """Compare two plays of a match: by the rules and with bodies."""
+    """The results of a match by the rules and with bodies."""
     bodies = simulated.results
     differences = {event: difference(rules, bodies, outcomes) for event, outcomes in EVENTS.items()}
     return Comparison(count(match, rules), count(match, bodies), differences, tracking(simulated))
@@ -222,7 +222,7 @@ def difference(rules: Results, bodies: Results, outcomes: tuple[Outcome, ...]) -
 
 
 def tracking(simulated: Simulated) -> dict[str, dict[str, Error]]:
-    """Return how far one step of the bodies is from one step by the rules, in all steps of all games."""
+    """Return the distances between steps of the bodies and by the rules, over all steps of all games."""
     away = (simulated.after - simulated.ideal).astype(float).reshape(-1, 2, 4)
     heading = np.abs((away[..., 3] + np.pi) % (2 * np.pi) - np.pi)
     errors = {"speed": np.abs(away[..., 2]), "heading": heading, "position": np.hypot(away[..., 0], away[..., 1])}

@@ -18,13 +18,11 @@ from apollonius.solve.zero_sum_game import ZeroSumGame
 
 _MOST = JOINT_HOLD.most
 """Steps that fit above nine bits; no hold is longer."""
-Answers = UInt8[Array, "first second draws"]
-"""The actions that a known robot takes at each pair of nodes: one, or as many as were drawn where it acts by chance."""
 Decided = UInt16[Array, "tiles first lanes"]
 """Nine bits, the first action's lowest, that say which actions decide the game; above them, in how many steps."""
 
 
-def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Answers | None = None) -> Decided:
+def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side) -> Decided:
     """Return the actions of the side that moves first after which a capture decides the game within the hold.
 
     Courses are judged step by step, as the rules do: what ends the game first counts, in one step a capture before a
@@ -40,7 +38,7 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Ans
       other robot may fail as early whatever it answers. So what the evader concedes by it is an upper bound, and what
       the pursuer gets by it a lower one.
     - After one that it survives, an answer that the other robot does not survive is won at the end of the hold only.
-    - The pursuer's goes on as if the answers that it would have caught had escaped. The evader's has no such answers.
+    - The pursuer's continues as if the answers that it would have caught had escaped. The evader's has no such answers.
 
     So the pursuer's values are lower bounds on its payoff, and the evader's, their sign turned, upper bounds on the
     pursuer's. Interpolation between nodes can break both.
@@ -48,18 +46,15 @@ def decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Ans
     Args:
         zero_sum_game: the game, as the side sees it that moves first.
         first, second: the robots in the order in which they move.
-        answers: what the second robot does at each pair of nodes, if it is known; it then has no other answers.
     """
     farthest = zero_sum_game.game.capture_distance + first.farthest + second.farthest
     dx, dy, _, _ = first.grid.spacing
-    return _decisive(zero_sum_game, first, second, answers, (ceil(farthest / dx), ceil(farthest / dy)))
+    return _decisive(zero_sum_game, first, second, (ceil(farthest / dx), ceil(farthest / dy)))
 
 
 @eqx.filter_jit
-def _decisive(
-    zero_sum_game: ZeroSumGame, first: Side, second: Side, answers: Answers | None, reach: tuple[int, int]
-) -> Decided:
-    """The same, where `reach` is how far away a robot can be captured, in cells along x and y."""
+def _decisive(zero_sum_game: ZeroSumGame, first: Side, second: Side, reach: tuple[int, int]) -> Decided:
+    """Return the decisive actions by windows of `reach` cells along x and y, beyond which nobody can be captured."""
     slices, (columns, rows) = second.free.shape[0], first.grid.shape[2:]
     window = (slices, 2 * reach[0] + 1, 2 * reach[1] + 1)
     inside = (slice(None), slice(reach[0], reach[0] + columns), slice(reach[1], reach[1] + rows))
@@ -72,15 +67,8 @@ def _decisive(
 
         def at(place: Int[Array, ""]) -> UInt16[Array, "tiles lanes"]:
             x, y = place // rows, place % rows
-            taken = jnp.ones(fails.shape, bool)
-            if answers is not None:
-                row = answers[index * columns * rows + place].reshape(slices, columns, rows, 1, -1)
-                drawn = row == jnp.arange(NUM_ACTIONS, dtype=jnp.uint8)[None, None, None, :, None]
-                taken = jnp.pad(jnp.any(drawn, axis=-1), around)
-            theirs, taken = (
-                jax.lax.dynamic_slice(leaf, (0, x, y, 0), (*window, NUM_ACTIONS)) for leaf in (fails, taken)
-            )
-            near = _pack(zero_sum_game.role, steps, first.failure[index, :, x, y], theirs, taken)
+            theirs = jax.lax.dynamic_slice(fails, (0, x, y, 0), (*window, NUM_ACTIONS))
+            near = _pack(zero_sum_game.role, steps, first.failure[index, :, x, y], theirs)
             everywhere = jnp.zeros(fails.shape[:3], jnp.uint16)
             everywhere = jax.lax.dynamic_update_slice(everywhere, near, (0, x, y))
             return everywhere[inside].reshape(-1, lanes)
@@ -94,7 +82,7 @@ def _decisive(
 def _steps_to_capture(
     zero_sum_game: ZeroSumGame, first: Side, second: Side, index: Int[Array, ""], reach: tuple[int, int]
 ) -> UInt8[Array, "slices wide high 9 9"]:
-    """For a slice of the first robot, by where from it the other one is, and by both their actions."""
+    """Return the steps for one slice of the first robot, by the other one's place relative to it and both actions."""
     dx, dy, _, _ = first.grid.spacing
     along_x, along_y = (
         (jnp.arange(2 * cells + 1) - cells).astype(jnp.float32) * size
@@ -125,24 +113,22 @@ def _pack(
     steps: UInt8[Array, "slices wide high 9 9"],
     own: UInt8[Array, "9"],
     theirs: UInt8[Array, "slices wide high 9"],
-    taken: Bool[Array, "slices wide high 9"],
 ) -> UInt16[Array, "slices wide high"]:
     """Return which actions decide, and when.
 
     Args:
         steps: to a capture, by both actions.
         own, theirs: the steps in which the robots fail.
-        taken: the answers that there are.
     """
-    own, theirs, taken = own[None, None, None, :, None], theirs[..., None, :], taken[..., None, :]
+    own, theirs = own[None, None, None, :, None], theirs[..., None, :]
     captured = (steps < NEVER) & (steps <= own) & (steps <= theirs)
     if role == Role.PURSUER:
         won_in = jnp.where(captured, steps, jnp.where(theirs < own, theirs, NEVER))
-        latest = jnp.max(jnp.where(taken, won_in, 0), axis=-1)
-        decides = jnp.any(taken & captured, axis=-1) & (latest < NEVER)
+        latest = jnp.max(won_in, axis=-1)
+        decides = jnp.any(captured, axis=-1) & (latest < NEVER)
         when = jnp.min(jnp.where(decides, latest, _MOST), axis=-1)
     else:
-        soonest = jnp.min(jnp.where(taken & captured, steps, NEVER), axis=-1)
+        soonest = jnp.min(jnp.where(captured, steps, NEVER), axis=-1)
         decides = soonest < NEVER
         when = jnp.max(jnp.where(decides, soonest, 0), axis=-1)
     bits = jnp.array([1 << action for action in range(NUM_ACTIONS)], jnp.uint16)

@@ -1,24 +1,25 @@
-"""Cops and robbers on a graph: from which states so many pursuers catch an evader for sure, exactly.
+"""Cops and robbers on a graph: the states from which some pursuers catch an evader for sure, exactly.
 
 All see each other and are equally fast. The pursuers move, each to a neighbour or nowhere, then the evader, and so on;
 it is caught where a pursuer is at its node (Nowakowski and Winkler, 1983; Aigner and Fromme, 1984).
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt64
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
 Adjacency = Bool[np.ndarray, "nodes nodes"]
 """Which nodes of a graph are neighbours: symmetric, and no node is its own."""
-Near = Int[np.ndarray, "nodes most"]
-"""The neighbours of each node and itself, which is repeated so that all rows are equally long."""
-States = UInt64[np.ndarray, "*others words"]
-"""A bit for where each pursuer is; those of the last one are packed, 64 in a word, the first in the lowest bit."""
+Teams = Bool[np.ndarray, "*pursuers"]
+"""Some of all states of the pursuers."""
+Team = tuple[int, ...]
+"""Nodes of the pursuers."""
+State = tuple[Team, int]
+"""Nodes of the pursuers and of the evader."""
 
 
 @dataclass(frozen=True)
@@ -26,38 +27,25 @@ class Chase:
     """The game of some pursuers on a connected graph, solved.
 
     Attributes:
-        near: the graph.
+        around: of each node, its neighbours and itself.
         caught: for each node of the evader the pursuers' nodes from which they catch it for sure, they to move.
     """
 
-    near: Near
-    caught: UInt64[np.ndarray, "evader *others words"]
+    around: tuple[Int[np.ndarray, " _"], ...]
+    caught: Bool[np.ndarray, "evader *pursuers"]
 
     @property
     def pursuers(self) -> int:
         return self.caught.ndim - 1
 
     @property
-    def share(self) -> float:
-        return _share(self.caught, len(self.near))
-
-    @property
     def always(self) -> bool:
-        """Whether these pursuers are enough: if they are from one place, whatever the evader's, then from all."""
-        return self.share == 1.0
-
-    def is_caught(self, pursuers: tuple[int, ...], evader: int) -> bool:
-        """Whether the evader is caught for sure, the pursuers to move, with all at these nodes."""
-        *others, last = pursuers
-        return bool(self.caught[(evader, *others)].view(np.uint8)[last // 8] >> (last % 8) & 1)
-
-
-def silent(share: float) -> None:
-    """Tells nobody."""
+        """True where these pursuers are enough: from all states, or from none in which they start together."""
+        return bool(self.caught.all())
 
 
 def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
-    """The nodes that are left when none is kept whose neighbours are neighbours of another one too.
+    """Return the nodes that are left when each goes whose neighbours are neighbours of another one too.
 
     As many pursuers are enough there as on the whole graph (Berarducci and Intrigila, 1993), and one is enough where a
     single node is left (Nowakowski and Winkler, 1983).
@@ -75,7 +63,7 @@ def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
         kept = np.delete(kept, node[covered])
 
 
-def solve_chase(adjacency: Adjacency, pursuers: int, report: Callable[[float], None] = silent) -> Chase:
+def solve_chase(adjacency: Adjacency, pursuers: int) -> Chase:
     """Solve the game by backward induction: the least fixed point of W(e) = M(at(e) or, for all f near e, W(f)).
 
     W(e) are the pursuers' nodes from which they catch an evader at e, at(e) those where one is there, and M adds those
@@ -83,77 +71,43 @@ def solve_chase(adjacency: Adjacency, pursuers: int, report: Callable[[float], N
 
     Args:
         adjacency: a connected graph.
-        pursuers: how many, 1 or more. The states take (nodes ^ (pursuers + 1)) / 8 bytes.
-        report: told now and then from which share of all states the evader is known to be caught.
+        pursuers: how many, 1 or more. The states take nodes ^ (pursuers + 1) bytes.
     """
-    count, near = len(adjacency), _near(adjacency)
-    around = [np.unique(row) for row in near]
-    caught = np.zeros((count,) * pursuers + (-(-count // 64),), np.uint64)
-    for node in range(count):
-        _set_reached(caught[node], node, count)
-    waits, order = np.ones(count, bool), np.arange(count)
+    count, own = len(adjacency), adjacency | np.eye(len(adjacency), dtype=bool)
+    around = tuple(np.flatnonzero(row) for row in own)
+    most = max(map(len, around))
+    near = np.array([np.pad(nodes, (0, most - len(nodes)), mode="edge") for nodes in around])
+    caught = np.zeros((count,) * (pursuers + 1), bool)
+    waits, order, known = np.ones(count, bool), np.arange(count), np.zeros(count, int)
     while waits.any():
         for node in order[waits[order]].tolist():
             waits[node] = False
-            after = np.bitwise_and.reduce(caught[around[node]], axis=0)
-            _set_reached(after, node, count)
-            before = _before(after, near) | caught[node]
-            if not np.array_equal(before, caught[node]):
-                caught[node] = before
-                waits[around[node]] = True
+            after = caught[around[node][0]].copy()
+            for other in around[node][1:]:
+                after &= caught[other]
+            for axis in range(pursuers):
+                np.moveaxis(after, axis, 0)[node] = True
+            size = np.count_nonzero(after)
+            if size > known[node]:  # it only grows, so that one of the same size is the same
+                known[node] = size
+                before = _before(after, near) | caught[node]
+                if not np.array_equal(before, caught[node]):
+                    caught[node] = before
+                    waits[around[node]] = True
         order = order[::-1]
-        report(_share(caught, count))
-    return Chase(near, caught)
+    return Chase(around, caught)
 
 
-def _near(adjacency: Adjacency) -> Near:
-    own = adjacency | np.eye(len(adjacency), dtype=bool)
-    first = np.argsort(~own, axis=1, kind="stable")[:, : own.sum(axis=1).max()]
-    return np.where(np.take_along_axis(own, first, axis=1), first, np.arange(len(own))[:, None])
-
-
-def _share(caught: UInt64[np.ndarray, "evader *others words"], count: int) -> float:
-    """Of all states; no bit of a word that stands for no node is ever set."""
-    return int(np.bitwise_count(caught).sum(dtype=np.int64)) / count ** (caught.ndim)
-
-
-def _set_reached(states: States, node: int, count: int) -> None:
-    """Add those in which a pursuer is at this node."""
-    everywhere = np.packbits(np.arange(64 * states.shape[-1]) < count, bitorder="little").view(np.uint64)
-    for axis in range(states.ndim - 1):
-        np.moveaxis(states, axis, 0)[node] = everywhere
-    states[..., node // 64] |= np.uint64(1) << np.uint64(node % 64)
-
-
-def _before(states: States, near: Near) -> States:
-    """Whence the pursuers come to some states in a move; the states are the same when two pursuers change places."""
-    for axis in range(states.ndim - 1):
-        states = _reaching(states, near, axis)
-    # Bits are as slow as bytes along their own axis: the last pursuer changes places with the first, and moves there.
-    apart = np.unpackbits(states.view(np.uint8), axis=-1, count=len(near), bitorder="little")
-    if states.ndim == 1:
-        return _packed(_reaching(apart, near, 0))
-    return _reaching(_packed(np.ascontiguousarray(np.swapaxes(apart, 0, -1))), near, 0)
-
-
-def _reaching(states: np.ndarray, near: Near, axis: int) -> np.ndarray:
-    """States with those from which the pursuer of this axis comes there in a move."""
-    out = np.take(states, near[:, 0], axis=axis)
-    for column in near.T[1:]:
-        out |= np.take(states, column, axis=axis)
-    return out
-
-
-def _packed(apart: np.ndarray) -> States:
-    octets = np.packbits(apart, axis=-1, bitorder="little")
-    room = [(0, 0)] * (octets.ndim - 1) + [(0, -octets.shape[-1] % 8)]
-    return np.pad(octets, room).view(np.uint64)
-
-
-Team = tuple[int, ...]
-"""Nodes of the pursuers."""
-State = tuple[Team, int]
-"""And of the evader."""
+def _before(
+    states: Bool[np.ndarray, "*pursuers"], near: Int[np.ndarray, "nodes most"]
+) -> Bool[np.ndarray, "*pursuers"]:
+    """Return the states from which the pursuers come to these in a move, each pursuer in its turn the first axis."""
+    for _ in range(states.ndim):
+        reached, there = states[near[:, 0]], np.empty_like(states)
+        for column in near.T[1:]:
+            reached |= np.take(states, column, axis=0, out=there)
+        states = np.ascontiguousarray(np.moveaxis(reached, 0, -1))
+    return states
 
 
 @dataclass(frozen=True)
@@ -181,7 +135,6 @@ def evade(adjacency: Adjacency, chase: Chase) -> Evasion:
         chase: the game on it, which these pursuers do not always win.
     """
     apart = np.asarray(shortest_path(csr_array(adjacency.astype(np.int8)), unweighted=True))
-    around = [np.unique(row).tolist() for row in chase.near]
     state = before = _start(chase, apart)
     seen: dict[tuple[State, State], int] = {}
     while (before, state) not in seen:
@@ -193,8 +146,8 @@ def evade(adjacency: Adjacency, chase: Chase) -> Evasion:
             room = float(np.sum(apart[evader] < apart[list(moved)].min(axis=0)))
             return near[first], -apart[before[0][first], moved[first]], room, near.sum()
 
-        moved = min(itertools.product(*(around[node] for node in team)), key=nearness)
-        safe = [there for there in around[evader] if not chase.is_caught(moved, there)]
+        moved = min(itertools.product(*(chase.around[node].tolist() for node in team)), key=nearness)
+        safe = [there for there in chase.around[evader].tolist() if not chase.caught[(there, *moved)]]
         room = {there: (min(apart[there, list(moved)]), apart[before[1], there]) for there in safe}
         before, state = state, (moved, max(room, key=room.__getitem__))
     passed = [after for _, after in seen][seen[before, state] :]
@@ -205,10 +158,10 @@ def evade(adjacency: Adjacency, chase: Chase) -> Evasion:
 
 
 def _start(chase: Chase, apart: Float[np.ndarray, "nodes nodes"]) -> State:
-    """All pursuers in one place, and the evader where it is not caught, as far away as it can be."""
-    for place in range(len(chase.near)):
-        team = (place,) * chase.pursuers
-        free = [node for node in range(len(chase.near)) if not chase.is_caught(team, node)]
-        if free:
-            return team, max(free, key=lambda node: apart[place, node])
+    """Return all pursuers at one node, and the evader where it is not caught, as far away as it can be."""
+    for node in range(len(chase.around)):
+        team = (node,) * chase.pursuers
+        free = np.flatnonzero(~chase.caught[(slice(None), *team)])
+        if len(free):
+            return team, int(free[np.argmax(apart[node, free])])
     raise AssertionError("pursuers that do not always win have a state from which they do not")

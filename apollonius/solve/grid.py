@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.occupancy import beside
+from apollonius.game.obstacle import between_nodes
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 
@@ -51,7 +51,7 @@ class Grid(eqx.Module):
 
     @property
     def name(self) -> str:
-        """How it is written: `101x101x9x47`."""
+        """The counts as the command line writes them: `101x101x9x47`."""
         return "x".join(map(str, self.counts))
 
     @property
@@ -61,7 +61,7 @@ class Grid(eqx.Module):
         return x, y, v, 2 * jnp.pi / self.counts[3]
 
     def node(self, v: Int[Array, ""], heading: Int[Array, ""], x: Int[Array, ""], y: Int[Array, ""]) -> RobotState:
-        """The state at the node of these indices; its heading is in [0, 2 pi)."""
+        """Return the state at the node of these indices; its heading is in [0, 2 pi)."""
         dx, dy, dv, dheading = self.spacing
         return RobotState(
             x=self.low[0] + x.astype(jnp.float32) * dx,
@@ -71,7 +71,7 @@ class Grid(eqx.Module):
         )
 
     def corners(self, robot: RobotState) -> tuple[Int[Array, "16"], Float[Array, "16"]]:
-        """The nodes around a state, numbered as they lie in a table, and their shares; beyond the ends, the ends'."""
+        """Return the nodes around a state, numbered as they lie in a table, and their shares; at an end, its own."""
         dx, dy, dv, dheading = self.spacing
         axes = (
             _between((robot.v - self.low[2]) / dv, self.counts[2]),
@@ -86,15 +86,12 @@ class Grid(eqx.Module):
         return node, share
 
     def interpolate(self, table: Float[Array, "v heading x y"], robot: RobotState) -> Scalar:
-        """The table's value at a state, multilinear between the 16 nodes around it."""
+        """Return the table's value at a state, multilinear between the 16 nodes around it."""
         nodes, shares = self.corners(robot)
         return jnp.sum(shares * table.reshape(-1)[nodes])
 
-    def over_places(self, table: Float[Array, "x y"]) -> Float[Array, "v heading x y"]:
-        """The table that has the same values for every speed and heading."""
-        return jnp.broadcast_to(table[None, None], self.shape)
-
     def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
+        """Return the nodes' x and y [m]."""
         nothing = jnp.zeros((), jnp.int32)
         x = jax.vmap(lambda index: self.node(nothing, nothing, index, nothing).x)(jnp.arange(self.counts[0]))
         y = jax.vmap(lambda index: self.node(nothing, nothing, nothing, index).y)(jnp.arange(self.counts[1]))
@@ -106,7 +103,7 @@ Beside = tuple[tuple[Int[Array, ""], Int[Array, ""]], tuple[Scalar, Scalar]]
 
 
 def _between(position: Scalar, count: int) -> Beside:
-    index, share = beside(position, count)
+    index, share = between_nodes(position, count)
     return (index, index + 1), (1 - share, share)
 
 
@@ -117,7 +114,7 @@ def _around(position: Scalar, count: int) -> Beside:
 
 
 def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
-    """The grid of one robot in an arena.
+    """Return the grid of one robot in an arena.
 
     Args:
         counts: number of nodes along x, y, v and heading.
@@ -141,12 +138,12 @@ TOLERANCE = 1e-4
 """A sweep that changes no value by more than this is the last one, where nothing else is asked."""
 _MOST_SWEEPS = 10_000
 _ROUNDING = 1e-7
-"""Changes of this size are as good as none, where one tells how far a solution is."""
+"""Changes of this size count as none in the share of a solution that is done."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What the latest sweep did."""
+    """Progress after a sweep."""
 
     number: int
     residual: float
@@ -157,14 +154,14 @@ class Sweep:
     """The residual that is asked for."""
 
     def share(self, first_residual: float) -> float:
-        """Part of the way from the first residual to the last, as residuals fall by a factor each time."""
+        """Return the share of a solution that is done, as residuals fall by a factor each time."""
         wanted = max(self.tolerance, _ROUNDING)
         whole = log(max(first_residual, wanted) / wanted)
         return 1 - log(max(self.residual, wanted) / wanted) / whole if whole > 0 else 1.0
 
 
 def silent(sweep: Sweep) -> None:
-    """Tells nobody."""
+    """Report nothing."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +184,7 @@ def iterate(
     Args:
         sweep: from a table, the next one and the largest change.
         table: where to begin.
-        report: told after each sweep.
+        report: called after each sweep.
         tolerance: the residual that is asked for. If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
     """
     begun, residual = time.perf_counter(), float("inf")
@@ -201,6 +198,6 @@ def iterate(
 
 
 def lanes_of(grid: Grid) -> int:
-    """How many nodes of a robot that waits share a tile: the divisor of their number that comes closest to `_LANES`."""
+    """Return the number of nodes that share a tile: the divisor of all that comes closest to `_LANES`."""
     divisors = [count for count in range(1, grid.size + 1) if grid.size % count == 0]
     return min(divisors, key=lambda count: abs(log(count / _LANES)))

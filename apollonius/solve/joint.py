@@ -33,55 +33,109 @@ from apollonius.io.limits import require_memory
 from apollonius.solve.capture import Decided, decisive
 from apollonius.solve.grid import FEWER_NODES, Grid, Solved, Sweep, iterate, lanes_of, silent
 from apollonius.solve.motion import discount_after
-from apollonius.solve.transition_map import Choice, Side, greatest, least, make_side
-from apollonius.solve.zero_sum_game import ZeroSumGame
+from apollonius.solve.transition_map import Side, make_side
+from apollonius.solve.zero_sum_game import LOSE, WIN, ZeroSumGame
 
 JointTable = Float[Array, "tiles moving lanes"]
 """By the node of the robot that moves and that of the one that waits, which is `tile * lanes + lane`."""
-Worth = Callable[[Int[Array, ""], Int[Array, ""], int, Array], Array]
-"""From a tile, a slice, an action and the values after it `[x y lanes]`, what the action is worth."""
+SLACK = 0.05
+"""Turns within this many cells of a whole number are taken for it."""
+TOLERANCE = 1e-3
+"""A sweep that changes no value by more than this is the last one."""
+BYTES_PER_PAIR = 3 * 4 + 2
+"""Three tables at a time, and what decides."""
 
 
-def tile_of(
-    table: Shaped[Array, "tiles moving before"], tile: Int[Array, ""], lanes: int
-) -> Shaped[Array, "waiting lanes"]:
-    """One tile of the same table after the robots have changed parts."""
-    tiles, _, before = table.shape
-    block = jax.lax.dynamic_slice(table, (0, tile * lanes, 0), (tiles, lanes, before))
-    return jnp.swapaxes(block, 1, 2).reshape(tiles * before, lanes)
+class Duel(eqx.Module):
+    """The two-robot game on a grid, as the side sees it that moves first.
 
-
-def before_move(
-    side: Side, after: JointTable, lanes: int, value: Worth, choose: Choice
-) -> Callable[[Int[Array, ""]], Float[Array, "moving lanes"]]:
-    """The values before one robot's move, a tile at a time.
-
-    Args:
-        side: the robot that moves.
-        after: the values after its move, in tiles in which it waits.
-        lanes: of the tiles in which it moves.
-        choose: from what the nine actions are worth, what the node is worth.
+    Attributes:
+        zero_sum_game: the game, from that side.
+        first, second: the robots in the order in which they move.
+        decided: the first one's actions that decide the game by a capture.
     """
 
-    def tile_before(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
-        values = tile_of(after, tile, lanes).reshape(*side.grid.shape, lanes)
-        return side.transitions.backup(values, partial(value, tile), choose).reshape(-1, lanes)
+    zero_sum_game: ZeroSumGame
+    first: Side
+    second: Side
+    decided: Decided
 
-    return tile_before
+
+def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
+    """Return what all sweeps have in common.
+
+    Raises:
+        InvalidInput: when it does not fit into memory, or the robots' grids do not have the same x and y.
+    """
+    own, other = zero_sum_game.grids
+    require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
+    require_memory("grid", own.name, own.size * other.size * BYTES_PER_PAIR, FEWER_NODES)
+    roles = (zero_sum_game.role, zero_sum_game.role.other)
+    first, second = (
+        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
+        for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
+    )
+    return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
 
 
-def refreshed(
-    table: JointTable, tile_before: Callable[[Int[Array, ""]], Float[Array, "moving lanes"]]
-) -> tuple[JointTable, Scalar]:
-    """The table of new tiles, and the largest change of a value."""
+def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
+    """Return what the first side is sure of once it has moved: A(s', o), in tiles in which the second robot moves.
 
-    def refresh(residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]) -> tuple[Scalar, Array]:
+    Args:
+        report: called after each sweep.
+        tolerance: largest change of a value in the last sweep; the values are within 1 / (1 - discount) times that of
+            the fixed point.
+    """
+    lanes = lanes_of(duel.first.grid)
+    table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
+    return iterate(lambda table: _sweep(duel, table), table, report, tolerance)
+
+
+@eqx.filter_jit
+def guarantee(duel: Duel, moved: JointTable) -> JointTable:
+    """Return what the first side is sure of before it moves: G(s, o), in tiles in which it moves, from A(s', o)."""
+    first, zero_sum_game, lanes = duel.first, duel.zero_sum_game, duel.decided.shape[2]
+
+    def before_move(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
+        decided = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)
+
+        def value(index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]) -> Float[Array, "x y lanes"]:
+            seconds = (decided[index] >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
+            value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, LOSE)
+            captured = zero_sum_game.capture * discount_after(seconds)
+            return jnp.where((decided[index] >> action) & 1 > 0, captured, value)
+
+        values = _tile_of(moved, tile, lanes).reshape(*first.grid.shape, lanes)
+        return first.transitions.backup(values, value).reshape(-1, lanes)
+
+    return jax.lax.map(before_move, jnp.arange(duel.decided.shape[0]))
+
+
+@partial(eqx.filter_jit, donate="all-except-first")
+def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
+    """Return A(s', o) after one more sweep, and the largest change of a value."""
+    second, sure, lanes = duel.second, guarantee(duel, table), table.shape[2]
+
+    def value(index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]) -> Float[Array, "x y lanes"]:
+        return jnp.where(second.free[index, action][..., None], later, WIN)
+
+    def refresh(
+        residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]
+    ) -> tuple[Scalar, Float[Array, "moving lanes"]]:
         number, old = tile
-        new = tile_before(number)
+        values = _tile_of(sure, number, lanes).reshape(*second.grid.shape, lanes)
+        new = second.transitions.backup(values, value, jnp.minimum).reshape(-1, lanes)
         return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
 
     residual, after = jax.lax.scan(refresh, jnp.zeros((), jnp.float32), (jnp.arange(table.shape[0]), table))
     return after, residual
+
+
+def _tile_of(table: JointTable, tile: Int[Array, ""], lanes: int) -> Float[Array, "moving lanes"]:
+    """Return one tile of the same table after the robots have changed parts."""
+    tiles, _, before = table.shape
+    block = jax.lax.dynamic_slice(table, (0, tile * lanes, 0), (tiles, lanes, before))
+    return jnp.swapaxes(block, 1, 2).reshape(tiles * before, lanes)
 
 
 def interpolate(
@@ -89,7 +143,7 @@ def interpolate(
     moving: tuple[Grid, RobotState],
     waiting: tuple[Grid, RobotState],
 ) -> Float[Array, "n games"]:
-    """Values between nodes, multilinear in both states, in several games at once.
+    """Return values between nodes, multilinear in both states, in several games at once.
 
     Args:
         moving: of the robot that moves, its grid and its states, leaves `[games]`.
@@ -114,97 +168,6 @@ def interpolate(
 def _corners(
     moving: tuple[Grid, RobotState], waiting: tuple[Grid, RobotState]
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """The nodes around the states, `[16, games]` and `[n, 16, games]`, and their shares."""
-    beside = jax.vmap(moving[0].corners, out_axes=1)(moving[1])
-    return beside, jax.vmap(jax.vmap(waiting[0].corners, out_axes=1))(waiting[1])
-
-
-SLACK = 0.05
-"""Turns within this many cells of a whole number of them are taken for it."""
-TOLERANCE = 1e-3
-"""A sweep that changes no value by more than this is the last one."""
-BYTES_PER_PAIR = 3 * 4 + 2
-"""Three tables at a time, and what decides."""
-
-
-class Duel(eqx.Module):
-    """The two-robot game on a grid, as the side sees it that moves first.
-
-    Attributes:
-        zero_sum_game: the game, from that side.
-        first, second: the robots in the order in which they move.
-        decided: the first one's actions that decide the game by a capture.
-    """
-
-    zero_sum_game: ZeroSumGame
-    first: Side
-    second: Side
-    decided: Decided
-
-
-def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
-    """What all sweeps have in common.
-
-    Raises:
-        InvalidInput: when it does not fit into memory, or the robots' grids do not have the same places.
-    """
-    first, second = make_sides(zero_sum_game, BYTES_PER_PAIR)
-    return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))
-
-
-def make_sides(zero_sum_game: ZeroSumGame, bytes_per_pair: int) -> tuple[Side, Side]:
-    """Both robots on their grids, this side's first.
-
-    Raises:
-        InvalidInput: when so many bytes for each pair of nodes do not fit into memory, or the places differ.
-    """
-    own, other = zero_sum_game.grids
-    require(own.counts[:2] == other.counts[:2], "grid", own.name, f"as many nodes along x and y as {other.name} has")
-    require_memory("grid", own.name, own.size * other.size * bytes_per_pair, FEWER_NODES)
-    roles = (zero_sum_game.role, zero_sum_game.role.other)
-    first, second = (
-        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
-        for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
-    )
-    return first, second
-
-
-def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
-    """What the first side is sure of once it has moved: A(s', o), in tiles in which the second robot moves.
-
-    Args:
-        report: told after each sweep.
-        tolerance: largest change of a value in the last sweep; the values are within 1 / (1 - discount) times that of
-            the fixed point.
-    """
-    lanes = lanes_of(duel.first.grid)
-    table = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
-    return iterate(lambda table: _sweep(duel, table), table, report, tolerance)
-
-
-@eqx.filter_jit
-def guarantee(duel: Duel, moved: JointTable) -> JointTable:
-    """What the first side is sure of before it moves, G(s, o), in tiles in which it moves; from `solve_duel`'s."""
-    first, zero_sum_game, lanes = duel.first, duel.zero_sum_game, duel.decided.shape[2]
-
-    def value(
-        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
-    ) -> Float[Array, "x y lanes"]:
-        decided = duel.decided[tile].reshape(-1, *first.grid.shape[2:], lanes)[index]
-        seconds = (decided >> NUM_ACTIONS).astype(jnp.float32) * zero_sum_game.game.dt
-        value = jnp.where(first.free[index, action][..., None], first.motion.discount * later, zero_sum_game.lose)
-        return jnp.where((decided >> action) & 1 > 0, zero_sum_game.capture * discount_after(seconds), value)
-
-    return jax.lax.map(before_move(first, moved, lanes, value, greatest), jnp.arange(duel.decided.shape[0]))
-
-
-@partial(eqx.filter_jit, donate="all-except-first")
-def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
-    second = duel.second
-
-    def value(
-        tile: Int[Array, ""], index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]
-    ) -> Float[Array, "x y lanes"]:
-        return jnp.where(second.free[index, action][..., None], later, duel.zero_sum_game.win)
-
-    return refreshed(table, before_move(second, guarantee(duel, table), table.shape[2], value, least))
+    """Return the nodes around the states, `[16, games]` and `[n, 16, games]`, and their shares."""
+    around = jax.vmap(moving[0].corners, out_axes=1)(moving[1])
+    return around, jax.vmap(jax.vmap(waiting[0].corners, out_axes=1))(waiting[1])

@@ -1,4 +1,4 @@
-"""What a robot does between two decisions: it holds an action for some steps of the game."""
+"""A robot between two decisions: it holds an action for some steps of the game."""
 
 import equinox as eqx
 import jax
@@ -8,11 +8,11 @@ from jaxtyping import Array, Float, UInt8
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import Action, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Action, Real, RobotState, Role, Scalar
 from apollonius.io.limits import HOLD
 
 HORIZON = 20.0
-"""Time scale [s] of what later outcomes are worth, exp(-t / HORIZON); much longer times are told apart less well."""
+"""Time scale [s] of the discount of later outcomes, exp(-t / HORIZON); it tells much longer times apart less well."""
 NEVER = 255
 """The step of what does not happen within a hold, later than any step of one."""
 _UNROLL = 5
@@ -38,14 +38,11 @@ class Motion(eqx.Module):
 
     @property
     def discount(self) -> Scalar:
-        """What is worth 1 after a hold is worth so much before it."""
+        """Value before a hold of what has the value 1 after it."""
         return discount_after(self.seconds)
 
-    def step(self, robot: RobotState, action: Action) -> RobotState:
-        return self.body.move(robot, *self.body.controls(action), self.dt)
-
     def hold(self, robot: RobotState, action: Action) -> RobotState:
-        """The states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
+        """Return the states along a hold, from the first to that after the last step: leaves `[steps + 1]`."""
         controls = self.body.controls(action)
 
         def one_step(before: RobotState, _: None) -> tuple[RobotState, RobotState]:
@@ -55,8 +52,8 @@ class Motion(eqx.Module):
         _, course = jax.lax.scan(one_step, robot, None, self.steps, unroll=min(self.steps, _UNROLL))
         return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), robot, course)
 
-    def room(self, course: RobotState) -> Scalar:
-        """Least clearance [m] of the body along a course, step by step as the rules judge it."""
+    def clearance(self, course: RobotState) -> Scalar:
+        """Return the least clearance [m] of the body along a course, step by step as the rules judge it."""
         return jnp.min(jax.vmap(self.arena.clearance_along)(*ends(course))) - self.body.radius
 
     def failure(self, course: RobotState) -> UInt8[Array, ""]:
@@ -65,23 +62,29 @@ class Motion(eqx.Module):
         return jnp.where(jnp.any(touches), jnp.argmax(touches) + 1, NEVER).astype(jnp.uint8)
 
 
+def every_hold(motion: Motion, robots: RobotState) -> RobotState:
+    """Return the courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
+    in_games = jax.vmap(motion.hold, (0, None), -1)
+    return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))
+
+
 def discount_after(seconds: Real | Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """What an outcome worth 1 is worth when it is so many seconds away."""
+    """Return the value of an outcome in some seconds that would have the value 1 at once."""
     return jnp.exp(-jnp.asarray(seconds, jnp.float32) / HORIZON)
 
 
 def ends(course: RobotState) -> tuple[RobotState, RobotState]:
-    """The states before and after each step of a course: leaves `[steps]`."""
+    """Return the states before and after each step of a course: leaves `[steps]`."""
     return jax.tree.map(lambda leaf: leaf[:-1], course), jax.tree.map(lambda leaf: leaf[1:], course)
 
 
 def last(course: RobotState) -> RobotState:
-    """The state at the end of a course."""
+    """Return the state at the end of a course."""
     return jax.tree.map(lambda leaf: leaf[-1], course)
 
 
 def motion_of(game: Game, role: Role, steps: int) -> Motion:
-    """The motion of one side's robot.
+    """Return the motion of one side's robot.
 
     Raises:
         InvalidInput: unless an action is held for at least one step, and for no more than memory has room for.

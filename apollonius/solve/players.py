@@ -1,4 +1,4 @@
-"""The players of the two-robot game that act by a solved table: they look one hold ahead, anew in every step."""
+"""Players of the two-robot game that act by a solved table: they look one hold ahead, again in every step."""
 
 from abc import abstractmethod
 from typing import Any
@@ -6,18 +6,18 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Shaped, UInt32
+from jaxtyping import Array, Float, Shaped, UInt32
 
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
+from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.view import View
 from apollonius.solve.joint import interpolate
-from apollonius.solve.motion import Motion, last
+from apollonius.solve.motion import every_hold, last
 from apollonius.solve.zero_sum_game import ZeroSumGame, first_events
 
 
-class AbstractLookahead(AbstractActionValuePolicy):
+class AbstractSearch(AbstractActionValuePolicy):
     """A player that holds each of its actions by the rules and judges by what comes after.
 
     Attributes:
@@ -30,7 +30,7 @@ class AbstractLookahead(AbstractActionValuePolicy):
         return self.weigh(seen, (), jnp.zeros((), jnp.uint32))[0]
 
     def weigh(self, seen: View, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
-        """Return what they are worth against one who acts by chance, as by these bits."""
+        """Return the values against an opponent that acts by chance, as by these bits."""
         return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
 
     def best_value(self, states: GameState) -> Float[Array, " games"]:
@@ -41,28 +41,28 @@ class AbstractLookahead(AbstractActionValuePolicy):
     def action_values(
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Float[Array, "9 games"]:
-        """What the nine actions are worth in several games at once.
+        """Return the values of the nine actions in several games at once.
 
         Args:
             own, other: the robots, leaves `[games]`.
-            bits: random bits for each game, of which a player makes use that acts by chance.
+            bits: random bits for each game, which a search against an opponent that acts by chance uses.
         """
 
 
-def _values_in_many(size: int, batched: Any, player: AbstractLookahead, *seen: Any) -> Float[Array, "games 9"]:
+def _values_in_many(size: int, batched: Any, player: AbstractSearch, *seen: Any) -> Float[Array, "games 9"]:
     return player.action_values(*spread(size, tuple(batched[1:]), seen)).T
 
 
 @batched_by(_values_in_many)
 def _values_in_one(
-    player: AbstractLookahead, own: RobotState, other: RobotState, bits: UInt32[Array, ""]
+    player: AbstractSearch, own: RobotState, other: RobotState, bits: UInt32[Array, ""]
 ) -> Float[Array, "9"]:
-    """Return what the nine actions are worth in one game; for a batch of games all are looked at together."""
+    """Return the values of the nine actions in one game; a batch of games is looked at together."""
     alone = jax.tree.map(lambda leaf: leaf[None], (own, other, bits))
     return player.action_values(*alone)[:, 0]
 
 
-class SaddlePolicy(AbstractLookahead):
+class SaddlePolicy(AbstractSearch):
     """The player of either side that makes most of what it can be sure of (`guarantee`).
 
     Attributes:
@@ -74,48 +74,21 @@ class SaddlePolicy(AbstractLookahead):
     def action_values(
         self, own: RobotState, other: RobotState, bits: UInt32[Array, " games"]
     ) -> Float[Array, "9 games"]:
-        """What each action is worth against the answer that is worst for it.
+        """Return the value of each action against the answer that is worst for it.
 
         An answer counts by the rules where it ends the game within the hold, and by the table otherwise.
         """
         game, (grid, other_grid) = self.zero_sum_game, self.zero_sum_game.grids
-        held = hold_all(game, own, other)
-        later = interpolate(self.table, (other_grid, other), (grid, held.own))
-        worth = jnp.where(held.ongoing, (game.motions[0].discount * later)[:, None], held.worth)
-        return jnp.min(worth, axis=1)
-
-
-class Held(eqx.Module):
-    """All nine actions of a player against all nine answers, held by the rules in several games.
-
-    Attributes:
-        own, other: where the robots are afterwards, leaves `[9 games]`.
-        ongoing: whether the game goes on.
-        worth: what it is worth to the player where it does not.
-    """
-
-    own: RobotState
-    other: RobotState
-    ongoing: Bool[Array, "9 9 games"]
-    worth: Float[Array, "9 9 games"]
-
-
-def hold_all(game: ZeroSumGame, own: RobotState, other: RobotState) -> Held:
-    """Every pair of actions, by action and answer; the robots' leaves are `[games]`."""
-    mine, theirs = (_every_hold(motion, robot) for motion, robot in zip(game.motions, (own, other), strict=True))
-    outcome, seconds = first_events(game.game, *game.pair(mine, theirs))
-    if game.role == Role.EVADER:
-        outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
-    return Held(last(mine), last(theirs), outcome == Outcome.ONGOING, game.payoff_of(outcome, seconds))
-
-
-def _every_hold(motion: Motion, robots: RobotState) -> RobotState:
-    """The courses of all nine actions in several games, leaves `[games]`: leaves `[steps + 1, 9, games]`."""
-    in_games = jax.vmap(motion.hold, (0, None), -1)
-    return jax.vmap(in_games, (None, 0), 1)(robots, jnp.arange(NUM_ACTIONS))
+        mine, theirs = (every_hold(motion, robot) for motion, robot in zip(game.motions, (own, other), strict=True))
+        outcome, seconds = first_events(game.game, *game.pair(mine, theirs))
+        if game.role == Role.EVADER:
+            outcome, seconds = jnp.swapaxes(outcome, 0, 1), jnp.swapaxes(seconds, 0, 1)
+        later = game.motions[0].discount * interpolate(self.table, (other_grid, other), (grid, last(mine)))
+        values = jnp.where(outcome == Outcome.ONGOING, later[:, None], game.payoff_of(outcome, seconds))
+        return jnp.min(values, axis=1)
 
 
 @eqx.filter_jit
-def _best_values(player: AbstractLookahead, states: GameState) -> Float[Array, " games"]:
+def _best_values(player: AbstractSearch, states: GameState) -> Float[Array, " games"]:
     own, other = player.zero_sum_game.pair(states.pursuer, states.evader)
     return jnp.max(player.action_values(own, other, jnp.zeros(own.x.shape, jnp.uint32)), axis=0)

@@ -1,4 +1,4 @@
-"""Any of the problems there are, solved as its file asks for; the game of two from both sides, kept in a folder."""
+"""Problems of each kind solved on their usual grids; the game of two from both sides, kept in a folder."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -17,7 +17,7 @@ from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Sweep, make_grid, silent
 from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.reach import make_chase, solve_reach
+from apollonius.solve.reach import solve_reach
 from apollonius.solve.safety import solve_safety
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from apollonius.solve.zero_sum_game import ZeroSumGame, make_zero_sum_game
@@ -43,7 +43,7 @@ _LONGEST = 2.0
 
 
 def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
-    """A grid on which a hold moves the robot by whole cells of speed, and as nearly as can be of heading.
+    """Return a grid on which a hold moves the robot by whole cells of speed, and as nearly as can be of heading.
 
     Returns:
         The grid, and the control steps for which an action is held.
@@ -53,14 +53,14 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     hold = max(1, round(HOLD / dt))
     speeds = max(2, 1 + ceil((body.v_max - body.v_min) / max(float(body.u1_max) * dt * hold, _FASTER) - 1e-6))
     turn = float(body.u2_max) * dt * hold
-    headings = min(_HEADINGS, key=lambda count: abs(_cells(turn, count) - round(_cells(turn, count))))
+    headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
     arena = game.arena
     x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
     return make_grid(arena, body, (x, y, speeds, headings)), hold
 
 
 def steering_grid(game: Game, role: Role) -> tuple[Grid, int]:
-    """A coarser grid, for a table that only advises: what it says is tried out in the continuous game.
+    """Return a coarser grid, for a table that only advises: its advice is tried out in the continuous game.
 
     It has half as many nodes along x and y, and a hold turns the robot by about one cell of heading.
 
@@ -75,10 +75,10 @@ def steering_grid(game: Game, role: Role) -> tuple[Grid, int]:
 
 
 def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:
-    """The grid of one robot of two: coarser, since pairs of nodes count.
+    """Return the grid of one robot of two: coarser, since pairs of nodes count.
 
     Args:
-        pairs: about how many of them.
+        pairs: about how many pairs.
 
     Returns:
         The grid, and the control steps for which actions are held: both robots', by the pursuer's limits.
@@ -93,16 +93,11 @@ def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]
     return make_grid(arena, game.body(role), (x, y, _SPEEDS, headings)), hold
 
 
-def _cells(angle: float, count: int) -> float:
-    """An angle [rad] in cells of a circle divided into so many."""
-    return angle * count / tau
-
-
 PHYSICS = ("pursuer", "evader", "arena", "capture_distance", "dt")
-"""What a solution depends on: not where games start, how long they last, or what a learner is paid."""
+"""The parts of a game that a solution depends on: not starts, time limit or rewards."""
 
 
-class Solved(AbstractKind):
+class SolvedGame(AbstractKind):
     """The players of solved games' files."""
 
     looks = "a file of a solved game"
@@ -118,7 +113,7 @@ class Solved(AbstractKind):
 
 
 def table_player(path: Path, game: Game) -> SaddlePolicy:
-    """The player that acts by the file of a solved game.
+    """Return the player that acts by the file of a solved game.
 
     Raises:
         InvalidInput: when the file is missing, bad, or of another problem or game.
@@ -133,14 +128,13 @@ def table_player(path: Path, game: Game) -> SaddlePolicy:
 
 
 def zero_sum_game_of(problem: Problem, game: Game) -> ZeroSumGame:
-    """The game of a `game` problem, from the side that it was solved for."""
-    assert problem.payoff is not None
+    """Return the game of a `game` problem, from the side that it was solved for."""
     grids = joint_grids(game, problem.counts)
-    return make_zero_sum_game(game, grids, problem.hold, Role[problem.role.upper()], problem.payoff)
+    return make_zero_sum_game(game, grids, problem.hold, Role[problem.role.upper()])
 
 
 def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
-    """The pursuer's grid and the evader's, with as many nodes each."""
+    """Return the pursuer's grid and the evader's, with as many nodes each."""
     return make_grid(game.arena, game.pursuer, tuple(counts)), make_grid(game.arena, game.evader, tuple(counts))
 
 
@@ -148,10 +142,10 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
     """Solve a problem of a game.
 
     Args:
-        report: told after each sweep.
+        report: called after each sweep.
 
     Raises:
-        InvalidInput: for a grid that memory has no room for, and a target that is not clear of everything.
+        InvalidInput: for a grid that does not fit into memory, and a target that is not clear of everything.
     """
     if problem.kind == "game":
         solved = solve_duel(make_duel(zero_sum_game_of(problem, game)), report)
@@ -162,7 +156,7 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
         solved = solve_safety(game, role, grid, problem.hold, report)
     else:
         x, y = problem.target
-        _, solved = solve_reach(make_chase(game, grid, problem.hold), (x, y), report)
+        _, solved = solve_reach(game, grid, problem.hold, (x, y), report)
     return Solution(problem, solved.sweeps, solved.residual, solved.table)
 
 
@@ -173,12 +167,12 @@ def kept_tables(
     report: Callable[[Role, Sweep], None] = lambda role, sweep: None,
     played: Game | None = None,
 ) -> BySide[SaddlePolicy]:
-    """Return the players of both sides by the solved game, payoff `win`; what the folder holds is not solved again.
+    """Return the players of both sides by the solved game; what the folder holds is not solved again.
 
     Args:
         counts: nodes along x, y, v and heading; None for those of `joint_grid`.
         folder: where the files are kept, each named after what it solves; None keeps none.
-        report: told after each sweep.
+        report: called after each sweep.
         played: the game as the players shall play it, whose arena may have a chart, and empty places for obstacles;
             None for the game itself.
 
@@ -202,6 +196,6 @@ def kept_tables(
 
 
 def joint_problem(game: Game, role: Role, counts: Sequence[int] | None = None) -> Problem:
-    """Return the game of two robots from one side, payoff `win`, on a grid of so many nodes, or of `joint_grid`'s."""
+    """Return the game of two robots from one side, on a grid of these nodes, or of `joint_grid`'s."""
     grid, hold = joint_grid(game, Role.PURSUER)
-    return Problem("game", role.name.lower(), to_dict(game), list(counts or grid.counts), hold, payoff="win")
+    return Problem("game", role.name.lower(), to_dict(game), list(counts or grid.counts), hold)

@@ -15,7 +15,6 @@ from apollonius.io.arrays import kinds_in, opened, read_header, require_finite, 
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import HOLD, JOINT_HOLD, MOST_COUNTED, require_memory
 from apollonius.solve.grid import FEWER_NODES
-from apollonius.solve.zero_sum_game import PAYOFFS
 
 FORMAT = "apollonius-solution"
 FORMAT_VERSION = 1
@@ -40,8 +39,6 @@ class Problem:
     """Control steps for which an action is held."""
     target: list[float] | None = None
     """Where the target stands [m]; of `reach` only."""
-    payoff: str | None = None
-    """What outcomes are worth (`zero_sum_game.PAYOFFS`); of `game` only."""
 
     def __post_init__(self) -> None:
         require(self.kind in KINDS, "kind", self.kind, f"one of {', '.join(KINDS)}")
@@ -53,8 +50,6 @@ class Problem:
         require(target == (self.kind == "reach"), "target", self.target, "given for reach, and left out otherwise")
         place = [abs(number) <= MAX_SIZE for number in self.target or ()]
         require(not target or place == [True, True], "target", self.target, "x and y")
-        payoffs = tuple(PAYOFFS) if self.kind == "game" else (None,)
-        require(self.payoff in payoffs, "payoff", self.payoff, f"one of {', '.join(map(str, payoffs))}")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Where a robot's states go: the image of a grid's nodes under each action, held.
+"""The image of a grid's nodes under each action, held.
 
-Motion does not depend on the place (Eq. 1), so a held action moves all nodes of one speed and heading by the same
+Motion does not depend on x and y (Eq. 1), so a held action moves all nodes of one speed and heading by the same
 vector. The values after it are therefore one or a few (x, y) slices of the table, shifted by whole cells and
 interpolated over the rest: no gather.
 """
@@ -22,35 +22,16 @@ from apollonius.solve.grid import Grid
 from apollonius.solve.motion import NEVER, Motion, motion_of
 
 _ROUNDING = 2e-5
-"""A move within this many cells of a whole number of them is whole: single precision tells no more."""
+"""A move within this many cells of a whole number is whole: single precision tells no more."""
 
 _BYTES_PER_STATE = 40
 """Memory of a state along a hold, and of what it is computed from."""
-_BYTES_PER_ROOM = 40
-"""Memory of the clearance of a step from a place, and of what it is computed from."""
-
-
-Choice = Callable[[list[Array]], Array]
-"""From what nine actions are worth, arrays of one shape, what it is worth to have the choice."""
-
-
-def greatest(action_values: list[Array]) -> Array:
-    """The choice of a robot that wants much."""
-    return reduce(jnp.maximum, action_values)
-
-
-def least(action_values: list[Array]) -> Array:
-    """The choice of a robot that wants little."""
-    return reduce(jnp.minimum, action_values)
-
-
-def total(action_values: list[Array]) -> Array:
-    """The mean of what comes by chance, where each is weighed by its share already."""
-    return reduce(jnp.add, action_values)
+_BYTES_PER_CLEARANCE = 40
+"""Memory of the clearance of a step from a node, and of what it is computed from."""
 
 
 class TransitionMap(eqx.Module):
-    """Where held actions take the slices of a grid, which are numbered `v * headings + heading`.
+    """The images of a grid's slices under held actions; slices are numbered `v * headings + heading`.
 
     Attributes:
         course: the states along each hold that begins at the origin, leaves `[slices 9 steps+1]`.
@@ -70,26 +51,27 @@ class TransitionMap(eqx.Module):
         self,
         table: Float[Array, "v heading x y *others"],
         value: Callable[[Int[Array, ""], int, Float[Array, "x y *others"]], Float[Array, "x y *others"]],
-        choose: Choice = greatest,
+        choose: Callable[[Array, Array], Array] = jnp.maximum,
     ) -> Float[Array, "v heading x y *others"]:
-        """What each node is worth by what its nine actions are worth.
+        """Return the value of each node from the values of its nine actions.
 
         Args:
             table: values at the robot's nodes; one after the other in memory, those for each state of `others`.
-            value: from a slice, an action and the table's values after it, what it is worth.
-            choose: from what the nine actions are worth, what the node is worth.
+            value: the value of an action from a slice, the action and the table's values after it.
+            choose: the better of two values.
         """
         slices = table.reshape(-1, *table.shape[2:])
         around = ((0, 0), (self.margin, self.margin), (self.margin, self.margin), *((0, 0),) * (table.ndim - 4))
         padded = jnp.pad(slices, around, mode="edge")
 
         def at(index: Int[Array, ""]) -> Float[Array, "x y *others"]:
-            return choose([value(index, action, self._after(padded, index, action)) for action in range(NUM_ACTIONS)])
+            actions = range(NUM_ACTIONS)
+            return reduce(choose, [value(index, action, self._after(padded, index, action)) for action in actions])
 
         return jax.lax.map(at, jnp.arange(slices.shape[0])).reshape(table.shape)
 
     def _after(self, padded: Float[Array, "slices wide high *others"], index: Int[Array, ""], action: int) -> Array:
-        """The interpolated values at the places where an action takes the nodes of a slice: `[x y *others]`."""
+        """Return the interpolated values where an action takes the nodes of a slice: `[x y *others]`."""
         across, along = (count - 2 * self.margin for count in padded.shape[1:3])
         share_x, share_y = self.rest[index, action]
         values = jnp.zeros((), jnp.float32)
@@ -104,18 +86,17 @@ class TransitionMap(eqx.Module):
 
 
 def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> TransitionMap:
-    """Where the robot's held actions take the grid's nodes.
+    """Return the images of the grid's nodes under the robot's held actions.
 
     Args:
-        slack: turns within this many cells of a whole number of them are taken as whole: where turns are a hundredth
+        slack: turns within this many cells of a whole number are taken as whole: where turns are a hundredth
             of a cell off, interpolation would blur headings more than that.
 
     Raises:
-        InvalidInput: when the ways of the actions do not fit into memory.
+        InvalidInput: when the courses of the actions do not fit into memory.
     """
-    require_memory(
-        "hold", motion.steps, bytes_of_hold(motion, grid), "hold actions for fewer steps, or take fewer nodes"
-    )
+    fewer = "hold actions for fewer steps, or take fewer nodes"
+    require_memory("hold", motion.steps, _bytes_of_hold(motion, grid), fewer)
     speeds, headings = grid.shape[:2]
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
@@ -139,18 +120,19 @@ def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Transit
     )
 
 
-def bytes_of_hold(motion: Motion, grid: Grid) -> int:
-    """Memory that the ways of all actions take: the states, their clearances everywhere, and the grid's margins."""
+def _bytes_of_hold(motion: Motion, grid: Grid) -> int:
+    """Return the memory of all actions' courses: the states, their clearances everywhere, and the grid's margins."""
     (speeds, headings, *places), body = grid.shape, motion.body
     farthest = max(abs(float(body.v_min)), abs(float(body.v_max))) * float(motion.seconds)
     wide, high = (count + 2 * (farthest / float(apart) + 2) for count, apart in zip(places, grid.spacing, strict=False))
     courses = speeds * headings * NUM_ACTIONS * (motion.steps + 1) * _BYTES_PER_STATE
-    return int(courses + places[0] * places[1] * motion.steps * _BYTES_PER_ROOM + speeds * headings * wide * high * 4)
+    clear = places[0] * places[1] * motion.steps * _BYTES_PER_CLEARANCE
+    return int(courses + clear + speeds * headings * wide * high * 4)
 
 
 @eqx.filter_jit
 def _courses(motion: Motion, grid: Grid) -> RobotState:
-    """The states along every hold from the origin."""
+    """Return the states along every hold from the origin."""
     nothing = jnp.zeros((), jnp.int32)
 
     def course(index: Int[Array, ""], action: Int[Array, ""]) -> RobotState:
@@ -169,9 +151,9 @@ def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, 
 
 
 @eqx.filter_jit
-def rooms(motion: Motion, grid: Grid, transitions: TransitionMap) -> Float[Array, "slices 9 x y"]:
+def clearances(motion: Motion, grid: Grid, transitions: TransitionMap) -> Float[Array, "slices 9 x y"]:
     """Return the least clearance [m] while each action is held from each node."""
-    return _of_courses(motion.room, grid, transitions)
+    return _of_courses(motion.clearance, grid, transitions)
 
 
 @eqx.filter_jit
@@ -181,7 +163,7 @@ def failures(motion: Motion, grid: Grid, transitions: TransitionMap) -> UInt8[Ar
 
 
 def _of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap) -> Array:
-    """Return what a function makes of each action's course from each node: `[slices 9 x y]`."""
+    """Return a function's value of each action's course from each node: `[slices 9 x y]`."""
     x, y = grid.places()
 
     def everywhere(course: RobotState) -> Array:
@@ -209,22 +191,22 @@ class Side(eqx.Module):
 
     @property
     def free(self) -> Bool[Array, "slices 9 x y"]:
-        """Whether the robot survives the whole hold."""
+        """Holds that the robot survives as a whole."""
         return self.failure == NEVER
 
     @property
     def farthest(self) -> float:
-        """How far it can move in a hold [m]."""
+        """Longest distance of a hold [m]."""
         body = self.motion.body
         return float(max(abs(body.v_min), abs(body.v_max)) * self.motion.seconds)
 
 
 def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0) -> Side:
-    """One robot of a game on its grid.
+    """Return one robot of a game on its grid.
 
     Args:
         hold: control steps for which an action is held.
-        slack: turns within this many cells of a whole number of them are taken for it (`transition_map_of`).
+        slack: turns within this many cells of a whole number are taken for it (`transition_map_of`).
 
     Raises:
         InvalidInput: unless an action is held for at least one step.

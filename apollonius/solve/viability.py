@@ -1,4 +1,4 @@
-"""Which starts are lost before they begin: a robot in them cannot help crashing."""
+"""Starts that are lost before they begin: a robot in them cannot help crashing."""
 
 import functools
 from dataclasses import replace
@@ -21,32 +21,32 @@ from apollonius.solve.solving import reference_grid, steering_grid
 
 _tables = Memory[Table](4)
 _ROUNDS = 1000
-"""Draws of as many starts as are wanted, before it is said that hardly any is viable."""
+"""Draws of as many starts as are wanted, before a game is refused of which hardly any is viable."""
 
 
-class TableRoom(eqx.Module):
-    """The room [m] that a robot can keep, from a table alone: for robots that do not stop when they brake."""
+class TableClearance(eqx.Module):
+    """The clearance [m] that a robot can keep, from a table alone: for robots that do not stop when they brake."""
 
     grid: Grid
     table: Table
 
     def room(self, robot: RobotState) -> Scalar:
-        """Interpolated, so only as exact as the grid."""
+        """Interpolate, so only as exactly as the grid."""
         return self.grid.interpolate(self.table, robot)
 
 
 class Viability(eqx.Module):
-    """Tells the starts from which both robots can stay clear of everything for ever.
+    """The judge of starts from which both robots can stay clear of everything for ever.
 
     Attributes:
-        pursuer, evader: how each robot's room is found.
+        pursuer, evader: the clearance that each robot can keep.
     """
 
-    pursuer: Backup | TableRoom
-    evader: Backup | TableRoom
+    pursuer: Backup | TableClearance
+    evader: Backup | TableClearance
 
     def __call__(self, state: GameState) -> Bool[Array, ""]:
-        """Whether no robot is lost."""
+        """Return whether every robot can stay clear."""
         sides = zip((self.pursuer, self.evader), state.robots, strict=True)
         kept = [judge.room(robot) >= 0 for judge, robots in sides for robot in robots]
         return functools.reduce(jnp.logical_and, kept)
@@ -68,12 +68,12 @@ def solve_viability(game: Game) -> Viability:
     return Viability(*ROLES.map(lambda role: _judge(game, role)))
 
 
-def _judge(game: Game, role: Role) -> Backup | TableRoom:
+def _judge(game: Game, role: Role) -> Backup | TableClearance:
     body = game.body(role)
     grid, hold = (steering_grid if body.brakes_to_rest else reference_grid)(game, role)
     # All that a table depends on: not rewards or the time limit.
     table = _tables.get((motion_of(game, role, hold), grid), lambda: solve_safety(game, role, grid, hold).table)
-    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableRoom(grid, table)
+    return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableClearance(grid, table)
 
 
 @eqx.filter_jit
@@ -83,12 +83,12 @@ def _draw(game: Game, viability: Viability, key: PRNGKeyArray, games: int) -> tu
 
 
 def doomed_start_rate(game: Game, viability: Viability, starts: int = 20_000) -> float:
-    """The share of a game's starts that are lost before they begin, of so many drawn with a fixed seed."""
+    """Return the share of a game's starts that are lost before they begin, of `starts` with a fixed seed."""
     return 1 - float(jnp.mean(_draw(game, viability, jax.random.key(0), starts)[1]))
 
 
 def viable_starts(game: Game, viability: Viability, key: PRNGKeyArray, games: int) -> GameState:
-    """Initial states of several games, none of them lost, leaves `[games]`. The key is consumed.
+    """Draw initial states of several games, none lost, leaves `[games]`. The key is consumed.
 
     Raises:
         InvalidInput: when hardly any start of the game is viable.

@@ -1,4 +1,4 @@
-"""The two-robot game as one side sees it: what outcomes are worth to it, and what happens while actions are held."""
+"""The two-robot game from one side: the value of outcomes to it, and what happens while actions are held."""
 
 import equinox as eqx
 import jax
@@ -7,33 +7,20 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.judge import judge
 from apollonius.game.outcome import decide, evader_wins, is_captured, pursuer_wins
-from apollonius.game.types import GameState, Outcome, Real, RobotState, Role, Scalar
-from apollonius.io.errors import require
+from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.io.limits import JOINT_HOLD
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import Motion, discount_after, ends, motion_of
 
+WIN, LOSE = 1.0, -1.0
+"""Values of winning and losing at once; later they are discounted by `discount_after`."""
 _UNROLL = 5
 """Steps compiled in a row."""
 
 
-def first_event(game: Game, pursuer: RobotState, evader: RobotState) -> tuple[Bool[Array, ""], Int[Array, ""], Scalar]:
-    """Whether the rules end the game along two courses, leaves `[steps + 1]`; how, and after how many seconds."""
-    start = jnp.zeros((), jnp.int32)
-
-    def one_step(before: tuple[RobotState, RobotState], after: tuple[RobotState, RobotState]) -> Int[Array, ""]:
-        return judge(game, GameState.of_two(*before, start), GameState.of_two(*after, start))[0]
-
-    outcomes = jax.vmap(one_step)(*zip(ends(pursuer), ends(evader), strict=True))
-    over = outcomes != Outcome.ONGOING
-    first = jnp.argmax(over)
-    return over[first], outcomes[first], (first + 1).astype(jnp.float32) * game.dt
-
-
 class Alone(eqx.Module):
-    """What a step of one robot comes to, wherever the other one is.
+    """A step of one robot, judged without the other one.
 
     Attributes:
         before, after: the robot at the two ends of the step.
@@ -51,9 +38,9 @@ class Alone(eqx.Module):
 def first_events(
     game: Game, pursuer: RobotState, evader: RobotState
 ) -> tuple[Int[Array, "m n games"], Float[Array, "m n games"]]:
-    """How the rules end several games along each pair of courses, and after how many seconds.
+    """Return how the rules end several games along each pair of courses, and after how many seconds.
 
-    What happens to a robot alone is judged once for each of its courses, only captures for every pair of them.
+    A robot alone is judged once for each of its courses, only captures for every pair.
 
     Args:
         pursuer: some courses of it in each game, leaves `[steps + 1, m, games]`.
@@ -105,65 +92,48 @@ def _steps_alone(game: Game, role: Role, courses: RobotState) -> Alone:
     return jax.vmap(jax.vmap(jax.vmap(judged)))(*ends(courses))
 
 
-PAYOFFS = {"win": (1.0, -1.0), "time": (1.0, 0.0)}
-"""What winning and losing is worth to the pursuer, times `discount_after` the seconds until then; else 0."""
-
-
 class ZeroSumGame(eqx.Module):
     """The two-robot game, from one side. What one gains the other loses.
 
     Attributes:
         game: the rules.
         motions, grids: of this side's robot, then the other's.
-        win, lose: what it is worth to this side to win, and to lose, at once.
         role: the side.
     """
 
     game: Game
     motions: tuple[Motion, Motion]
     grids: tuple[Grid, Grid]
-    win: Real
-    lose: Real
     role: Role = eqx.field(static=True)
 
     @property
-    def capture(self) -> Real:
-        """What it is worth to this side if the evader is captured at once."""
-        return self.win if self.role == Role.PURSUER else self.lose
+    def capture(self) -> float:
+        """Value to this side of a capture at once."""
+        return WIN if self.role == Role.PURSUER else LOSE
 
     def pair(self, own: RobotState, other: RobotState) -> tuple[RobotState, RobotState]:
-        """The pursuer's state and the evader's."""
+        """Return the pursuer's state and the evader's."""
         return BySide.of(self.role, own, other).pair
 
-    def event(self, own: RobotState, other: RobotState) -> tuple[Bool[Array, ""], Float[Array, ""]]:
-        """Whether the rules end the game along two courses (leaves `[steps + 1]`), and what that is worth."""
-        over, outcome, seconds = first_event(self.game, *self.pair(own, other))
-        return over, self.payoff_of(outcome, seconds)
-
     def payoff_of(self, outcome: Int[Array, "*batch"], seconds: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-        """What an outcome after so many seconds is worth to this side."""
+        """Return the value to this side of an outcome after some seconds."""
         won, lost = pursuer_wins(outcome), evader_wins(outcome, time_limit_wins=False)
         if self.role == Role.EVADER:
             won, lost = lost, won
-        return discount_after(seconds) * jnp.where(won, self.win, jnp.where(lost, self.lose, 0.0))
+        return discount_after(seconds) * jnp.where(won, WIN, jnp.where(lost, LOSE, 0.0))
 
 
-def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role, payoff: str) -> ZeroSumGame:
-    """The two-robot game from one side.
+def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
+    """Return the two-robot game from one side.
 
     Args:
         grids: the pursuer's and the evader's.
         hold: control steps for which actions are held.
-        payoff: `win` pays the pursuer 1 for a win and -1 for a loss; `time` pays it 1 for a win alone, so that only the
-            time to it counts.
 
     Raises:
-        InvalidInput: for an unknown payoff, and unless an action is held for 1 to 127 steps.
+        InvalidInput: unless an action is held for 1 to 127 steps.
     """
-    require(payoff in PAYOFFS, "payoff", payoff, f"one of {', '.join(PAYOFFS)}")
     JOINT_HOLD.require("hold", hold)
-    won, lost = PAYOFFS[payoff]
-    pursuer, evader = motion_of(game, Role.PURSUER, hold), motion_of(game, Role.EVADER, hold)
-    if role == Role.PURSUER:
-        return ZeroSumGame(game, (pursuer, evader), grids, won, lost, role)
-    return ZeroSumGame(game, (evader, pursuer), (grids[1], grids[0]), -lost, -won, role)
+    roles, by_role = (role, role.other), BySide(*grids)
+    motions = motion_of(game, roles[0], hold), motion_of(game, roles[1], hold)
+    return ZeroSumGame(game, motions, (by_role[roles[0]], by_role[roles[1]]), role)

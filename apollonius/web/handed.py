@@ -1,4 +1,4 @@
-"""Games as the page hands them over: how many robots, obstacles and cells there are is data."""
+"""Games as the page writes them: the numbers of robots, obstacles and cells are data."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,17 +23,15 @@ Field = Float[Array, " corners"]
 
 
 class Discs(AbstractObstacle):
-    """Some discs, leaves `[most]`, the first `count` of them there."""
+    """Discs, leaves `[most]`, of which the first `count` exist."""
 
     discs: Disc
     count: Int[Array, ""]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point; negative inside."""
         return self._least(lambda disc: disc.clearance(x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states."""
         return self._least(lambda disc: disc.clearance_along(before, after))
 
     def _least(self, clearance: Callable[[Disc], Scalar]) -> Scalar:
@@ -44,7 +42,7 @@ class Discs(AbstractObstacle):
 
 
 class Edges(Polygons):
-    """Polygons by their edges, leaves `[most]`, the first `count` of them there."""
+    """Polygons by their edges, leaves `[most]`, of which the first `count` exist."""
 
     edges: Edge
     count: Int[Array, ""]
@@ -54,7 +52,7 @@ class Edges(Polygons):
 
 
 class Cells(OccupancyMap):
-    """An occupancy map of any size, its field in a row; endlessly far away where it has no columns."""
+    """An occupancy map of any size, its field flattened; infinitely far away where it has no columns."""
 
     field: Field
     rows: Int[Array, ""]
@@ -68,11 +66,9 @@ class Cells(OccupancyMap):
         return self.field[row * self.columns + column]
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point, as that of `OccupancyMap`."""
         return self._if_there(lambda: OccupancyMap.clearance(self, x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states, as that of `OccupancyMap`."""
         return self._if_there(lambda: OccupancyMap.clearance_along(self, before, after))
 
     def _if_there(self, clearance: Callable[[], Scalar]) -> Scalar:
@@ -80,30 +76,27 @@ class Cells(OccupancyMap):
 
 
 class Drawn(Arena):
-    """An arena whose obstacles are data. What is asked often is one function each, however often it is asked."""
+    """An arena whose obstacles are data, with one translated function for each query however often it is called."""
 
     drawn: tuple[AbstractObstacle, ...] = ()
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
-        """Distance [m] from a point to the nearest wall or obstacle."""
         return jax.jit(Arena.clearance)(self, x, y)
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Least clearance [m] on the segment between two states."""
         return jax.jit(Arena.clearance_along)(self, before, after)
 
     def hits_obstacle(self, before: RobotState, after: RobotState, radius: Real) -> Bool[Array, ""]:
-        """Whether a body touches an obstacle on the segment between two states."""
         return jax.jit(Arena.hits_obstacle)(self, before, after, radius)
 
 
 class Floor(eqx.Module):
-    """An arena as the page hands it over, but for the field of its map and its chart.
+    """An arena as the page writes it, without the field of its map and its chart.
 
     Attributes:
         walls: x_min, x_max, y_min, y_max [m].
-        territory: of radius 0 where there is none.
-        map: x, y and side of a cell [m].
+        territory: with radius 0 if the arena has none.
+        map: x, y and side length of a cell [m].
         counts: of discs, edges, rows and columns of the map.
     """
 
@@ -124,7 +117,7 @@ class Floor(eqx.Module):
 
 
 class Robots(eqx.Module):
-    """Robots, leaves `[2 * ROBOTS]`: those of one side, then those of the other. Who is not there is not active."""
+    """Robots, leaves `[2 * ROBOTS]`: one side, then the other. Places without a robot are not active."""
 
     bodies: Unicycle
     states: RobotState
@@ -135,7 +128,7 @@ class Robots(eqx.Module):
         return tuple(at(values, number + second * ROBOTS) for number in range(ROBOTS))
 
     def seen(self, arena: Arena, capture_distance: Scalar) -> View:
-        """Return what the first of them sees."""
+        """Return the view of the first robot."""
 
         def side(second: bool) -> tuple[Robot, ...]:
             parts = (self.side(values, second) for values in (self.bodies, self.states, self.status))
@@ -148,5 +141,5 @@ class Robots(eqx.Module):
 
 
 def at(values: Any, number: int | Int[Array, ""]) -> Any:
-    """Return one of some values, of each leaf one row."""
+    """Return one row of each leaf."""
     return jax.tree.map(lambda leaf: leaf[number], values)

@@ -13,20 +13,20 @@ from apollonius.io.limits import PORT
 
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 8600
-"""Where the search for a free port begins."""
+"""The first port that is tried."""
 _PORTS = 50
-"""How many are tried."""
+"""Number of ports that are tried."""
 
 
 class FolderHandler(SimpleHTTPRequestHandler):
-    """Serves the files of a folder: no listings, no other hosts' names, nothing kept by the browser."""
+    """A handler of requests for the files of a folder: no listings, no other hosts' names, no caching."""
 
     timeout = 20.0
-    """How long a connection may be silent [s]."""
+    """Time that a connection may be silent [s]."""
     extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript", ".svg": "image/svg+xml"}
 
     def send_head(self) -> Any:
-        """The answer's head, unless the request was meant for another host (DNS rebinding) or not for a file."""
+        """Refuse requests that are meant for another host (DNS rebinding) or that name no file."""
         port = self.server.server_port  # pyright: ignore[reportAttributeAccessIssue]
         if self.headers.get("Host") not in (f"{LOOPBACK}:{port}", f"localhost:{port}"):
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST, "This server answers to its own name only")
@@ -38,11 +38,10 @@ class FolderHandler(SimpleHTTPRequestHandler):
             return None
 
     def list_directory(self, path: Any) -> None:
-        """Refused: the page's files are for the page."""
         self.send_error(HTTPStatus.NOT_FOUND)
 
     def end_headers(self) -> None:
-        """Nothing from elsewhere, nothing guessed, nothing kept."""
+        """Forbid scripts of other hosts, guessed types and caching."""
         allowed = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; frame-ancestors 'none'; base-uri 'none'"
         self.send_header("Content-Security-Policy", allowed)
         self.send_header("X-Content-Type-Options", "nosniff")
@@ -50,18 +49,18 @@ class FolderHandler(SimpleHTTPRequestHandler):
         super().end_headers()
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Silent: the terminal belongs to the person."""
+        """Print nothing."""
 
 
 def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
-    """A server of a folder on the loopback address, ready for `serve_forever`.
+    """Return a server of a folder on the loopback address, ready for `serve_forever`.
 
     Args:
-        folder: whose files it serves; nothing above it can be reached.
-        port: where it listens; None takes the first free one from `FIRST_PORT` on.
+        folder: to serve; nothing above it can be reached.
+        port: to listen on; None takes the first free one from `FIRST_PORT` on.
 
     Raises:
-        InvalidInput: when the port cannot be had.
+        InvalidInput: when the port cannot be used.
     """
     if port is not None:
         PORT.require("port", port)
@@ -79,12 +78,12 @@ def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
 
 
 class _Server(ThreadingHTTPServer):
-    """Another server on its port is an error and not a rival; on Windows, reuse would let both listen."""
+    """A server that fails on a port in use; on Windows, reuse would let both listen."""
 
     allow_reuse_address = os.name == "posix"
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing where the other end has left, or was left: the terminal belongs to the person."""
+        """Print nothing when the connection was closed."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)

@@ -24,33 +24,35 @@ from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
 PAGE = Path(__file__).parent / "page"
-"""The page itself: HTML, CSS and plain JavaScript."""
+"""HTML, CSS and plain JavaScript."""
 YOU = "you"
-"""What a person is called in place of an agent."""
+"""The name of a person in place of an agent's."""
 AT_HOME = ("paper", "zero-sum")
-"""Games in the arena that most agents were trained in."""
+"""Games in the arena where most agents were trained."""
 BEST = {Role.PURSUER: "P_optimal", Role.EVADER: "E_optimal"}
-"""Whom a person meets there."""
+"""The usual opponents there."""
 ANYWHERE = {Role.PURSUER: "P_any", Role.EVADER: "E_any"}
-"""Whom a person meets everywhere else."""
+"""The usual opponents everywhere else."""
 AS_TEAM = {Role.PURSUER: "P_team", Role.EVADER: "E_any"}
-"""Whom in a game of teams."""
+"""The usual opponents in a game of teams."""
 ANY_ARENA = ("egocentric", "team")
 """Observations of agents that play in any arena."""
 READS = ("paper", "encoded", *ANY_ARENA)
-"""Observations that the page makes: of the others it has no program."""
+"""Observations for which the page has a program."""
 ROBOTS = 6
-"""Most robots of a side in the page, whose programs look at as many whether they are there or not."""
+"""Most robots of a side in the page, whose programs always have as many places for them."""
+OWN = ".wasm"
+"""How files of users' own players end (`apollonius.web.wasm.write_player`)."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the page begins with: who plays either side, how hard the one is, a game and the starts' seed; or a level.
+    """The first match of the page: players, difficulty, game and seed of the starts; or a level.
 
-    A person leads a side of several robots. `agents` and `games` are those that do not ship with the package, by the
-    names they have in the page; of a game of teams it is the game of two.
+    A person leads a side of several robots. `agents` and `games` do not ship with the package, and have the names by
+    which the page knows them; a game of teams is listed as the game of two.
     """
 
     pursuer: str = f"{SHIELDED}{BEST[Role.PURSUER]}"
@@ -64,16 +66,16 @@ class Choice:
 
 
 def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
-    """What a person asked for.
+    """Return the choice that a person asked for.
 
     Args:
-        person: the side that the person steers.
-        against: the other side's player: built in, in the zoo, or a file; `shielded:` may stand before it.
+        person: the side of the person.
+        against: the opponent: built in, in the zoo, or a file; `shielded:` may precede it.
         game: name or file of the game.
         seed: of the starts.
 
     Raises:
-        InvalidInput: for a game, a seed or a player there is not, or one that the page does not have.
+        InvalidInput: for a game, seed or player that does not exist, or that the page cannot play.
     """
     SEED.require("seed", seed)
     rules = game_in_one_arena(game, "the page")
@@ -87,12 +89,17 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
     name = against or SHIELDED + (AS_TEAM if rules.teams else BEST if game in AT_HOME else ANYWHERE)[side]
     bare = name.removeprefix(SHIELDED)
-    found = find_player(name, side, rules)
-    playable = found.header is not None or bare in PLAYERS
+    own = Path(bare) if bare.endswith(OWN) else None
+    found = None if own else find_player(name, side, rules)
     rule_players = [rule for rule in PLAYERS if BuiltIn().fits(rule, side, rules)]
-    require(playable, "opponent", name, f"a trained agent, or one of {', '.join(rule_players)}")
+    playable = found is None or found.header is not None or bare in PLAYERS
+    require(playable, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(rule_players)}")
     agents = {}
-    if found.header is not None:
+    if own:
+        is_there = own.is_file() and own.read_bytes()[:4] == b"\0asm"
+        require(is_there, "opponent", bare, "a file that apollonius.web.wasm.write_player has written")
+        name, agents = name.removesuffix(bare) + own.stem, {own.stem: own}
+    elif found is not None and found.header is not None:
         require(found.header.observation in READS, "observation", found.header.observation, _MADE)
         path = find_trained(bare)[1].resolve()
         # Two runs give their agents the same names, and those of the zoo.
@@ -105,11 +112,11 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:
-    """Write the page with all it needs.
+    """Write the page and all files that it loads.
 
     Args:
-        folder: where to; what it holds besides stays.
-        choice: what the page begins with.
+        folder: to write to; its other files stay.
+        choice: the first match of the page.
     """
     chosen = choice or Choice()
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
@@ -118,12 +125,13 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     published, anywhere = {}, []
     paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
-        header = load_header(path)
-        if header.observation in READS:
-            published[name] = f"agents/{number}.safetensors"
+        header = None if path.suffix == OWN else load_header(path)
+        if header is None or header.observation in READS:
+            published[name] = f"agents/{number}{path.suffix}"
             shutil.copyfile(path, folder / published[name])
-            names[header.role].append(name)
-            anywhere += [name] if header.observation in ANY_ARENA else []
+            for side in [header.role] if header else names:
+                names[side].append(name)
+            anywhere += [name] if header is None or header.observation in ANY_ARENA else []
     games = {name: find_game(name) for name in game_names()} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
@@ -137,7 +145,7 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
 
 
 def _write_map(occupancy: OccupancyMap, folder: Path) -> dict[str, Any]:
-    """What the page knows of a map besides its file's name; its field is a file beside the page."""
+    """Write a map's field as a file beside the page, and return its place and size."""
     field = np.asarray(occupancy.field, "<f4")
     path = Path("maps") / f"{occupancy.digest}.f32"
     (folder / path.parent).mkdir(exist_ok=True)

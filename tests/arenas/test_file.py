@@ -88,14 +88,6 @@ def test_json_says_what_toml_says(tmp_path, written):
         find_game(str(tmp_path / "hall.json"))
 
 
-def test_a_game_is_found_by_name_or_file(tmp_path):
-    assert find_game("one-large") == make_game("one-large")
-    (tmp_path / "hall.toml").write_text(HALL)
-    assert find_game(str(tmp_path / "hall.toml")).max_steps == 300
-    with pytest.raises(InvalidInput, match=r"'chess': choose one of paper.* or a \.toml or \.json file"):
-        find_game("chess")
-
-
 def test_the_commands_play_a_file(tmp_path, capsys):
     (tmp_path / "hall.toml").write_text(HALL)
     game = ["--game", str(tmp_path / "hall.toml")]
@@ -112,13 +104,10 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("dt = ", "no TOML file"),
         (b"\xff\xfe", "no TOML file"),
         ("a = " + "[" * 5000, "no TOML file"),
-        ("dt = 'soon'", "dt"),
         ("dt = true", "dt = True .* finite number"),
         ("dt = 1" + "0" * 400, "dt = .* within 1e"),
         ("dt = 1e-320", "more than 0 s"),
         ("max_steps = 99999999999999", "max_steps = 99999999999999 .* at most 2147483647"),
-        ("arena = 1", "arena"),
-        ("[arena]\ndiscs = 3", "arena.discs = 3 is not possible: it must be a list."),
         ("[arena]\ndiscs = 'none'", "arena.discs = none is not possible: it must be a list."),
         ("[arena.discs]\nx = 1", "arena.discs = .'x': 1. is not possible: it must be a list."),
         ("[arena]\ndiscs = [[5, 5, 1]]", r"arena.discs = \[\[5, 5, 1\]\] is not .* a list of tables."),
@@ -128,20 +117,13 @@ def test_the_commands_play_a_file(tmp_path, capsys):
         ("[starts]\nspeed = 'mvoing'", "starts.speed = mvoing is not possible: it must be one of rest, moving."),
         ("[[arena.discs]]\nx = 1", "discs.y"),
         ('"two\\nlines" = 1', "'two lines' is no known key"),
-        ("[pursuer]\nradius = 5", "no place to start"),
-        ("[arena]\nx_max = -1", "x_min = .* less than x_max"),
         ("[[arena.polygons]]\nvertices = [[1, 2], [3, 4, 5], [6, 7]]", "polygons"),
-        ("[[arena.polygons]]\nvertices = [[1, 2], 3, [6, 7]]", "wrong kind|polygons"),
         ("[[arena.polygons]]\nvertices = 3", "wrong kind|polygons"),
-        ("[[arena.polygons]]\nvertices = []", "0 corners"),
         ("[[arena.polygons]]\nvertices = [[1, 2], [3, '4'], [6, 7]]", "polygons"),
         ("[arena]\nterritory = 3", "wrong kind|territory"),
         ("[arena.territory]\nx = 5\ny = 5\nradius = 0", "territory.radius = 0.0 .* more than 0 m"),
-        ("[arena.territory]\nx = 15\ny = 5\nradius = 1", "territory centre = .15.0, 5.0. .* inside the walls"),
-        ("[arena.territory]\nx = 5\ny = 5\nradius = 9", "leaves the evader no place to start"),
-        ("[[arena.discs]]\nx = 30\ny = 5\nradius = 1", "discs.0. centre .* inside the walls"),
     ],
-    ids=range(31),
+    ids=range(21),
 )
 def test_each_error_is_one_clear_line(content, said, written):
     with pytest.raises(InvalidInput, match=said) as refusal:
@@ -153,11 +135,6 @@ def test_polygons_are_lists_of_corners(written):
     game = written("[[arena.polygons]]\nvertices = [[4, 4], [6, 4], [5, 6.5]]")
     assert game.arena.polygons == (Polygon(((4.0, 4.0), (6.0, 4.0), (5.0, 6.5))),)
     assert written(tomli_w.dumps(to_dict(game))) == game
-
-
-def test_a_missing_file_is_refused():
-    with pytest.raises(InvalidInput, match=r"nowhere\.toml' is no file.*check the path"):
-        find_game("nowhere.toml")
 
 
 PAPER = to_dict(make_game("paper"))

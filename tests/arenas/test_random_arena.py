@@ -10,37 +10,36 @@ from scipy.ndimage import distance_transform_edt, label
 
 from apollonius.arenas.file import load_game
 from apollonius.arenas.map_file import load_map, save_map
-from apollonius.arenas.random import caves
-from apollonius.arenas.random_arena import KINDS, random_arena, random_map
-from apollonius.arenas.record import find_map, from_dict, to_dict
+from apollonius.arenas.names import KINDS
+from apollonius.arenas.random_arena import random_arena, random_map
+from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.survey import survey
 from apollonius.cli.main import main
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.validation import check_game
 from apollonius.io.errors import InvalidInput
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(4))
 def test_every_gap_is_kept(seed):
-    arena = random_arena("discs", seed, gap=0.6, width=12.0, height=8.0, count=8, radius=(0.2, 0.9))
+    arena = random_arena("discs", seed, gap=0.6, width=12.0, height=8.0, count=8)
     assert len(arena.discs) == 8
     for disc in arena.discs:
-        assert 0.2 <= disc.radius <= 0.9
+        assert 0.3 <= disc.radius <= 0.8
         assert min(disc.x, 12 - disc.x, disc.y, 8 - disc.y) - disc.radius >= 0.6 - 1e-9
     for one, other in combinations(arena.discs, 2):
         assert hypot(one.x - other.x, one.y - other.y) - one.radius - other.radius >= 0.6 - 1e-9
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 3))])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     width, height = ((10.0, 10.0), (14.0, 8.0), (9.0, 16.0), (6.0, 6.0))[seed]
     body = Unicycle(radius=0.47)
     arena = random_arena(kind, seed, gap=1.0, width=width, height=height)
     game = Game(pursuer=body, evader=body, arena=arena, capture_distance=1.0)
-    check_game(game)
+    game.check()
     assert len(arena.obstacles) >= 1
     found = survey(game)
     assert [parts.max() for parts in found.parts] == [1, 1]
@@ -55,17 +54,12 @@ def test_one_seed_gives_one_arena_and_another_another(kind):
         assert len({len(random_arena(kind, 0, width=side, height=side).obstacles) for side in (6.0, 12.0, 24.0)}) == 3
 
 
-def test_there_may_be_none():
-    assert random_arena("discs", 0, count=0).obstacles == ()
-
-
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
         ({"count": -1}, "discs = -1"),
         ({"count": 200}, "discs = 200 find no room: after .* ask for fewer"),
         ({"gap": -1.0}, "gap = -1"),
-        ({"radius": (0.5, 0.2)}, "radius = .* smallest first"),
         ({"width": 3.0}, "width, height = .* more than 3.6 m"),
         ({"seed": -1}, "seed = -1"),
         ({"kind": "swamps"}, "kind = swamps .* one of discs, blocks"),
@@ -110,8 +104,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
 SIZES = [(6.0, 6.0, 0.85), (10.0, 10.0, 1.0), (14.0, 8.0, 1.0), (9.3, 16.1, 1.15), (20.0, 15.0, 2.0), (30.0, 20.0, 4.0)]
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("width", "height", "gap"), SIZES)
+@pytest.mark.parametrize(("seed", "width", "height", "gap"), [(seed, *size) for seed, size in enumerate(SIZES)])
 def test_all_that_is_free_is_within_reach_of_one_network_of_passages(seed, width, height, gap):
     arena = random_arena("caves", seed, gap=gap, width=width, height=height)
     cell = arena.map.cell
@@ -137,12 +130,6 @@ def test_the_cells_are_those_that_were_published():
     """Whole numbers and random bits make them: they are the same on every machine."""
     digests = {seed: random_arena("caves", seed).map.digest[:12] for seed in range(3)}
     assert digests == {0: "3486b8679890", 1: "6a6b66c4b8f1", 2: "acf273d69a87"}
-
-
-def test_where_no_cave_is_found_is_said(monkeypatch):
-    monkeypatch.setattr(caves, "_LEAST_FREE", 0.99)
-    with pytest.raises(InvalidInput, match=r"caves with passages of 1 m find no room: .* ask for a smaller gap"):
-        random_arena("caves", 0)
 
 
 def test_a_saved_cave_is_the_same_map(tmp_path):
@@ -184,14 +171,6 @@ def test_a_record_says_how_a_cave_was_drawn():
 def test_a_name_that_draws_no_map_is_refused(name, said):
     with pytest.raises(InvalidInput, match=said):
         random_map(name)
-
-
-def test_a_game_on_a_drawn_map_can_be_written_by_hand(tmp_path):
-    path = tmp_path / "cave.toml"
-    path.write_text('[arena]\nmap = "caves seed=2 gap=1.0 width=10.0 height=8.0"\n')
-    game = load_game(path)
-    assert (game.arena.x_max, game.arena.y_max) == (10.0, 8.0)
-    assert find_map(game.arena.map.file, tmp_path).digest == game.arena.map.digest
 
 
 def test_the_command_writes_the_game_and_its_map(tmp_path, monkeypatch, capsys):

@@ -1,6 +1,5 @@
 """A survey finds what is wrong with an arena, and nothing in those that are sound."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -30,12 +29,6 @@ def test_the_presets_are_sound(name):
     assert found.notes == ()
     assert not found.haven.any()
     assert [parts.max() for parts in found.parts] == [1, 1]
-
-
-def test_the_grid_has_the_arenas_shape_and_areas():
-    found = survey(Game(arena=Arena(0.0, 10.0, 0.0, 5.0, discs=(Disc(5.0, 2.5, 1.0),))))
-    assert found.blocked.shape == (250, 500)
-    assert found.blocked.mean() == pytest.approx(np.pi / 50, rel=0.01)
 
 
 def test_a_closed_pocket_is_found():
@@ -133,8 +126,6 @@ def test_the_plan_shows_what_was_found_with_axes_key_and_summary(tmp_path, monke
 
 
 def test_the_command_says_what_is_wrong(tmp_path, capsys):
-    assert main(["arena", "check", "paper"]) == 0
-    assert "nothing is wrong" in capsys.readouterr().out
     (tmp_path / "tight.toml").write_text("[starts]\nclearance = 4.4")
     picture = tmp_path / "drawn" / "tight.png"
     assert main(["arena", "check", str(tmp_path / "tight.toml"), "--out", str(picture)]) == 1
@@ -143,8 +134,6 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys):
     assert printed.err.startswith(f"wrote {picture} (")
     assert f"next: mend it, then apollonius arena check {tmp_path / 'tight.toml'}" in printed.err
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert main(["arena", "check", str(tmp_path / "tight.toml"), "--json"]) == 1
-    assert len(json.loads(capsys.readouterr().out)["wrong"]) == 2
     with pytest.raises(SystemExit):
         main(["arena", "check", "paper", "--out", "plan.bmp"])
     assert "ends in one of .png, .json" in capsys.readouterr().err

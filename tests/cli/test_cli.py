@@ -268,7 +268,7 @@ def test_a_random_arena_in_place_of_several_is_the_one_that_is_played(capsys):
     assert game.scenario is None
     assert [float(disc.x) for disc in game.arena.discs] == [float(disc.x) for disc in random_arena("discs", 3).discs]
     capsys.readouterr()
-    assert_refused(capsys, "arena", "random", "--game", "suite-v1/train", "--out", "b.toml", naming=["several makes"])
+    assert_refused(capsys, "arena", "random", "--game", "suite-v1/train", "--out", "b.toml", naming=["several kinds"])
     Path("both.toml").write_text(f'scenario = "{SEVERAL}"\n[arena]\nx_max = 12.0\n')
     assert_refused(
         capsys, "evaluate", "random", "still", "--game", "both.toml", naming=["'both.toml': arena", "scenario"]

@@ -17,8 +17,7 @@ def test_one_obstacle_needs_two(capsys, tmp_path):
     assert facts["agree"] is True
     assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
     assert [round(graph["turned_degrees"]) for graph in facts["graphs"]] == [30, 0, 30]
-    assert facts["evasion"]["round"] == facts["islands"]
-    assert facts["islands"][0]["obstacles"] == ["arena.discs[0]"]
+    assert (facts["islands"], len(facts["evasion"]["pursuers"])) == (1, 1)
     with Image.open(picture) as drawn:
         assert drawn.width > 400
 
@@ -48,4 +47,4 @@ def test_corridors_along_a_dodecahedron_need_three(capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["pursuers"] == 3
     assert len(facts["evasion"]["pursuers"]) == 2
-    assert facts["evasion"]["round"]
+    assert facts["evasion"]["run"]

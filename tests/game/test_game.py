@@ -7,13 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.presets import PRESETS, make_game, paper, zero_sum
+from apollonius.game.presets import PRESETS, make_game, paper
 from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState
 from tests.oracle import numpy_game
@@ -102,56 +100,6 @@ def test_a_step_is_what_the_numpy_twin_says(profile):
         same(np.exp(1j * np.asarray(robot.heading)), np.exp(1j * expected[:, 3]), atol=1e-6)
 
 
-places = st.floats(0, 10, width=32)
-robots = st.tuples(places, places, st.floats(0, 1.1875, width=32), st.floats(-3.125, 3.125, width=32))
-states = st.tuples(robots, robots, st.sampled_from([0, 998, 999]))
-actions = st.integers(0, NUM_ACTIONS - 1)
-
-
-@given(states, actions, actions, st.sampled_from([paper(), zero_sum()]))
-def test_every_step_has_one_outcome_and_ends_at_most_once(state, pursuer_action, evader_action, game):
-    after = step(game, to_state(*state), jnp.asarray(pursuer_action), jnp.asarray(evader_action))
-    outcome = Outcome(int(after.outcome))
-    assert not (after.terminated and after.truncated)
-    assert (after.terminated or after.truncated) == (outcome != Outcome.ONGOING)
-    assert after.truncated == (outcome == Outcome.NO_RESULT and game.reward.profile == "paper")
-    assert after.state.steps == state[2] + 1
-
-
-def mirrored_game(game):
-    """East and west exchanged: x becomes 10 - x."""
-    discs = tuple(replace(disc, x=10.0 - disc.x) for disc in game.arena.discs)
-    return replace(game, arena=replace(game.arena, discs=discs))
-
-
-def mirrored_robot(robot):
-    x, y, v, heading = robot
-    return 10.0 - x, y, v, np.pi - heading
-
-
-def mirrored_action(action):
-    """Left and right exchanged."""
-    return 3 * (action // 3) + 2 - action % 3
-
-
-@given(states, actions, actions)
-def test_a_mirrored_arena_gives_the_mirrored_game(state, pursuer_action, evader_action):
-    game = paper()
-    twin = numpy_game.step(game, state, pursuer_action, evader_action)
-    assume(twin.margin > CLEAR_CUT)
-    mirrored = step(
-        mirrored_game(game),
-        to_state(*map(mirrored_robot, state[:2]), state[2]),
-        *(jnp.asarray(mirrored_action(action)) for action in (pursuer_action, evader_action)),
-    )
-    assert Outcome(int(mirrored.outcome)).name == twin.outcome
-    assert mirrored.reward.pursuer == pytest.approx(twin.pursuer_reward, abs=2e-5)
-    for robot, original in ((mirrored.state.pursuer, twin.pursuer), (mirrored.state.evader, twin.evader)):
-        x, y, v, heading = mirrored_robot(original)
-        assert (robot.x, robot.y, robot.v) == pytest.approx((x, y, v), abs=2e-5)
-        assert abs((robot.heading - heading + np.pi) % (2 * np.pi) - np.pi) < 2e-5
-
-
 @jax.jit
 def held(game, states, actions):
     """How each game ends, and when [s], if both sides hold their first action for 10 s."""
@@ -210,17 +158,6 @@ def test_other_physics_need_no_other_compilation():
     ):
         counted(other, state)
     assert len(traces) == 1
-
-
-def test_a_sweep_over_speeds_is_a_vmap():
-    game, speeds = Game(), jnp.asarray([0.4, 0.8, 1.2])
-    state = to_state((1, 1, 0.4, 0), (9, 9, 0, 0), 0)
-
-    def final_speed(v_max):
-        swept = replace(game, pursuer=Unicycle(v_max=v_max, u1_max=10.0))
-        return swept.step(state, jnp.asarray(7), jnp.asarray(4)).state.pursuer.v
-
-    np.testing.assert_array_equal(jax.vmap(final_speed)(speeds), speeds)
 
 
 @pytest.mark.parametrize(("profile", "terminated"), [("paper", False), ("zero-sum", True)])

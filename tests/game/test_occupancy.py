@@ -7,7 +7,8 @@ import pytest
 
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.occupancy import OccupancyMap, beside, distance_field
+from apollonius.game.obstacle import between_nodes
+from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.types import RobotState
 
 CELL = 0.25
@@ -34,7 +35,7 @@ along = jax.jit(jax.vmap(lambda occupancy, x, y, to_x, to_y: occupancy.clearance
                          in_axes=(None, 0, 0, 0, 0)))  # fmt: skip
 
 
-@pytest.mark.parametrize("share", [0.003, 0.03, 0.3])
+@pytest.mark.parametrize("share", [0.003, 0.1])
 def test_a_clearance_is_at_most_the_distance_and_little_less(share):
     """Over random cells: lone ones, and blocks of them."""
     rng = np.random.default_rng(int(1000 * share))
@@ -56,24 +57,8 @@ def test_a_clearance_is_at_most_the_distance_and_little_less(share):
     ("position", "corner", "share"), [(2.25, 2, 0.25), (0.0, 0, 0.0), (4.0, 3, 1.0), (7.3, 3, 1.0), (-2.0, 0, 0.0)]
 )
 def test_a_place_is_between_two_of_five_corners_and_beyond_them_at_the_ends(position, corner, share):
-    before, on_the_way = beside(jnp.float32(position), 5)
+    before, on_the_way = between_nodes(jnp.float32(position), 5)
     assert (int(before), float(on_the_way)) == (corner, share)
-
-
-def test_the_cells_that_are_occupied_are_those_of_the_map():
-    occupied = np.zeros((30, 20), bool)
-    occupied[5:12, 3:9] = occupied[20:21, 2:18] = occupied[25, 10] = True
-    np.testing.assert_array_equal(map_of(occupied).occupied(), occupied)
-
-
-def test_beside_a_long_wall_it_is_exact_but_for_what_it_is_lowered_by():
-    occupied = np.zeros((20, 20), bool)
-    occupied[:, 12:] = True
-    x = np.linspace(0, 12, 50, dtype=np.float32)
-    ours = clearances(map_of(occupied, 0.0, 0.0), x * CELL, np.full(50, 10 * CELL, np.float32))
-    np.testing.assert_allclose(ours, (12 - x - 0.15) * CELL, atol=1e-5)
-    inside = clearances(map_of(occupied, 0.0, 0.0), (x * 0.3 + 12) * CELL, np.full(50, 10 * CELL, np.float32))
-    np.testing.assert_allclose(inside, (-x * 0.3 - 0.15) * CELL, atol=1e-5)
 
 
 def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of_the_step():

@@ -2,8 +2,6 @@
 
 import jax.numpy as jnp
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from apollonius.game.judge import fates
 from apollonius.game.reward import Reward
@@ -36,10 +34,6 @@ def paid(reward, outcome, before=2.0, after=1.9):
 def test_the_paper_pays_by_outcome_and_three_per_metre_otherwise(outcome, pursuer, evader):
     """Eq. 8, 9 for a step that brings the robots from 2.0 m to 1.9 m."""
     assert paid(PAPER, outcome) == pytest.approx((pursuer, evader), abs=1e-6)
-
-
-def test_the_evader_is_paid_for_growing_distance():
-    assert paid(PAPER, Outcome.ONGOING, before=1.0, after=1.5) == pytest.approx((-1.5, 1.5))
 
 
 @pytest.mark.parametrize(
@@ -76,17 +70,3 @@ def test_each_weight_pays_for_its_own_case():
 )
 def test_zero_sum_pays_one_to_the_winner_and_takes_it_from_the_loser(outcome, pursuer):
     assert paid(ZERO_SUM, outcome) == (pursuer, -pursuer)
-
-
-@given(st.sampled_from(Outcome), st.floats(0, 20, width=32), st.floats(0, 20, width=32))
-def test_zero_sum_rewards_sum_to_zero(outcome, before, after):
-    assert sum(paid(ZERO_SUM, outcome, before, after)) == 0
-
-
-@given(st.floats(0, 20, width=32), st.floats(0, 20, width=32))
-def test_while_the_game_goes_on_the_paper_takes_from_one_what_it_gives_to_the_other(before, after):
-    assert sum(paid(PAPER, Outcome.ONGOING, before, after)) == 0
-
-
-def test_only_zero_sum_scores_the_time_limit():
-    assert (PAPER.time_limit_wins, ZERO_SUM.time_limit_wins) == (False, True)

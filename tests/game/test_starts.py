@@ -120,19 +120,3 @@ def test_at_rest_a_robot_has_speed_zero_or_the_slowest_it_can_go(near):
 def test_moving_speeds_are_uniform_between_each_robots_own_limits(moving):
     assert is_uniform(moving.pursuer.v, 0.2, 1.0)
     assert is_uniform(moving.evader.v, -0.5, 2.0)
-
-
-def test_no_step_has_been_played(near, moving):
-    assert not np.any(near.steps)
-    assert not np.any(moving.steps)
-
-
-def test_one_key_one_start_and_another_key_another(near):
-    again = sample(Starts(clearance=0.3, separation=0.0), jax.random.key(0))
-    other = sample(Starts(clearance=0.3, separation=0.0), jax.random.key(1))
-    for ours, same, different in zip(
-        *(jax.tree.leaves(states.pursuer) for states in (near, again, other)), strict=True
-    ):
-        np.testing.assert_array_equal(ours, same)
-        if jnp.ptp(ours) > 0:
-            assert not np.any(ours == different)

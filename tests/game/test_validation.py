@@ -10,7 +10,6 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.presets import PRESETS
 from apollonius.game.reward import Reward
 from apollonius.game.starts import Starts
 
@@ -33,32 +32,22 @@ def misnamed(part, field, name):
 
 IMPOSSIBLE = [
     ({"dt": 0.0}, ["dt = 0.0", "more than 0 s", "uses 0.1"]),
-    ({"dt": -0.1}, ["dt = -0.1", "more than 0 s"]),
     ({"dt": NAN}, ["dt = nan", "a finite number"]),
-    ({"dt": INF}, ["dt = inf", "a finite number"]),
     ({"capture_distance": 0.0}, ["capture_distance = 0.0", "more than 0 m", "uses 0.3"]),
-    ({"capture_distance": -1.0}, ["capture_distance = -1.0", "more than 0 m"]),
-    ({"capture_distance": NAN}, ["capture_distance = nan", "a finite number"]),
     ({"max_steps": 0}, ["max_steps = 0", "at least 1", "uses 1000"]),
-    ({"max_steps": -5}, ["max_steps = -5", "at least 1"]),
     ({"pursuer": Unicycle(v_min=2.0, v_max=1.0)}, ["pursuer.v_min = 2.0", "at most v_max = 1.0", "exchange"]),
-    ({"evader": Unicycle(v_min=2.0, v_max=1.0)}, ["evader.v_min = 2.0", "at most v_max = 1.0", "exchange"]),
     ({"evader": Unicycle(v_max=0.0)}, ["evader.v_max = 0.0", "more than 0 m/s"]),
     ({"pursuer": Unicycle(v_max=-INF)}, ["pursuer.v_max = -inf", "a finite number"]),
     ({"pursuer": Unicycle(u1_max=-0.3)}, ["pursuer.u1_max = -0.3", "0 m/s^2 or more"]),
     ({"evader": Unicycle(u2_max=-0.8)}, ["evader.u2_max = -0.8", "0 rad/s or more"]),
     ({"pursuer": Unicycle(u2_max=21.0)}, ["pursuer.u2_max = 21.0", "at most 20 rad/s", "make it or dt smaller"]),
     ({"dt": 4.0}, ["pursuer.u2_max = 0.8", "at most 0.5 rad/s", "in a step of 4 s", "make it or dt smaller"]),
-    ({"evader": Unicycle(u2_max=NAN)}, ["evader.u2_max = nan", "a finite number"]),
     ({"evader": Unicycle(radius=-0.2)}, ["evader.radius = -0.2", "0 m (a point) or more"]),
     ({"arena": Arena(x_min=10.0)}, ["arena.x_min = 10.0", "less than x_max = 10.0"]),
     ({"arena": Arena(y_min=11.0)}, ["arena.y_min = 11.0", "less than y_max = 10.0"]),
-    ({"arena": Arena(x_max=INF)}, ["arena.x_max = inf", "a finite number"]),
     (discs((3.0, 3.0, 0.0)), ["discs[0].radius = 0.0", "more than 0 m", "remove the disc"]),
     (discs((3.0, 3.0, 0.5), (7.0, 3.0, -0.5)), ["discs[1].radius = -0.5", "more than 0 m", "remove the disc"]),
-    (discs((3.0, NAN, 0.5)), ["discs", "nan", "a finite number"]),
     (discs((12.0, 3.0, 0.5)), ["discs[0] centre = (12.0, 3.0)", "[0.0, 10.0] x [0.0, 10.0]", "move or remove"]),
-    (discs((3.0, -0.1, 0.5)), ["discs[0] centre = (3.0, -0.1)", "[0.0, 10.0] x [0.0, 10.0]", "move or remove"]),
     (discs((5.0, 5.0, 8.0)), ["pursuer no place to start", "clearance of 0.3 m", "make the obstacles"]),
     (
         {
@@ -111,16 +100,6 @@ def test_an_impossible_value_is_named_with_its_bound_and_the_remedy(change, said
 )
 def test_values_just_within_their_bounds_are_accepted(change):
     Game(**change)
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_named_game_can_be_played(name):
-    PRESETS[name]()
-
-
-def test_a_changed_copy_is_checked_too():
-    with pytest.raises(ValueError, match=r"dt = 0\.0"):
-        replace(Game(), dt=0.0)
 
 
 def test_numbers_that_are_being_swept_are_left_unchecked():

@@ -85,7 +85,8 @@ def test_what_cannot_be_trained_is_refused(kind, values, named):
 
 def test_what_is_just_possible_is_not_refused():
     assert DQNConfig(**SMALL, replay_capacity=4352).rows == 34
-    RunConfig(self_play=met_by("uniform", renewal=1, slots=128))
+    RunConfig(self_play=met_by("uniform", renewal=512_000, slots=128))
+    RunConfig(self_play=met_by("latest", renewal=1))
     RunConfig(game=HUNTED, stages="fixed-target")  # its game is over when it is out
 
 

@@ -13,10 +13,10 @@ from apollonius.agents.network import make_network
 from apollonius.agents.store import load_agent
 from apollonius.game.arena import Arena
 from apollonius.game.game import reset_batch
-from apollonius.game.scenario import in_arenas
+from apollonius.game.presets import in_arenas
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn.config import DISTILLATIONS, RunConfig
+from apollonius.learn.config import RunConfig
 from apollonius.learn.distillation import fresh_starts, query_states
 from apollonius.learn.learner_config import DQNConfig
 from apollonius.learn.run import Run
@@ -172,19 +172,6 @@ def test_a_run_that_is_stopped_goes_on_to_the_same_end(uninterrupted, tmp_path):
     assert agents(folder) == {}
     assert Run(RUN, folder).execute()
     assert_same_end(folder, uninterrupted)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("role", Role)
-def test_the_shipped_recipes_can_be_begun(role):
-    name = role.name.lower()
-    config = DISTILLATIONS[f"{name}-by-table"]
-    assert (config.stages, config.distillation.role) == ("distillation", name)
-    few = replace(config, game=GAME, distillation=replace(config.distillation, grid=FEW, clearance=0.0))
-    (found,) = make_settings(few, GAME, None)
-    assert len(found.opponents) == len(few.distillation.opponents)
-    assert found.table.zero_sum_game.role == role.other
-    assert found.teacher.clearance is None
 
 
 @pytest.mark.parametrize(

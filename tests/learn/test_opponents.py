@@ -111,47 +111,6 @@ def test_games_are_counted_for_the_version_that_played_them(role):
     assert archive.games[jnp.asarray([1, 3])].tolist() == [0, 0]
 
 
-DURATION, LONGEST = 1024, 1000
-"""Steps between two changes of slots, and that a game can last, as in self-play by default."""
-
-
-def simulated(rng, games):
-    """A sitting of games one after the other, of which the pursuer wins 70 %, soon, and the evader the rest, late."""
-    won = rng.random((DURATION // 20, games)) < 0.7
-    ends = np.cumsum(np.where(won, rng.integers(20, 300, won.shape), rng.integers(600, LONGEST + 1, won.shape)), axis=0)
-    number, game = np.nonzero(ends <= DURATION)
-    outcome, over = np.full((DURATION, games), Outcome.ONGOING), np.zeros((DURATION, games), bool)
-    outcome[ends[number, game] - 1, game] = np.where(won[number, game], Outcome.CAPTURED, Outcome.NO_RESULT)
-    over[ends[number, game] - 1, game] = True
-    return outcome, over
-
-
-@pytest.mark.parametrize("steps", [DURATION, 64], ids=["at once", "in pieces"])
-def test_the_record_of_a_version_is_its_share_of_all_games_long_ones_too(steps):
-    """Of all that end before slots change hands pursuers would win some 87 %: long games are broken off."""
-    rng, games = np.random.default_rng(0), 2048
-
-    @jax.jit
-    def recorded(archive, outcome, over, played, before):
-        over = archives.counted(over, played, before, DURATION, LONGEST)
-        return archives.record(archive, CONFIG, Role.PURSUER, outcome, over)
-
-    archive, naive = archive_of(1), []
-    for _ in range(4):
-        outcome, over = simulated(rng, games)
-        naive.append((outcome[over] == Outcome.CAPTURED).mean())
-        played = np.zeros(games, int)
-        for before in range(0, DURATION, steps):
-            piece = slice(before, before + steps)
-            archive = recorded(archive, jnp.asarray(outcome[piece]), jnp.asarray(over[piece]), played, before)
-            for ended in over[piece]:
-                played = np.where(ended, 0, played + 1)
-    counted, won = float(archive.games[0]), float(archive.games[0] - archive.lost[0])
-    assert counted >= 4 * 2 * games // 8, "the first game of each place, at least"
-    assert won / counted == pytest.approx(0.7, abs=3 * np.sqrt(0.7 * 0.3 / counted))
-    assert np.mean(naive) > 0.8
-
-
 def test_the_last_game_that_counts_begins_as_late_as_a_whole_one_can():
     """Of ten steps of a sitting games can last four: those count that begin at the seventh step at the latest."""
     ends = [[3, 6, 9], [2, 5, 6, 9], [0, 9], [9]]

@@ -70,17 +70,6 @@ def test_actions_and_densities_are_those_of_the_textbook():
     np.testing.assert_allclose(density, expected[1], atol=1e-4)
 
 
-def test_the_density_integrates_to_one_over_the_actions():
-    """So it is one of actions not of the inputs of tanh: by the midpoint rule, from the noise that leads to each."""
-    actor, cells = make_actor("paper", 4, 1, jax.random.key(5)), 400
-    middles = (np.arange(cells) + 0.5) * 2 / cells - 1
-    actions = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
-    mean, deviation = (np.asarray(part, np.float64) for part in actor.batch(jnp.ones((1, 8))))
-    noise = jnp.asarray((np.arctanh(actions) - mean) / deviation, jnp.float32)
-    _, density = sac.sample(actor, jnp.ones((len(actions), 8)), noise)
-    assert np.exp(np.asarray(density, np.float64)).sum() * (2 / cells) ** 2 == pytest.approx(1, abs=0.02)
-
-
 def test_far_out_densities_are_finite():
     actor = eqx.tree_at(
         lambda actor: actor.layers[-1].bias,

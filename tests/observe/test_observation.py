@@ -84,20 +84,6 @@ def test_encoded_has_no_jump_where_the_heading_wraps():
     np.testing.assert_allclose(below, above, atol=1e-5)
 
 
-def test_where_the_opponent_is_does_not_depend_on_where_north_is():
-    """Both robots turned about the middle of a square arena keep seeing each other at the same place."""
-    square = Game()
-    place = np.array([[2.0, -1.0], [-1.0, -2.0]])
-    seen = []
-    for turn in np.linspace(0, 6, 7):
-        rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
-        (px, py), (ex, ey) = place @ rotation + 5
-        turned = state((px, py, 0, 0.3 + turn), (ex, ey, 0, 0))
-        seen.append(observe(square, turned, Role.PURSUER, "encoded")[10:13])
-    assert np.linalg.norm(seen[0]) > 0.3
-    np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (7, 3)), atol=1e-6)
-
-
 @pytest.mark.parametrize("role", Role)
 def test_a_view_has_both_robots_the_one_that_looks_first(role):
     placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))

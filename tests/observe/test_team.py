@@ -17,33 +17,39 @@ from apollonius.game.types import GameState, RobotState, RobotStatus, Role
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.observation import perceive
 from apollonius.observe.team import MATES, OF_A_ROBOT, OPPONENTS, TEAM
+from apollonius.observe.view import look
 
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,))))
 FIRST = EGOCENTRIC.size
 
 
-def state(pursuers, evaders, out=()):
-    """A state from rows of (x, y, v, heading), in which the robots with these numbers, pursuers first, are out."""
-    robots = BySide(pursuers, evaders).map(
-        lambda side: tuple(RobotState(*jnp.asarray(one, jnp.float32)) for one in side)
-    )
-    status = [RobotStatus.HIT_OBSTACLE if number in out else RobotStatus.ACTIVE for number in range(len(pursuers) + 9)]
-    numbers = [jnp.asarray(int(one), jnp.int32) for one in status]
-    sides = BySide(tuple(numbers[: len(pursuers)]), tuple(numbers[len(pursuers) : len(pursuers) + len(evaders)]))
-    return GameState(robots, jnp.asarray(0), status=sides if len(pursuers) + len(evaders) > 2 else None)
+TEAMS = in_teams(GAME, 5, 2)
+OUT = (1.0, 1.0, 0.0, 0.0, 1)
+"""A robot that fills up a team, out of play."""
 
 
-@functools.partial(jax.jit, static_argnames=("role", "observation"))
-def look_together(game, states, role, observation):
-    return perceive(observation, game, states, role)[1]
+@functools.partial(jax.jit, static_argnames="role")
+def look_together(states, role):
+    return perceive(TEAM, TEAMS, states, role)[1]
 
 
-def seen(pursuers, evaders, out=(), role=Role.PURSUER, observation=TEAM):
-    """What each robot of a side sees."""
-    game = in_teams(GAME, len(pursuers), len(evaders)) if len(pursuers) + len(evaders) > 2 else GAME
-    states = jax.tree.map(lambda leaf: leaf[None], state(pursuers, evaders, out))
-    return np.asarray(look_together(game, states, role, observation))
+def seen(pursuers, evaders, out=(), role=Role.PURSUER):
+    """What each robot of a side sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
+
+    All teams are filled up to the same size, so that few programs are compiled.
+    """
+    plays = [number not in out for number in range(len(pursuers) + len(evaders))]
+
+    def filled(side, plays, size):
+        rows = [(*one, 0 if in_play else 1) for one, in_play in zip(side, plays, strict=True)]
+        return jnp.asarray(rows + [OUT] * (size - len(rows)), jnp.float32)
+
+    sides = BySide(filled(pursuers, plays[: len(pursuers)], 5), filled(evaders, plays[len(pursuers) :], 2))
+    robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
+    status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
+    states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
+    return np.asarray(look_together(states, role))[: len(pursuers if role == Role.PURSUER else evaders)]
 
 
 def slots(numbers):
@@ -55,10 +61,12 @@ ME, MATE, THIRD = (2.0, 4.0, 0.6, 0.0), (2.0, 6.0, 1.2, math.pi / 2), (3.0, 7.0,
 PREY, OTHER = (6.0, 7.0, 0.5, 0.0), (7.0, 1.0, 1.0, 1.0)
 
 
-def test_in_a_game_of_two_it_is_egocentric_and_nothing_else():
+def test_it_begins_with_egocentric_and_alone_is_nothing_else():
     numbers = seen([ME], [PREY])
     assert numbers.shape == (1, TEAM.size)
-    np.testing.assert_array_equal(numbers[:, :FIRST], seen([ME], [PREY], observation=EGOCENTRIC))
+    me, prey = (RobotState(*jnp.asarray(one, jnp.float32)) for one in (ME, PREY))
+    view = look(GAME, GameState.of_two(me, prey, jnp.asarray(0)), Role.PURSUER)
+    np.testing.assert_allclose(numbers[0, :FIRST], jax.jit(EGOCENTRIC)(view), atol=1e-6)
     assert not numbers[:, FIRST:].any()
 
 

@@ -1,12 +1,13 @@
 """A chase along a line without interpolation: exact values of either robot that moves first, by plain arrays.
 
 Places are 0.15 m apart and speeds 0.3 m/s, so that a second of any action leads from one state to another. Walls are at
-0 and 6 m, robots have a radius of 0.05 m; one captures within 0.31 m. The opponent sees the action of who moves first.
+0 and `LENGTH`, radii are 0.05 m, the capture distance is 0.31 m. The opponent sees the action of who moves first.
 """
 
 import numpy as np
 
-PLACES, SPEEDS, STEPS, DT, NEAR, RADIUS = 41, 5, 10, 0.1, 0.31, 0.05
+PLACES, SPEEDS, STEPS, DT, NEAR, RADIUS = 25, 5, 10, 0.1, 0.31, 0.05
+LENGTH = 0.15 * (PLACES - 1)
 
 
 def courses():
@@ -24,7 +25,7 @@ def courses():
 def values(pursuing, horizon):
     """What the robot is sure of that moves first, by its state and the other's: state = place * speeds + speed."""
     x, v = courses()
-    touches = (x[..., 1:] < RADIUS) | (x[..., 1:] > 6 - RADIUS)
+    touches = (x[..., 1:] < RADIUS) | (x[..., 1:] > LENGTH - RADIUS)
     fails = np.where(touches, np.arange(1, STEPS + 1), STEPS + 1).min(axis=-1)
     end = np.clip(np.round(x[..., -1] / 0.15), 0, PLACES - 1) * SPEEDS + np.round(v / 0.3)
     end = end.astype(int)

@@ -54,25 +54,21 @@ def failure(game, states):
     return next((number for number, gap in enumerate(along, start=1) if gap < 0), math.inf)
 
 
-def certain_captures(steps, first, second, pursuing, possible=True):
+def certain_captures(steps, first, second, pursuing):
     """By node, node and action of the first robot: the step of a capture that is certain, inf where none is.
 
     By the rules: what comes first ends the game, in one step a capture before a failure.
-
-    possible: which answers there are, by node, node and answer.
     """
     own, theirs = first.fails[:, None, :, None], second.fails[None, :, None, :]
-    possible = np.broadcast_to(np.asarray(possible)[..., None, :] if possible is not True else True, steps.shape)
     captured = np.isfinite(steps) & (steps <= own) & (steps <= theirs)
     if not pursuing:
-        return np.where(captured & possible, steps, math.inf).min(axis=-1)
+        return np.where(captured, steps, math.inf).min(axis=-1)
     won = np.where(captured, steps, np.where(theirs < own, theirs, math.inf))
-    latest = np.where(possible, won, -math.inf).max(axis=-1)
-    return np.where((captured & possible).any(axis=-1), latest, math.inf)
+    return np.where(captured.any(axis=-1), won.max(axis=-1), math.inf)
 
 
-def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, hold):
-    """What the first robot is sure of before its move, and after it, after so many sweeps."""
+def guarantee(game, first, second, pursuing, steps, sweeps, horizon, hold):
+    """What the first robot is sure of after its move, by so many sweeps, and before it, by half a sweep more."""
     size = len(first.order)
     certain = certain_captures(steps, first, second, pursuing)
     decided = np.isfinite(certain)
@@ -80,49 +76,18 @@ def guarantee(game, first, second, pursuing, steps, sweeps, horizon, win, lose, 
     when = (
         np.where(decided, certain, math.inf).min(axis=-1) if pursuing else np.where(decided, certain, -1).max(axis=-1)
     )
-    capture = win if pursuing else lose
+    capture = 1.0 if pursuing else -1.0
     discount = math.exp(-hold * game.dt / horizon)
+    captured = capture * np.exp(-when * game.dt / horizon)
     moved = np.zeros((size, size))
-    before = moved
-    for _ in range(sweeps):
-        action_values = []
-        for action in range(9):
-            value = np.where(first.free[:, action, None], discount * (first.matrices[action] @ moved), lose)
-            action_values.append(np.where(decided[:, :, action], capture * np.exp(-when * game.dt / horizon), value))
-        before = np.max(action_values, axis=0)
-        answers = [
-            np.where(second.free[None, :, action], before @ second.matrices[action].T, win) for action in range(9)
-        ]
-        moved = np.min(answers, axis=0)
-    return before, moved
-
-
-def response(game, own, other, pursuing, steps, answers, sweeps, horizon, win, lose, hold):
-    """What a robot gets, after so many sweeps, from another one whose actions are known: at each pair of nodes one, or
-    several that it takes equally often."""
-    size = len(own.order)
-    drawn = np.stack([(answers == action).mean(axis=-1) for action in range(9)], axis=-1)  # [own, other's node, action]
-    certain_in = certain_captures(steps, own, other, pursuing, drawn > 0)
-    decided = np.isfinite(certain_in)
-    if pursuing:
-        certain, when = decided.any(axis=-1), certain_in.min(axis=-1)
-    else:
-        certain = (decided | ~own.free[:, None, :]).all(axis=-1) & decided.any(axis=-1)
-        when = np.where(decided, certain_in, 0).max(axis=-1)
-    captured = (win if pursuing else lose) * np.exp(-when * game.dt / horizon)
-    discount = math.exp(-hold * game.dt / horizon)
-    values = np.zeros((size, size))
-    for _ in range(sweeps):
-        moved = np.max(
-            [
-                np.where(own.free[:, action, None], discount * (own.matrices[action] @ values), lose)
-                for action in range(9)
-            ],
-            axis=0,
-        )
-        answered = sum(
-            drawn[:, :, action] * np.where(other.free[None, :, action], moved @ other.matrices[action].T, win)
+    for _ in range(sweeps + 1):
+        held = [
+            np.where(first.free[:, action, None], discount * (first.matrices[action] @ moved), -1.0)
             for action in range(9)
+        ]
+        before = np.max([np.where(decided[:, :, a], captured, value) for a, value in enumerate(held)], axis=0)
+        last, moved = (
+            moved,
+            np.min([np.where(second.free[None, :, a], before @ second.matrices[a].T, 1.0) for a in range(9)], axis=0),
         )
-        values = np.where(certain, captured, answered)
-    return values
+    return before, last

@@ -229,15 +229,6 @@ def test_play_out_agrees_with_a_plain_loop():
         assert (outcome, state.steps) == (results.outcome[index], results.steps[index])
 
 
-def test_play_out_draws_members_uniformly():
-    """One of the three pursuers stays before the wall, two drive into it."""
-    game, doomed = replace(GAME, max_steps=2), row(standing((4 - 1e-6, 1), (1, 1)), 0)
-    players = BySide(pursuers(1, 7, 7), evaders(1, 1))
-    outcomes = [played_out(players, doomed, game, seed=seed).outcome for seed in range(20)]
-    stayed = int(np.sum(np.equal(outcomes, Outcome.NO_RESULT)))
-    assert stats.binomtest(stayed, 20 * PLAYED_OUT, 1 / 3).pvalue > 1e-3
-
-
 def test_disturbed_robots_respond_late_each_by_the_delay_of_its_game():
     """A pursuer that always speeds up stays at rest for as many steps as its commands are late."""
     disturbance = Disturbance(delay=2)

@@ -1,7 +1,6 @@
 """Reach: the least time to a target against brute force, against closed forms, and in play."""
 
 import math
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -19,23 +18,19 @@ from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.io.errors import InvalidInput
 from apollonius.play.playout import play_out
 from apollonius.solve.grid import make_grid
-from apollonius.solve.reach import HORIZON, make_chase, solve_reach
+from apollonius.solve.motion import HORIZON
+from apollonius.solve.reach import solve_reach
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY, as_table
 
 TARGET = (1.3, 3.1)
-GRID = make_grid(SMALL.arena, BODY, (31, 41, 5, 31))
+GRID, SMALL_GRID = (make_grid(SMALL.arena, BODY, counts) for counts in ((31, 41, 5, 31), TINY))
 HOLD = 5
 
 
 @pytest.fixture(scope="module")
-def chase():
-    return make_chase(SMALL, GRID, HOLD)
-
-
-@pytest.fixture(scope="module")
-def reach(chase):
-    return solve_reach(chase, TARGET)[0]
+def reach():
+    return solve_reach(SMALL, GRID, HOLD, TARGET)[0]
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +45,15 @@ def starts():
 
 def test_the_table_is_that_of_brute_force():
     told = []
-    reach, solved = solve_reach(make_chase(SMALL, make_grid(SMALL.arena, BODY, TINY), HOLD), TARGET, told.append)
+    reach, solved = solve_reach(SMALL, SMALL_GRID, HOLD, TARGET, told.append)
     assert len(told) == solved.sweeps
     assert solved.residual < 1e-4 < told[-2].residual
     expected = as_table(oracle.reach(SMALL, TINY, HOLD, solved.sweeps, TARGET, HORIZON), TINY)
     np.testing.assert_allclose(reach.table, expected, atol=1e-6)
     assert 0.1 < np.mean(expected > 0.5) < 0.95
     assert np.any(expected == 0)
+    outside = RobotState(*(jnp.float32(number) for number in (2.95, 1.0, 0.6, 0.0)))
+    assert math.isinf(float(reach.seconds(outside)))
 
 
 @pytest.mark.slow
@@ -70,17 +67,10 @@ def test_the_table_captures_when_it_said_it_would(reach, starts):
     assert np.quantile(np.abs(took[captured] / predicted[captured] - 1), 0.95) < 0.15
 
 
-def test_where_a_crash_cannot_be_avoided_there_is_no_capture(reach):
-    lost = RobotState(*(jnp.float32(number) for number in (1.95, 1.0, 0.6, 0.0)))
-    assert float(reach.seconds(lost)) > 3 * float(reach.seconds(RobotState(lost.x, lost.y, 0 * lost.v, lost.heading)))
-    outside = RobotState(lost.x + 1.0, lost.y, lost.v, lost.heading)
-    assert math.isinf(float(reach.seconds(outside)))
-
-
 @pytest.mark.parametrize("target", [(0.7, 2.3), (3.0, 1.0)], ids=["in a disc", "beyond the walls"])
-def test_a_target_that_cannot_stand_there_is_refused(chase, target):
+def test_a_target_that_cannot_stand_there_is_refused(target):
     with pytest.raises(InvalidInput, match=r"target = \("):
-        solve_reach(chase, target)
+        solve_reach(SMALL, SMALL_GRID, HOLD, target)
 
 
 def dubins_to_point(x, y, heading, radius, distance):
@@ -116,8 +106,7 @@ def test_at_constant_speed_the_least_time_is_that_of_dubins_paths():
     """A robot that neither brakes nor speeds up, in an arena without obstacles: within 1 % in the median."""
     body = Unicycle(v_min=0.999, v_max=1.0, u1_max=0.0, u2_max=2.0)
     game = Game(pursuer=body, evader=Unicycle(), arena=Arena(x_max=8.0, y_max=8.0), dt=0.02)
-    chase = make_chase(game, make_grid(game.arena, body, (101, 101, 2, 63)), 10)
-    reach, _ = solve_reach(chase, (4.0, 4.0))
+    reach, _ = solve_reach(game, make_grid(game.arena, body, (101, 101, 2, 63)), 10, (4.0, 4.0))
     rng = np.random.default_rng(0)
     angle, far, heading = rng.uniform(-np.pi, np.pi, 200), rng.uniform(1.5, 2.75, 200), rng.uniform(-np.pi, np.pi, 200)
     x, y = far * np.cos(angle), far * np.sin(angle)
@@ -127,11 +116,3 @@ def test_at_constant_speed_the_least_time_is_that_of_dubins_paths():
     error = found / (np.ceil(expected / game.dt) * game.dt) - 1
     assert abs(np.median(error)) < 0.01
     assert np.quantile(np.abs(error), 0.9) < 0.04
-
-
-@pytest.mark.slow
-def test_the_target_of_a_smaller_capture_is_farther(reach):
-    small = replace(SMALL, capture_distance=0.2)
-    farther, _ = solve_reach(make_chase(small, GRID, HOLD), TARGET)
-    robot = RobotState(*(jnp.float32(number) for number in (-0.5, 0.5, 0.0, 1.0)))
-    assert 0.05 < float(farther.seconds(robot) - reach.seconds(robot)) < 0.6

@@ -1,4 +1,4 @@
-"""Safety: the kernel against brute force, against the shield's manoeuvres, and in play."""
+"""Safety: the kernel against brute force and the shield's manoeuvres, in play, and the starts outside it."""
 
 from dataclasses import replace
 from itertools import product
@@ -8,25 +8,29 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.shield import brakes
+from apollonius.agents.shield import Shielded, brakes
 from apollonius.agents.uniform import Uniform
+from apollonius.arenas.charting import charted
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
+from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from apollonius.solve import viability as module
 from apollonius.solve.grid import iterate, make_grid
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes
-from apollonius.solve.transition_map import rooms, transition_map_of
-from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
+from apollonius.solve.transition_map import clearances, transition_map_of
+from apollonius.solve.viability import TableClearance, Viability, doomed_start_rate, solve_viability, viable_starts
 from tests.matches import a_match
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, MOVING, SMALL, TINY, as_table
 
 GRID = make_grid(SMALL.arena, BODY, (31, 41, 5, 16))
 HOLD = 5
+PAPER = make_game("paper")
 
 
 @pytest.fixture(scope="module")
@@ -47,17 +51,12 @@ def kept(solved, robots):
 
 
 def test_the_table_is_that_of_brute_force():
-    grid = make_grid(SMALL.arena, BODY, TINY)
-    solved = solve_safety(SMALL, Role.PURSUER, grid, HOLD)
-    expected = as_table(oracle.safety(SMALL, TINY, HOLD, solved.sweeps), TINY)
-    np.testing.assert_allclose(solved.table, expected, atol=2e-6)
-    assert solved.residual == 0
-    assert 0.1 < np.mean(expected > 0) < 0.9
-
-
-def test_each_sweep_goes_down_and_the_last_moves_nothing():
+    """Each sweep goes down, and the last moves nothing."""
     told = []
     solved = solve_safety(SMALL, Role.PURSUER, make_grid(SMALL.arena, BODY, TINY), HOLD, told.append)
+    expected = as_table(oracle.safety(SMALL, TINY, HOLD, solved.sweeps), TINY)
+    np.testing.assert_allclose(solved.table, expected, atol=2e-6)
+    assert 0.1 < np.mean(expected > 0) < 0.9
     assert [sweep.number for sweep in told] == list(range(1, solved.sweeps + 1))
     assert told[-1].residual == solved.residual == 0 < told[0].residual
     shares = [sweep.share(told[0].residual) for sweep in told]
@@ -65,13 +64,14 @@ def test_each_sweep_goes_down_and_the_last_moves_nothing():
     assert 0 < shares[1] < 1
 
 
-@pytest.mark.parametrize(("counts", "hold"), [pytest.param((8, 8, 4, 7), 1, marks=pytest.mark.slow), (TINY, HOLD)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("counts", "hold"), [((8, 8, 4, 7), 1), (TINY, HOLD)])
 def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
     """Where a hold moves less than a cell, sweeps change little and yet go far: many more of them change nothing."""
     grid = make_grid(SMALL.arena, BODY, counts)
     motion = motion_of(SMALL, Role.PURSUER, hold)
     transitions = transition_map_of(motion, grid)
-    room, solved = rooms(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
+    room, solved = clearances(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
     backup = jax.jit(
         lambda table: transitions.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
     )
@@ -81,6 +81,7 @@ def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
     np.testing.assert_allclose(table, solved.table, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
     """Braking in one direction is one way to stay clear, so the room that can be kept is no less."""
     braking = np.asarray(jax.vmap(brakes(SMALL, Role.PURSUER).room)(robots))
@@ -89,6 +90,7 @@ def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
     assert np.mean((braking > 0) & (kept < 0)) < 0.003
 
 
+@pytest.mark.slow
 def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, robots, kept):
     """By trying every way to steer while braking, with a choice every 0.5 s."""
     motion = motion_of(SMALL, Role.PURSUER, HOLD)
@@ -98,7 +100,7 @@ def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, 
         def along(way):
             def one_hold(carry, action):
                 course = motion.hold(carry, action)
-                return last(course), motion.room(course)
+                return last(course), motion.clearance(course)
 
             return jnp.min(jax.lax.scan(one_hold, robot, way)[1])
 
@@ -158,13 +160,46 @@ def test_a_grid_too_large_for_the_machine_is_refused():
         solve_safety(SMALL, Role.PURSUER, grid, HOLD)
 
 
-def test_robots_with_limits_of_their_own_are_judged_each_by_its_own(monkeypatch):
-    own = {role: brakes(SMALL, role) for role in Role}
-    monkeypatch.setattr("apollonius.solve.viability._judge", lambda game, role: own[role])
-    slower = replace(SMALL, evader=replace(BODY, v_max=0.3), starts=replace(SMALL.starts, clearance=0.11))
-    viability = solve_viability(slower)
-    assert viability.pursuer is own[Role.PURSUER]
-    assert viability.evader is own[Role.EVADER]
+def always(metres):
+    """A robot's clearance, whatever its state."""
+    grid = make_grid(PAPER.arena, PAPER.pursuer, (2, 2, 2, 4))
+    return TableClearance(grid, jnp.full(grid.shape, metres, jnp.float32))
+
+
+@pytest.mark.parametrize(
+    ("pursuer", "evader", "viable"), [(0.1, 0.2, True), (0.0, 0.0, True), (-1e-6, 0.2, False), (0.1, -1e-6, False)]
+)
+def test_a_start_is_viable_where_both_robots_stay_clear(pursuer, evader, viable):
+    state = PAPER.reset(jax.random.key(0))
+    assert bool(Viability(always(pursuer), always(evader))(state)) == viable
+
+
+@pytest.mark.slow
+def test_a_table_is_solved_once_for_all_that_it_depends_on_and_no_more(monkeypatch):
+    """Not time limit, rewards, starts or a chart; the side does not matter either, but the limits of its robot."""
+    solved = []
+
+    def counted(game, role, grid, hold):
+        solved.append(role)
+        return solve_safety(game, role, grid, hold)
+
+    monkeypatch.setattr(module, "solve_safety", counted)
+    monkeypatch.setattr(
+        module, "reference_grid", lambda game, role: (make_grid(game.arena, game.body(role), (5, 5, 3, 8)), 5)
+    )
+    game = replace(MOVING, evader=replace(BODY, v_max=0.4))
+    first = solve_viability(game)
+    assert len(solved) == 2
+    longer = replace(
+        game, max_steps=7, reward=replace(game.reward, progress=1.0), starts=replace(game.starts, clearance=0.2)
+    )
+    for same in (game, longer, charted(game), replace(game, pursuer=game.evader)):
+        viability = solve_viability(same)
+        assert len(solved) == 2
+        assert np.array_equal(viability.evader.manoeuvres[-1].table, first.evader.manoeuvres[-1].table)
+    assert not np.array_equal(first.pursuer.manoeuvres[-1].table, first.evader.manoeuvres[-1].table)
+    solve_viability(replace(game, dt=0.2))
+    assert len(solved) == 4
 
 
 def test_sweeps_come_to_an_end_at_a_number_and_there_a_small_residual_will_do(monkeypatch):

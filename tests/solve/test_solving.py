@@ -1,33 +1,38 @@
-"""Players from the files of solved games."""
+"""Files of solutions, and the players of solved games."""
 
-import shutil
+import json
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from safetensors.numpy import load, save
 
 from apollonius.agents.shield import Shielded
-from apollonius.agents.store import AgentHeader
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
-from apollonius.game.types import ROLES, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
-from apollonius.solve.joint import make_duel, solve_duel
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.solving import joint_problem, kept_tables, solve_problem, zero_sum_game_of
-from apollonius.solve.store import Problem, Solution, load_solution, save_solution
+from apollonius.solve.solving import joint_problem, kept_tables, zero_sum_game_of
+from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from tests.solve.small import CRAMPED, FEW, SMALL
 
-PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5, payoff="time")
+PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5)
+
+REACH = Solution(
+    Problem("reach", "pursuer", to_dict(SMALL), [4, 3, 2, 5], 5, [0.5, 1.0]), 12, 3e-5,
+    jnp.arange(120, dtype=jnp.float32).reshape(2, 5, 4, 3),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def solution():
-    solved = solve_duel(make_duel(zero_sum_game_of(PROBLEM, SMALL)), tolerance=0.1)
-    return Solution(PROBLEM, solved.sweeps, solved.residual, solved.table.astype("float16"))
+    """Of any values that a table may have."""
+    values = np.random.default_rng(0).uniform(-1, 1, (2, 96, 48)).astype(np.float16)
+    return Solution(PROBLEM, 12, 3e-5, jnp.asarray(values))
 
 
 @pytest.fixture
@@ -37,29 +42,19 @@ def file(tmp_path, solution):
 
 
 def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution):
-    np.testing.assert_array_equal(load_solution(file).table, solution.table)
+    found = load_solution(file)
+    np.testing.assert_array_equal(found.table, solution.table)
+    assert (found.problem, found.sweeps, found.residual) == (PROBLEM, solution.sweeps, solution.residual)
     player = find_player(str(file), Role.EVADER, SMALL)
     assert player.name == "solved"
     expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), solution.table)
     starts = jax.jit(reset_batch, static_argnames="games")(SMALL, jax.random.key(0), games=20)
     np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
-    assert np.all(np.asarray(expected.best_value(starts)) <= 0)
-
-
-def test_where_games_begin_and_end_is_nothing_to_a_solution(file):
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
     assert find_player(str(file), Role.EVADER, other).policy.zero_sum_game.game.max_steps == 77
-
-
-def test_it_can_be_shielded(file):
     found = find_player(f"shielded:{file}", Role.EVADER, SMALL)
     assert found.name == "shielded:solved"
     assert isinstance(found.policy, Shielded)
-
-
-def test_other_players_are_found_as_ever():
-    found = find_player("P_stage1", Role.PURSUER, SMALL)
-    assert isinstance(found.header, AgentHeader)
 
 
 def test_a_file_of_something_else_is_refused(file, solution, tmp_path):
@@ -71,57 +66,80 @@ def test_a_file_of_something_else_is_refused(file, solution, tmp_path):
         find_player(str(file), Role.EVADER, replace(SMALL, dt=0.2))
     with pytest.raises(InvalidInput, match="there is no agent file"):
         find_player(str(tmp_path / "none.safetensors"), Role.EVADER, SMALL)
-    flat = replace(solution, table=solution.table[:1])
-    save_solution(flat, file)
-    with pytest.raises(InvalidInput, match="no whole Apollonius solution"):
-        find_player(str(file), Role.EVADER, SMALL)
-    reach = replace(PROBLEM, kind="reach", role="pursuer", payoff=None, target=[0.5, 1.0])
-    save_solution(Solution(reach, 1, 0.0, jnp.zeros((2, 4, 3, 4))), file)
+    save_solution(REACH, file)
     with pytest.raises(InvalidInput, match="this is one of reach"):
         find_player(str(file), Role.PURSUER, SMALL)
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """A folder and the tables in it. More may be kept there."""
-    folder, swept = tmp_path_factory.mktemp("kept"), []
-    tables = kept_tables(CRAMPED, FEW, folder, lambda role, sweep: swept.append(role))
-    assert set(swept) == set(Role)
-    return folder, tables
+def rewrite(path, header=None, **arrays):
+    """The file with another header, or other arrays."""
+    content = path.read_bytes()
+    size = int.from_bytes(content[:8], "little")
+    told = json.loads(content[8 : 8 + size])["__metadata__"]["header"]
+    path.write_bytes(save(load(content) | arrays, {"header": json.dumps(json.loads(told) | (header or {}))}))
 
 
-def test_what_lies_in_the_folder_is_not_solved_again(kept):
-    swept = []
-    folder, first = kept
-    assert sorted(path.name.split("-")[0] for path in folder.iterdir()) == ["evader", "pursuer"]
-    again = kept_tables(CRAMPED, FEW, folder, lambda role, sweep: swept.append(role))
-    assert swept == []
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        ({"table": np.zeros((2, 5, 3, 4), np.float32)}, "size"),
+        ({"table": np.zeros((2, 5, 4, 3), np.float16)}, "size"),
+        ({"other": np.zeros(3, np.float32)}, "size"),
+        ({"header": {"format": "another"}}, "no whole Apollonius solution"),
+        ({"header": {"version": 99}}, "version 99"),
+    ],
+)
+def test_what_is_no_solution_is_refused(tmp_path, damage, said):
+    path = tmp_path / "r.safetensors"
+    save_solution(REACH, path)
+    assert is_solution(path)
+    rewrite(path, **damage)
+    with pytest.raises(InvalidInput, match=said):
+        load_solution(path)
+    assert is_solution(path) == ("header" not in damage)
+
+
+@pytest.mark.parametrize("content", [None, b"not a table"])
+def test_what_is_no_file_of_arrays_is_refused(tmp_path, content):
+    path = tmp_path / "r.safetensors"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InvalidInput, match=r"no solution|not a whole Apollonius solution"):
+        load_solution(path)
+    assert not is_solution(path)
+    assert not is_solution(tmp_path)
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """The problems that are solved, each at once by a table of its own."""
+    problems = []
+
+    def solve(problem, game, report):
+        problems.append(problem)
+        return Solution(problem, 1, 0.0, jnp.full((2, 120, 60), len(problems), jnp.float16))
+
+    monkeypatch.setattr("apollonius.solve.solving.solve_problem", solve)
+    return problems
+
+
+def test_what_lies_in_the_folder_is_not_solved_again(solved, tmp_path):
+    """Time limit and rewards are nothing to a table, the capture distance is; a damaged file is solved again."""
+    first, again = (kept_tables(CRAMPED, FEW, tmp_path) for _ in range(2))
+    assert solved == [joint_problem(CRAMPED, role, FEW) for role in Role]
+    assert sorted(path.name.split("-")[0] for path in tmp_path.iterdir()) == ["evader", "pursuer"]
     for role in Role:
         problem = joint_problem(CRAMPED, role, FEW)
         assert first[role].zero_sum_game == again[role].zero_sum_game == zero_sum_game_of(problem, CRAMPED)
         np.testing.assert_array_equal(first[role].table, again[role].table)
     longer = replace(CRAMPED, max_steps=7, reward=replace(CRAMPED.reward, progress=1.0))
-    assert kept_tables(longer, FEW, folder, lambda role, sweep: swept.append(role)).pursuer.zero_sum_game.game == longer
-    assert swept == [], "time limit and rewards are nothing to a table"
-    nearer = replace(CRAMPED, capture_distance=0.8 * CRAMPED.capture_distance)
-    other = kept_tables(nearer, FEW, folder, lambda role, sweep: swept.append(role))
-    assert swept
-    assert np.any(other.pursuer.table != first.pursuer.table)
-
-
-@pytest.mark.slow
-def test_without_a_folder_nothing_is_kept_and_the_same_is_found(kept):
-    tables = kept_tables(CRAMPED, FEW, None)
-    for role, table in zip(ROLES, tables, strict=True):
-        solved = solve_problem(joint_problem(CRAMPED, role, FEW), CRAMPED)
-        np.testing.assert_array_equal(table.table, solved.table)
-
-
-def test_a_damaged_file_is_solved_again(kept, tmp_path):
-    folder = shutil.copytree(kept[0], tmp_path / "damaged")
-    sound = {path: path.read_bytes() for path in folder.iterdir()}
-    for path, content in sound.items():
-        path.write_bytes(content[:-1])
-    kept_tables(CRAMPED, FEW, folder)
-    mended = [path for path, content in sound.items() if path.read_bytes() == content]
-    assert sorted(path.name.split("-")[0] for path in mended) == ["evader", "pursuer"]
+    assert kept_tables(longer, FEW, tmp_path).pursuer.zero_sum_game.game == longer
+    assert len(solved) == 2
+    for path in tmp_path.iterdir():
+        path.write_bytes(path.read_bytes()[:-1])
+    kept_tables(CRAMPED, FEW, tmp_path)
+    assert len(solved) == 4
+    kept_tables(replace(CRAMPED, capture_distance=0.2), FEW, tmp_path)
+    assert len(solved) == 6
+    kept_tables(CRAMPED, FEW, None)
+    assert len(solved) == 8

@@ -16,7 +16,7 @@ from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.solving import joint_grid, reference_grid
-from apollonius.solve.transition_map import rooms, transition_map_of
+from apollonius.solve.transition_map import clearances, transition_map_of
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
 
@@ -43,24 +43,12 @@ def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
 
 
 def test_room_is_the_least_clearance_along_the_hold():
-    motion, grid = motion_of(SMALL, Role.PURSUER, 5), make_grid(SMALL.arena, BODY, TINY)
-    found = np.asarray(rooms(motion, grid, transition_map_of(motion, grid))).reshape(
-        *grid.shape[:2], 9, *grid.shape[2:]
-    )
-    axes = oracle.axes(SMALL, TINY)
-    for (x, y, v, heading), state in oracle.nodes(axes).items():
-        for action in range(9):
-            expected = oracle.room(SMALL, oracle.course(SMALL, state, action, 5))
-            assert found[v, heading, action, x, y] == pytest.approx(expected, abs=1e-5)
-
-
-def test_room_among_polygons_is_that_of_plain_loops():
+    """Among discs and polygons, for every 31st node and action."""
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
     game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
     motion, grid = motion_of(game, Role.PURSUER, 5), make_grid(game.arena, BODY, TINY)
-    found = np.asarray(rooms(motion, grid, transition_map_of(motion, grid))).reshape(
-        *grid.shape[:2], 9, *grid.shape[2:]
-    )
+    found = np.asarray(clearances(motion, grid, transition_map_of(motion, grid)))
+    found = found.reshape(*grid.shape[:2], 9, *grid.shape[2:])
     nodes = list(oracle.nodes(oracle.axes(game, TINY)).items())
     pairs = []
     for number in range(0, 9 * len(nodes), 31):

@@ -1,6 +1,7 @@
-"""What ends a game while actions are held, and what it is then worth, step by step as the rules' twin says."""
+"""The end of a game while actions are held, and its value, step by step as the rules' twin says."""
 
 from dataclasses import replace
+from itertools import product
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +13,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import Outcome, RobotState, Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import HORIZON, motion_of
-from apollonius.solve.zero_sum_game import first_event, first_events, make_zero_sum_game
+from apollonius.solve.zero_sum_game import first_events, make_zero_sum_game
 from tests.oracle import numpy_game as oracle
 from tests.solve.small import SMALL
 
@@ -55,27 +56,13 @@ def expected_event(pursuer, evader, first, second):
     return "ONGOING", STEPS, margin
 
 
-@pytest.fixture(scope="module")
-def expected():
-    """By pursuer's action, evader's action and game."""
+def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules():
     pursuers, evaders = robots()
-    return {
-        (a, b, game): expected_event(pursuers[:, game], evaders[:, game], first, second)
-        for a, first in enumerate(ACTIONS)
-        for b, second in enumerate(ACTIONS)
-        for game in range(GAMES)
-    }
-
-
-@pytest.fixture(scope="module")
-def both():
-    return [courses(role, numbers) for role, numbers in zip(Role, robots(), strict=True)]
-
-
-def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules(expected, both):
+    both = [courses(role, numbers) for role, numbers in zip(Role, (pursuers, evaders), strict=True)]
     outcome, seconds = jax.jit(first_events)(GAME, *both)
     seen = set()
-    for (a, b, game), (name, steps, margin) in expected.items():
+    for (a, first), (b, second), game in product(enumerate(ACTIONS), enumerate(ACTIONS), range(GAMES)):
+        name, steps, margin = expected_event(pursuers[:, game], evaders[:, game], first, second)
         if margin > 1e-5:
             assert Outcome(int(outcome[a, b, game])).name == name
             assert float(seconds[a, b, game]) == pytest.approx(steps * GAME.dt)
@@ -84,24 +71,13 @@ def test_of_many_courses_the_first_event_of_each_pair_is_that_of_the_rules(expec
     assert "TERRITORY_REACHED" in seen
 
 
-def in_game(courses, action, game):
-    return jax.tree.map(lambda leaf: leaf[:, action, game], courses)
-
-
-@pytest.mark.parametrize("role", list(Role))
-def test_along_two_courses_it_is_worth_what_who_wins_and_when_says(expected, both, role):
+@pytest.mark.parametrize("role", Role)
+def test_the_value_of_an_outcome_is_the_winners_gain_discounted(role):
     grid = make_grid(GAME.arena, FAST, (3, 3, 2, 5))
-    zero_sum_game = make_zero_sum_game(GAME, (grid, grid), STEPS, role, "win")
-    winner = {"CAPTURED": 1, "EVADER_HIT_OBSTACLE": 1, "EVADER_OUT_OF_RANGE": 1, "TERRITORY_REACHED": -1}
-    winner |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
-    event = jax.jit(lambda pursuer, evader: zero_sum_game.event(*zero_sum_game.pair(pursuer, evader)))
-    ends = jax.jit(lambda pursuer, evader: first_event(GAME, pursuer, evader))
-    for (a, b, game), (name, steps, margin) in list(expected.items())[::3]:
-        one, other = (in_game(side, at, game) for side, at in zip(both, (a, b), strict=True))
-        over, value = event(one, other)
-        if margin > 1e-5:
-            assert bool(over) == (name != "ONGOING")
-            if over:
-                assert Outcome(int(ends(one, other)[1])).name == name
-                sign = 1 if role == Role.PURSUER else -1
-                assert float(value) == pytest.approx(sign * winner[name] * np.exp(-steps * GAME.dt / HORIZON), abs=1e-6)
+    zero_sum_game = make_zero_sum_game(GAME, (grid, grid), STEPS, role)
+    won = {"CAPTURED": 1, "EVADER_HIT_OBSTACLE": 1, "EVADER_OUT_OF_RANGE": 1, "TERRITORY_REACHED": -1, "NO_RESULT": 0}
+    won |= {"PURSUER_HIT_OBSTACLE": -1, "PURSUER_OUT_OF_RANGE": -1, "BOTH_FAILED": 0, "ONGOING": 0}
+    sign = 1 if role == Role.PURSUER else -1
+    for name, value in won.items():
+        found = zero_sum_game.payoff_of(jnp.int32(Outcome[name]), jnp.float32(1.5))
+        assert float(found) == pytest.approx(sign * value * np.exp(-1.5 / HORIZON), abs=1e-6)

@@ -74,7 +74,7 @@ def captured(setting, role):
     game, middle = setting.game, setting.places // 2
     counts = (setting.places, setting.places, 2, setting.headings)
     grid = make_grid(game.arena, game.pursuer, counts)
-    duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role, "time"))
+    duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role))
     found = solve_duel(duel, tolerance=0.5)
     assert found.sweeps >= setting.holds
     matrix = np.asarray(as_matrix(guarantee(duel, found.table)))

@@ -1,10 +1,11 @@
 """One site and one browser for all tests of the page, with a tab at a desk and one on a phone."""
 
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from PIL import Image
 
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, save_agent
@@ -14,25 +15,6 @@ from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.types import Role
 from apollonius.web.site import Choice, write_site
 from tests.web.test_server import serving
-
-FLOOR = """
-image: floor.pgm
-resolution: 0.1
-origin: [-1.0, 2.0, 0.0]
-negate: 0
-occupied_thresh: 0.65
-free_thresh: 0.196
-"""
-
-
-@pytest.fixture
-def floor(tmp_path):
-    """The two files of a ROS map."""
-    shades = np.full((60, 80), 254, np.uint8)
-    shades[20:24, :50] = 0
-    Image.fromarray(shades).save(tmp_path / "floor.pgm")
-    (tmp_path / "floor.yaml").write_text(FLOOR)
-    return tmp_path / "floor.yaml", tmp_path / "floor.pgm"
 
 
 @pytest.fixture(scope="package")
@@ -46,7 +28,7 @@ def address(tmp_path_factory):
     games = {"hall": Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))}
     network = make_network("egocentric", 16, 2, jax.random.key(0))
     save_agent(describe(network, Role.PURSUER, {}, {}), folder / "small.safetensors")
-    agents = {"small": folder / "small.safetensors"}
+    agents = {"small": folder / "small.safetensors", "spiral": Path(__file__).with_name("spiral.wasm")}
     chosen = Choice("shielded:P_pool", "you", difficulty="sharp", agents=agents, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:

@@ -3,17 +3,40 @@
 import itertools
 import json
 import re
+from importlib.util import find_spec
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from apollonius.play.replay import load_replay
+import apollonius
+from apollonius.catalogue import find_player
+from apollonius.game.presets import make_game
+from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
+from apollonius.observe.view import look
+from apollonius.play.replay import as_state, load_replay
+from apollonius.web.programs import player_program
+from apollonius.web.wasm import digest, sources, write_player
+from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
+SPIRAL = "bf36acfc9158b5f4417e83b1412c34697e6b962aab1ce1990d0545f9e306b14c"
+"""SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 PIXEL = """share => {
   const canvas = document.getElementById("canvas");
   return [...canvas.getContext("2d").getImageData(0.3 * canvas.width, share * canvas.height, 1, 1).data];
 }"""
+
+
+def saved(page, path):
+    """Return the replay that the page saves."""
+    with page.expect_download() as download:
+        page.click("#download")
+    download.value.save_as(path)
+    return load_replay(path)
 
 
 def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
@@ -36,11 +59,7 @@ def test_a_person_plays_a_game_to_its_end(desk, tmp_path):
     assert ended - 3 < last < ended
     assert page.inner_text("#go") == "Try again"
     assert page.inner_text("#pursuer-score") == "1"
-    with page.expect_download() as download:
-        page.click("#download")
-    download.value.save_as(tmp_path / "game.json")
-    replay = load_replay(tmp_path / "game.json")
-    assert download.value.suggested_filename == "game-1-evader_out_of_range.json"
+    replay = saved(page, tmp_path / "game.json")
     assert (replay.pursuer, replay.evader, replay.outcome.name) == ("shielded:P_pool", "you", "EVADER_OUT_OF_RANGE")
     assert {7, 8} <= set(replay.actions[:, 1].tolist())
     assert replay.first_difference() is None
@@ -88,39 +107,13 @@ def test_choices_change_the_game_and_the_address(desk):
     assert desk.match("start") == start
 
 
-@pytest.mark.parametrize(
-    ("query", "unknown"),
-    [
-        ("?level=99", 'level "99"'),
-        ("?pursuer=nobody", 'pursuer "nobody"'),
-        ("?evader=encirclement", 'evader "encirclement"'),
-        ("?game=nope", 'game "nope"'),
-        ("?game=team-17v1", 'game "team-17v1"'),
-        ("?difficulty=none", 'difficulty "none"'),
-        ("?seed=-1", 'seed "-1"'),
-    ],
-)
-def test_what_an_address_asks_for_in_vain_is_said(desk, query, unknown):
-    page = desk.open(query)
-    assert page.inner_text("#message") == f"There is no {unknown}: Start plays another game, or choose under Games."
-    assert page.get_attribute("body", "data-phase") == "ready"
-
-
-def test_a_finger_on_the_pad_steers(phone):
-    page = phone.open()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 375
-    before = phone.match("state.evader[0]")
-    page.click("#go")
-    phone.let_pass(1.5)
-    box = page.locator("#pad-evader").bounding_box()
-    page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.1 * box["height"])
-    page.mouse.down()
-    phone.let_pass(1)
-    page.mouse.up()
-    after = phone.match("state.evader[0]")
-    assert after["v"] > before["v"]
-    turned = (after["heading"] - before["heading"] + 3.14159) % 6.28318 - 3.14159
-    assert -2 < turned < -0.4
+def test_what_an_address_asks_for_in_vain_is_said(desk):
+    wrong = {"level": "99", "pursuer": "nobody", "evader": "encirclement", "game": "team-17v1", "difficulty": "none"}
+    for name, value in wrong.items() | {("game", "nope"), ("seed", "-1")}:
+        page = desk.open(f"?{name}={value}")
+        said = f'There is no {name} "{value}": Start plays another game, or choose under Games.'
+        assert page.inner_text("#message") == said
+        assert page.get_attribute("body", "data-phase") == "ready"
 
 
 def test_two_people_have_keys_of_their_own(desk):
@@ -199,7 +192,7 @@ def test_a_game_is_on_one_phone_screen(phone, people):
         within(page, size, ["#clock", "#message", "#go", "#again", "#next", "#why", "#menu", "#draw", *pads])
     phone.end_after(3)
     for size in sizes[::-1]:
-        within(page, size, ["#clock", "#message", "#go", "#download", "#replay", "#moment"])
+        within(page, size, ["#clock", "#message", "#go", "#download", "#moment"])
 
 
 def within(page, size, names):
@@ -371,3 +364,140 @@ def test_all_words_have_contrast_and_all_that_can_be_used_has_a_name(desk, schem
             page.click(closing)
             page.wait_for_selector("#go:enabled")
     page.emulate_media(color_scheme="light")
+
+
+# ---- teams
+
+
+def test_a_person_leads_a_team_to_its_end(desk, tmp_path):
+    page = desk.open("?pursuer=you&evader=shielded:E_any&game=team-3v1&seed=2")
+    assert page.inner_text("#goal") == "You are red 1 of 3: catch blue within 100\u00a0s"
+    page.keyboard.press("Space")
+    page.keyboard.down("ArrowUp")
+    for _ in range(40):
+        desk.let_pass(0.5)
+        if page.inner_text("#message").endswith("Your team plays on."):
+            break
+    lost = desk.match("seconds")
+    assert re.fullmatch(r"You ran into a wall after [\d.]+\u00a0s\. Your team plays on\.", page.inner_text("#message"))
+    page.keyboard.press("Space")
+    page.keyboard.press("Space")
+    desk.let_pass(1.75)
+    assert page.inner_text("#message").endswith("Your team plays on."), "also after a pause"
+    desk.let_pass(30)
+    said = page.inner_text("#message")
+    ends = r"You ran into a wall after [\d.]+\u00a0s, but your team caught it after [\d.]+\u00a0s\. You win!"
+    assert re.match(ends, said)
+    assert desk.match("seconds") > lost
+    replay = saved(page, tmp_path / "game.json")
+    assert (replay.pursuer, replay.outcome.name) == ("you+shielded:P_team", "CAPTURED")
+    assert replay.actions.shape[1] == 4
+    assert set(replay.actions[:20, 0]) == {7}
+    assert replay.first_difference() is None
+
+
+def test_a_finger_flees_from_three(phone, tmp_path):
+    page = phone.open("?pursuer=P_team&evader=you&game=team-3v1/blocks&difficulty=gentle")
+    assert page.inner_text("#goal") == "You are blue: survive 3 reds for 100\u00a0s"
+    within(page, (375, 667), ["#goal", "#clock", "#message", "#go", "#again", "#next", "#why", "#menu", "#pad-evader"])
+    assert page.evaluate("document.documentElement.scrollWidth") <= 375
+    page.click("#go")
+    box = page.locator("#pad-evader").bounding_box()
+    finger = {"x": box["x"] + 0.9 * box["width"], "y": box["y"] + 0.1 * box["height"]}
+    screen = page.context.new_cdp_session(page)
+    screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [finger]})
+    phone.let_pass(30)
+    screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    playwright.expect(page.locator("#go")).to_have_text("Try again")
+    assert page.inner_text("#message").startswith("You ")
+    replay = saved(page, tmp_path / "game.json")
+    assert set(replay.actions[15:, 3]) == {6}
+    assert len({tuple(row) for row in replay.actions[:, :3]}) > 5, "the three act for themselves"
+    assert replay.first_difference() is None
+
+
+def test_numbers_of_robots_are_chosen_in_the_menu(desk):
+    page = desk.open("?pursuer=you&evader=flee-aware&game=office")
+    page.click("#menu")
+    options = "[...document.querySelectorAll('#pursuer option')].map((option) => option.value)"
+    assert "encirclement" not in page.evaluate(options)
+    page.select_option("#robots", "3 v 2")
+    assert "encirclement" in page.evaluate(options)
+    page.select_option("#pursuer", "you+encirclement")
+    page.click("#play")
+    page.wait_for_selector("#go:enabled")
+    assert "pursuer=you%2Bencirclement" in page.url
+    assert "game=team-3v2%2Foffice" in page.url
+    assert desk.match("players.pursuer.map(({ name }) => name)") == ["you", "encirclement", "encirclement"]
+    assert page.inner_text("#goal") == "You are red 1 of 3: catch both blues within 100\u00a0s"
+    page.click("#menu")
+    page.select_option("#robots", "1 v 1")
+    assert page.input_value("#pursuer") == "you"
+    page.click("#play")
+    page.wait_for_selector("#go:enabled")
+    assert desk.match("state.pursuer.length") == 1
+    page.click("#draw")
+    page.click("#clear")
+    page.click("#play-here")
+    page.wait_for_selector("#go:enabled")
+    assert desk.match("game.arena.polygons.length") == 0
+    assert "game=drawn" in page.url
+
+
+def test_layers_show_every_robot_in_play(desk):
+    page = desk.open("?pursuer=P_team&evader=E_any&game=team-2v1&seed=3")
+    page.click("#go")
+    desk.let_pass(1.5)
+    known = page.evaluate(
+        """() => {
+          const { insight, match } = apollonius.page;
+          match.state.pursuer[0].status = "hit_obstacle";
+          const { course, robots } = insight.of(["values", "brakes", "course"]);
+          return { robots: robots.map(({ role, number }) => [role, number]), course: course.length };
+        }"""
+    )
+    assert known["robots"] == [["pursuer", 1], ["evader", 0]]
+
+
+# ---- a player of one's own
+
+
+@pytest.fixture(scope="module")
+def spiral():
+    """The player in the document, of which `spiral.wasm` is made."""
+    document = (REPOSITORY / "docs" / "how-to" / "export.md").read_text()
+    names = {"apollonius": apollonius, "jnp": jnp}
+    exec(re.search(r"class Spiral.*?\n\n\n", document, re.DOTALL)[0], names)
+    return names["Spiral"]()
+
+
+def test_the_player_in_the_document_plays_on_the_page_as_in_python(desk, spiral, tmp_path):
+    page = desk.open("?pursuer=spiral&evader=flee-aware&seed=2")
+    page.evaluate("() => { const { match } = apollonius.page; while (!match.isOver) match.step(); }")
+    desk.let_pass(0.25)
+    replay = desk.match("replay()")
+    (tmp_path / "game.json").write_text(json.dumps(replay))
+    assert load_replay(tmp_path / "game.json").first_difference() is None
+    game = make_game("paper")
+
+    @jax.jit
+    @jax.vmap
+    def act(row):
+        return spiral(look(game, as_state(row, jnp.asarray(0)), Role.PURSUER), (), jnp.uint32(0))[0]
+
+    taken = np.asarray(replay["actions"])[:, 0]
+    assert len(np.unique(taken)) > 1
+    np.testing.assert_array_equal(taken, act(jnp.asarray(replay["states"][:-1], jnp.float32)))
+
+
+def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
+    assert digest(sources([player_program(spiral)])) == SPIRAL
+
+
+def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(spiral, tmp_path):
+    team = find_player("P_smooth", Role.PURSUER).policy
+    with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
+        player_program(team)
+    if find_spec("ziglang") is None:
+        with pytest.raises(InvalidInput, match=r"ziglang = missing .* pip install ziglang"):
+            write_player(spiral, tmp_path / "spiral.wasm")

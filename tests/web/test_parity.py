@@ -1,5 +1,6 @@
-"""What the page runs does what the package's own Python does: games, what robots see, players, shields, replays."""
+"""The page's modules in Node: what it runs does what the package does, and what is drawn on it is the package's."""
 
+import base64
 import json
 import shutil
 import subprocess
@@ -18,10 +19,11 @@ from apollonius.agents.shield import MARGIN, brakes
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.agents.trained import ZOO
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game
+from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.chart import NO_WAY
 from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -30,6 +32,7 @@ from apollonius.game.presets import PRESETS, make_game
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, Outcome, RobotStatus, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 from apollonius.play.replay import as_rows, as_state, load_replay, play_actions
@@ -45,11 +48,13 @@ STATUSES = np.asarray([status.name.lower() for status in RobotStatus])
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 
 
-def ask(**question):
+def ask(**questions):
+    """Return the answers of the page's modules; of one question the answer itself."""
     program = ["node", str(Path(__file__).with_name("check.mjs"))]
-    question = json.dumps({"page": str(PAGE)} | question)
-    answer = subprocess.run(program, input=question, capture_output=True, text=True, check=True)
-    return json.loads(answer.stdout)
+    given = json.dumps({"page": str(PAGE)} | questions)
+    done = subprocess.run(program, input=given, capture_output=True, text=True, check=True, timeout=500)
+    answers = json.loads(done.stdout)
+    return answers if len(questions) > 1 else answers[next(iter(questions))]
 
 
 def apart(rows, others):
@@ -59,20 +64,18 @@ def apart(rows, others):
     return away.max()
 
 
-def test_golden_games_have_every_outcome_and_every_game():
-    replays = [load_replay(path) for path in GOLDEN]
+def test_golden_games_come_out_the_same():
+    """They have every outcome and every preset; a step that is judged by another rule would be seen."""
+    records, replays = [json.loads(path.read_text()) for path in GOLDEN], [load_replay(path) for path in GOLDEN]
     assert {replay.outcome for replay in replays} == set(Outcome) - {Outcome.ONGOING}
     assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == set(PRESETS)
-    assert max(len(replay.actions) for replay in replays) == 1000
-
-
-def test_golden_games_come_out_the_same():
-    played = ask(games=[json.loads(path.read_text()) for path in GOLDEN])["games"]
-    for path, game in zip(GOLDEN, played, strict=True):
-        replay = load_replay(path)
-        assert apart(game["rows"], replay.states) <= TOLERANCE, path.name
+    wrong = records[0] | {"game": records[0]["game"] | {"dt": 0.11}}
+    *played, other = ask(games=[*records, wrong])
+    for replay, game in zip(replays, played, strict=True):
+        assert apart(game["rows"], replay.states) <= TOLERANCE
         assert game["outcomes"][-1] == replay.outcome.name.lower()
         assert set(game["outcomes"][:-1]) <= {"ongoing"}
+    assert apart(other["rows"], replays[0].states) > TOLERANCE
 
 
 def among_polygons():
@@ -169,7 +172,7 @@ def test_games_come_out_the_same(name, draw):
         {"game": as_on_the_page(game), "states": [row.tolist()], "actions": taken[:length].tolist()}
         for row, taken, length in zip(rows, actions, lengths, strict=True)
     ]
-    for index, (played, length) in enumerate(zip(ask(games=told)["games"], lengths, strict=True)):
+    for index, (played, length) in enumerate(zip(ask(games=told), lengths, strict=True)):
         assert apart(played["rows"], expected[index, : length + 1]) <= TOLERANCE
         assert played["outcomes"] == [Outcome(int(one)).name.lower() for one in outcomes[index, :length]]
         if states.status:
@@ -186,7 +189,7 @@ def test_gears_however_small_move_a_robot_at_its_top_speed_alike():
     actions = np.stack([sizes, -sizes], axis=1)[:, :, None].repeat(2, axis=2)
     states, _ = play_actions(game, as_state(start, jnp.asarray(0)), jnp.asarray(actions))
     told = {"game": to_dict(game), "states": [start.tolist()], "actions": actions.tolist()}
-    assert apart(ask(games=[told])["games"][0]["rows"], as_rows(states)) <= TOLERANCE
+    assert apart(ask(games=[told])[0]["rows"], as_rows(states)) <= TOLERANCE
 
 
 @pytest.mark.parametrize(
@@ -198,11 +201,12 @@ def test_gears_however_small_move_a_robot_at_its_top_speed_alike():
         slow("polygons", Role.PURSUER, 0),
         slow("crowd", Role.EVADER, 1),
         slow("team-3v2/office", Role.PURSUER, 2),
+        slow("drawn", Role.EVADER, 0),
     ],
 )
-def test_robots_see_and_do_the_same(name, role, number):
+def test_robots_see_and_do_the_same(name, role, number, tmp_path):
     """All observations, all rules, and the room that all actions leave, with some other robots out of play."""
-    game = charted(GAMES[name]())
+    game = charted(GAMES[name]() if name in GAMES else drawn_games(1, 5000, tmp_path)[0][1])
     counts = [len(side) for side in game.bodies]
     rows = drawn(game, 0.05, 200)
     statuses = np.where(np.random.default_rng(3).random((len(rows), sum(counts))) < 0.3, RobotStatus.CAPTURED, 0)
@@ -217,22 +221,28 @@ def test_robots_see_and_do_the_same(name, role, number):
     record = as_on_the_page(replace(game, arena=replace(game.arena, chart=None)))
     told = {"game": record, "role": role.name.lower(), "number": number, "observations": READS}
     found = ask(views=told | {"rows": rows.tolist(), "statuses": STATUSES[statuses].tolist()})
-    for observation in READS:
-        seen = np.asarray(jax.jit(jax.vmap(find_observation(observation)))(views))
-        is_apart = np.abs(np.asarray(found["seen"][observation]) - seen).max(axis=1) > 1e-3
-        assert np.mean(is_apart) <= MOST_FLIPPED, observation
     fitting = {one: policy for one, (policy, sides) in PLAYERS.items() if role in sides}
     rules = {one: rule for one, rule in fitting.items() if issubclass(rule, AbstractClassical) and rule.fits(game)}
     assert found["values"].keys() == rules.keys()
-    for rule, policy in rules.items():
-        values = np.asarray(jax.jit(jax.vmap(policy.for_side(game, role).values))(views))
+    backup, actions = brakes(game, role), jnp.arange(NUM_ACTIONS)
+
+    @jax.jit
+    @jax.vmap
+    def expected(one):
+        seen = {name: find_observation(name)(one) for name in READS}
+        values = {rule: policy.for_side(game, role).values(one) for rule, policy in rules.items()}
+        return seen, values, jax.vmap(backup.of(one).room_after, (None, 0))(one.own.state, actions)
+
+    all_seen, all_values, rooms = jax.tree.map(np.asarray, expected(views))
+    for observation, seen in all_seen.items():
+        is_apart = np.abs(np.asarray(found["seen"][observation]) - seen).max(axis=1) > 1e-3
+        assert np.mean(is_apart) <= MOST_FLIPPED, observation
+    for rule, values in all_values.items():
         chosen = np.argmax(found["values"][rule], axis=1)
         loss = values.max(axis=1) - np.take_along_axis(values, chosen[:, None], axis=1)[:, 0]
         assert np.mean(loss > LEVEL) <= MOST_FLIPPED, rule
         assert len(np.unique(chosen)) > 1, rule
-    backup, actions = brakes(game, role), jnp.arange(NUM_ACTIONS)
-    after = jax.vmap(lambda one: jax.vmap(backup.of(one).room_after, (None, 0))(one.own.state, actions))
-    rooms, theirs = (np.minimum(room, MARGIN) for room in (jax.jit(after)(views), np.asarray(found["rooms"])))
+    rooms, theirs = (np.minimum(room, MARGIN) for room in (rooms, np.asarray(found["rooms"])))
     np.testing.assert_allclose(theirs, rooms, atol=1e-4)
     assert 0 < np.mean(rooms < MARGIN) < 1
 
@@ -272,7 +282,7 @@ def test_networks_and_shields_choose_the_same_actions(name, request):
 
     seen, outputs, own, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
     asked = {"path": str(path), "game": to_dict(game), "role": role.name.lower()}
-    answer = ask(agent=asked, observations=seen.tolist(), positions=rows.tolist())
+    answer = ask(agent=asked | {"observations": seen.tolist(), "rows": rows.tolist()})
     np.testing.assert_allclose(answer["outputs"], outputs, atol=1e-4)
     np.testing.assert_allclose(answer["gears"], own, atol=1e-5)
     np.testing.assert_allclose(answer["shielded"], behind_shield, atol=1e-5)
@@ -281,10 +291,12 @@ def test_networks_and_shields_choose_the_same_actions(name, request):
 
 @pytest.mark.parametrize(("pursuer", "evader"), [("smooth", "still"), ("smooth", "plain"), ("still", "plain")])
 def test_replays_play_again_in_the_package(pursuer, evader, request, tmp_path):
-    """Where a side is continuous a replay holds the gears of both, and otherwise actions."""
-    players = {"pursuer": pursuer, "evader": evader}
-    paths = {side: str(request.getfixturevalue(name)) for side, name in players.items() if name != "still"}
-    replay = ask(match={"game": to_dict(make_game("paper")), "seed": 3} | players | paths)["replay"]
+    """Where a side is continuous a replay holds the levels of both, and otherwise actions."""
+    named = {"pursuer": pursuer, "evader": evader}
+    sides = {
+        side: {"name": name if name == "still" else str(request.getfixturevalue(name))} for side, name in named.items()
+    }
+    (replay,) = ask(match={"game": to_dict(make_game("paper")), "seed": 3} | sides)
     (tmp_path / "game.json").write_text(json.dumps(replay))
     recorded = load_replay(tmp_path / "game.json")
     assert recorded.actions.shape[1:] == ((2, 2) if pursuer == "smooth" else (2,))
@@ -292,28 +304,192 @@ def test_replays_play_again_in_the_package(pursuer, evader, request, tmp_path):
     assert recorded.first_difference() is None
 
 
-def test_a_step_that_is_judged_otherwise_is_seen():
-    game = json.loads(GOLDEN[0].read_text())
-    [played] = ask(games=[game | {"game": game["game"] | {"dt": 0.11}}])["games"]
-    assert apart(played["rows"], game["states"]) > TOLERANCE
-
-
-def chases(difficulty, **changes):
-    """How a shielded pursuit of a fleeing robot ends in a dozen games: captures."""
-    question = {"pursuer": "P_any", "evader": "flee-aware", "difficulty": difficulty, "seed": 1, "count": 12} | changes
-    return ask(chases=question | {"game": to_dict(make_game("paper")), "agents": str(ZOO)})["chases"].count("captured")
+def captures(difficulty, pursuer="P_any", evader="flee-aware", count=12):
+    """How many of some games a shielded pursuer wins by a capture."""
+    pursuing = {"name": f"shielded:{ZOO / pursuer}.safetensors", "hard": difficulty}
+    fleeing = {"name": f"shielded:{evader if evader == 'flee-aware' else ZOO / evader}"}
+    match = {"game": to_dict(make_game("paper")), "seed": 1, "pursuer": pursuing, "evader": fleeing}
+    return ask(match=match | {"count": count, "outcomes": True}).count("captured")
 
 
 @pytest.mark.slow
 def test_difficulties_are_in_order():
-    gentle, fair, sharp = (chases(difficulty) for difficulty in ("gentle", "fair", "sharp"))
+    gentle, fair, sharp = map(captures, ("gentle", "fair", "sharp"))
     assert gentle + 3 <= fair <= sharp
     assert gentle <= 5
     assert sharp >= 11
-    best = {"pursuer": "P_optimal", "evader": "E_any", "count": 20}
-    assert chases("told", **best) >= chases("sharp", **best) + 2
+    best = ("P_optimal", "E_any.safetensors", 20)
+    assert captures("told", *best) >= captures("sharp", *best) + 2
 
 
 def test_who_sees_late_sees_the_past_and_who_is_told_sees_the_next_step():
-    seen = ask(sights=True)["sights"]
-    assert seen == {"late": [0, 0, 1], "own": [10, 11, 12], "told": [5, 4]}
+    assert ask(sights=True) == {"late": [0, 0, 1], "own": [10, 11, 12], "told": [5, 4]}
+
+
+@pytest.mark.parametrize(
+    ("me", "own", "theirs", "stands", "finds"),
+    [
+        ("evader", "forwards", {"name": "shielded:pure-pursuit"}, ["sharp", "told"], True),
+        ("evader", "still", {"name": "shielded:pure-pursuit", "hard": "told"}, ["sharp"], False),
+        ("evader", "still", {"name": "shielded:pure-pursuit", "hard": "gentle"}, ["sharp"], False),
+        ("pursuer", "still", {"name": "still"}, ["sharp"], True),
+    ],
+)
+def test_the_last_way_out_is_one_and_from_the_next_state_on_there_is_none(me, own, theirs, stands, finds):
+    """Games are played on in plain words of the rules; where no way out is found, there is none near the end."""
+    rival, name = ("pursuer", "flee") if me == "evader" else ("evader", "pure-pursuit")
+    rules = to_dict(make_game("paper")) | ({"max_steps": 150} if me == "pursuer" else {})
+    match = {"game": rules, "seed": 1, "me": me, me: {"name": own}, rival: theirs, "count": 3}
+    lost = ask(hindsight=match | {"stands": [{"name": f"shielded:{name}", "hard": hard} for hard in stands]})
+    for game in lost:
+        found, last = game["number"], game["last"]
+        assert game["better"] == ([] if found is None else [found])
+        assert game["seconds"] == pytest.approx((min(last, 200) if found is None else last - found) / 10)
+        assert game["steps"] > 0
+    assert lost
+    assert any(game["number"] is not None for game in lost) or not finds
+
+
+@pytest.mark.parametrize("name", ["map", *(slow(name) for name in ("paper", "polygons", "team-3v2/office"))])
+def test_charts_are_alike(name):
+    """Rounding decides which of two stops that are equally far is the nearest, and on whole centimetres."""
+    game = GAMES[name]()
+    found, chart = ask(chart=as_on_the_page(game)), charted(game).arena.chart
+    field, ways, beside = (np.asarray(leaf).ravel() for leaf in (chart.field, chart.ways, chart.beside))
+    np.testing.assert_allclose(found["field"], field, atol=1e-5)
+    assert np.mean(np.asarray(found["beside"]) != beside) < 1e-3
+    theirs = np.frombuffer(base64.b64decode(found["ways"]), np.uint16)
+    np.testing.assert_array_equal(theirs == NO_WAY, ways == NO_WAY)
+    np.testing.assert_allclose(theirs, ways.astype(int), atol=1)
+    assert 0.2 < np.mean(ways < NO_WAY) < 1
+
+
+# ---- arenas that are drawn
+
+
+def drawn_games(count, seed, folder):
+    """Return games drawn by a fuzzer, as the page has them and as the package reads the files that it saves."""
+    pairs = []
+    for number, drawing in enumerate(ask(fuzz={"count": count, "seed": seed})):
+        assert drawing["isSame"], "a link brings the same game"
+        path = folder / f"drawn-{number}.json"
+        path.write_text(drawing["file"])
+        pairs.append((drawing["game"], load_game(path)))
+    return pairs
+
+
+@jax.jit
+def begin(game, key):
+    return reset_batch(replace(game, starts=Starts(speed="moving", clearance=0.02)), key, 1)
+
+
+@jax.jit
+def play(game, row, actions):
+    return play_actions(game, as_state(row, jnp.asarray(0)), actions)
+
+
+@pytest.mark.parametrize(
+    ("count", "seed"), [(2, 1), pytest.param(1000, 100, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
+)
+def test_what_is_drawn_is_what_is_saved_and_played(count, seed, tmp_path):
+    """Random play close to obstacles, ten steps each."""
+    random, told, expected = np.random.default_rng(seed), [], []
+    for number, (record, game) in enumerate(drawn_games(count, seed, tmp_path)):
+        assert as_json(game) == record
+        actions = any_actions(random, (2, 2)).repeat(5, axis=0)
+        row = np.asarray(as_rows(begin(game, jax.random.key(number))))[0]
+        states, outcomes = jax.tree.map(np.asarray, play(game, jnp.asarray(row), jnp.asarray(actions)))
+        told.append({"game": record, "states": [row.tolist()], "actions": actions.tolist()})
+        expected.append((np.asarray(as_rows(states)), outcomes))
+    for (states, outcomes), game in zip(expected, ask(games=told), strict=True):
+        length = int(np.argmax(outcomes != Outcome.ONGOING)) + 1 if outcomes.any() else len(outcomes)
+        assert apart(game["rows"][: length + 1], states[: length + 1]) <= TOLERANCE
+        assert game["outcomes"][length - 1] == Outcome(int(outcomes[length - 1])).name.lower()
+
+
+def as_json(game):
+    return json.loads(json.dumps(to_dict(game)))
+
+
+CLOSED = """{
+  "arena": {
+    "x_max": 8,
+    "y_max": 6,
+    "polygons": [
+      { "vertices": [[2, 0], [2.2, 0], [2.2, 2.6], [2, 2.6]] },
+      { "vertices": [[2, 3.4], [2.2, 3.4], [2.2, 6], [2, 6]] }
+    ]
+  },
+  "pursuer": { "radius": 0.45 },
+  "starts": { "clearance": 2.1, "separation": 0.3 }
+}"""
+
+
+def test_a_passage_that_is_too_narrow_for_one_robot_and_too_little_room_to_start_are_said():
+    parts, share = ask(survey=CLOSED)
+    assert parts.startswith("the pursuer's free space falls into 2 parts, and it never leaves the one it starts in")
+    assert share.startswith("the pursuer can start on ")
+
+
+def test_games_are_read_as_the_package_reads_them():
+    names = [name for name in game_names() if not name.startswith("team")]
+    for name, read in zip(names, ask(read=[json.dumps(to_dict(find_game(name))) for name in names]), strict=True):
+        assert read["answer"] == as_json(find_game(name))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"arena": 3}', "arena = 3"),
+        ('{"arena": {"x_max": -1}}', "arena.x_min = 0"),
+        ('{"arena": {"colour": "red"}}', "arena: 'colour'"),
+        ('{"arena": {"discs": [{"x": 1, "y": 2}]}}', "arena.discs[0].radius = null"),
+        ('{"arena": {"discs": [{"x": 1, "y": 2, "radius": 0}]}}', "arena.discs[0].radius = 0"),
+        ('{"arena": {"discs": [{"x": 11, "y": 2, "radius": 1}]}}', "arena.discs[0] centre = [11,2]"),
+        ('{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2], [2, 1], [1, 2]]}]}}', "arena.polygons[0].vertices"),
+        ('{"arena": {"polygons": [{"vertices": [[1, 1], [2, 2]]}]}}', "2 corners"),
+        ('{"max_steps": 1.5}', "max_steps = 1.5"),
+        ('{"dt": true}', "game.dt = true"),
+        ('{"capture_distance": NaN}', "NaN"),
+        ('{"capture_distance": 2}', "starts.separation = 1"),
+        ('{"pursuer": {"u2_max": 30}}', "pursuer.u2_max = 30"),
+        ('{"evader": {"v_min": 2}}', "evader.v_min = 2"),
+        ('{"starts": {"speed": "fast"}}', "starts.speed = fast"),
+        ('{"starts": {"clearance": 9}}', "no place to start"),
+        ('{"reward": {"profile": "__proto__"}}', "reward.profile = __proto__"),
+        ('{"__proto__": {}}', "'__proto__'"),
+        ('{"arena": ', "JSON"),
+        ("[1]\n", "game = [1]"),
+        ('"arena\nof two lines', "JSON"),
+        ('{"arena": {"map": {"file": "floor.yaml", "sha256": "0"}}}', "on the map floor.yaml: apollonius play"),
+        ('{"pursuers": 3}', "chosen under Games"),
+    ],
+)
+def test_what_the_package_refuses_the_page_refuses(text, said, tmp_path):
+    if "Games" not in said:
+        (tmp_path / "bad.json").write_text(text)
+        with pytest.raises(InvalidInput):
+            load_game(tmp_path / "bad.json")
+    complaint = ask(read=[text])[0]["complaint"]
+    assert said in complaint
+    assert "\n" not in complaint
+    assert len(complaint) < 300
+
+
+def test_a_hostile_link_is_refused_in_a_line():
+    said = ask(links={"count": 400, "seed": 5})
+    assert {"played", "none"} < {*said}
+    assert all(len(line) < 300 and "\n" not in line for line in said)
+
+
+def test_shapes_stay_shapes():
+    moves = ask(moves=1)
+    assert moves["door"] == [
+        [[1, 0.9], [2.4, 0.9], [2.4, 1.1], [1, 1.1]],
+        [[3.6, 0.9], [6, 0.9], [6, 1.1], [3.6, 1.1]],
+    ]
+    assert moves["room"] == 5
+    assert moves["nothing"], "a block without a width is no change"
+    assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
+    assert moves["small"] == 0
+    assert len({x for x, _ in moves["crossed"]}) == 2

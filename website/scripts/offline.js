@@ -31,9 +31,7 @@ globalThis.apolloniusFile = (path, base64) => {
 globalThis.apolloniusModules = (modules) => {
   const addresses = new Map();
   for (const [name, source] of modules) {
-    const bound = source
-      .replace(/((?:from|import)\s*\(?)"\.\/([^"]+)"/g, (_, word, other) => `${word}"${addresses.get(other)}"`)
-      .replace(/new URL\("\.\/([^"]+)", import\.meta\.url\)/g, (_, other) => `"${addresses.get(other)}"`);
+    const bound = source.replace(/((?:from|import)\s*\(?)"\.\/([^"]+)"/g, (_, word, other) => `${word}"${addresses.get(other)}"`);
     addresses.set(name, URL.createObjectURL(new Blob([bound], { type: "text/javascript" })));
   }
   import([...addresses.values()].at(-1));

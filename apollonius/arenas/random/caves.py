@@ -17,28 +17,28 @@ _PER_GAP = 8
 _MOST_CELLS = 1_000
 """Most cells along a side."""
 _LEAST_SIDE = 4
-"""How long the sides are at least, in gaps."""
+"""Least length of the sides, in gaps."""
 _REACH = _PER_GAP // 2 + 0.25
-"""Clearance of the ways through a cave [cells]: half a gap, and what a map's clearances are too short by."""
+"""Clearance of the passages of a cave [cells]: half a gap, plus the shortfall of a map's clearances."""
 _ROCK = 0.47
 """Share of the cells that are rock at first."""
 _WINDOW = 3
-"""A cell becomes what most cells are that are no more than so many away along x and y ..."""
+"""A cell takes the majority of the cells no farther than this along x and y ..."""
 _ROUNDS = 4
-"""... so many times."""
+"""... this many times."""
 _LEAST_FREE = 0.45
-"""Share of the cells that are free at least."""
+"""Least share of free cells."""
 _PER_PILLAR = 30
-"""Square gaps with a pillar, a way round, each; one at least: a cave without is no place to flee in."""
+"""Square gaps for each pillar, at least one: in a cave without loops nobody escapes."""
 _TRIES = 200
-"""Caves drawn until one is large enough and has so many."""
+"""Caves that are tried."""
 
 
 def caves(layout: Layout, rng: np.random.Generator) -> Arena:
-    """One cave of cells an eighth of the gap wide, whose sides are those asked for to within half a cell.
+    """Draw a cave of cells an eighth of the gap wide, whose sides are the requested ones to within half a cell.
 
-    Every place of it is within half a gap of the middle of a passage at least as wide as the gap, and all those middles
-    are joined. What is narrower, or cut off, is rock.
+    Every point of it is within half a gap of the middle of a passage at least as wide as the gap, and all those middles
+    are joined. Anything narrower, or cut off, is rock.
 
     Raises:
         InvalidInput: for less than four gaps along a side, for more than a thousand cells, and where no cave is found.
@@ -61,13 +61,13 @@ def caves(layout: Layout, rng: np.random.Generator) -> Arena:
 
 
 def _pillars(free: Bool[np.ndarray, "rows columns"]) -> int:
-    """Pieces of rock that are not joined to the walls; corner to corner is joined."""
+    """Count the pieces of rock that do not touch the walls, not even corner to corner."""
     _, count = label(np.pad(~free, 1, constant_values=True), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
     return int(count) - 1
 
 
 def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """Each cell as most cells around it are, again and again; what is outside counts as neither."""
+    """Give each cell the majority of the cells around it, again and again; cells outside count as neither."""
     window = np.ones(2 * _WINDOW + 1, int)
     for _ in range(_ROUNDS):
         more = convolve1d(np.where(rock, 1, -1), window, 0, mode="constant")
@@ -76,9 +76,9 @@ def _worn(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows colu
 
 
 def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """The cells within reach of the largest connected part of the corners that have that clearance.
+    """Return the free cells within reach of the largest connected part of the corners with that clearance.
 
-    The corners keep it, as no cell that a disc around one of them touches was rock.
+    The corners keep it, as no cell that a disc around a corner touches was rock.
     """
     ways = _clearances(rock) >= _REACH
     largest = _parts(ways)
@@ -89,7 +89,7 @@ def _widened(rock: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows c
 
 
 def _parts(corners: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows columns"]:
-    """The largest part of them that is joined along edges."""
+    """Return the largest part that is joined along edges."""
     numbered, count = label(corners)  # pyright: ignore[reportGeneralTypeIssues]
     sizes = np.bincount(np.asarray(numbered).ravel(), minlength=count + 1)
     sizes[0] = 0
@@ -97,12 +97,12 @@ def _parts(corners: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "rows 
 
 
 def _clearances(rock: Bool[np.ndarray, "rows columns"]) -> np.ndarray:
-    """Of the cells' corners, from rock and from the walls [cells]."""
+    """Return the clearances of the cells' corners from rock and walls [cells]."""
     return distance_field(np.pad(rock, 1, constant_values=True), 1.0)[1:-1, 1:-1]
 
 
 def _is_one(free: Bool[np.ndarray, "rows columns"]) -> bool:
-    """Whether robots of all sizes up to the gap find one connected part."""
+    """Return whether robots of all sizes up to the gap find one connected part."""
     clearances = _clearances(~free)
     for least in np.linspace(0.5, _REACH, _PER_GAP):
         fits = clearances >= least

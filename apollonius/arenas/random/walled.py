@@ -3,19 +3,18 @@
 import numpy as np
 
 from apollonius.arenas.random.scattered import WALL, Layout, rectangle
-from apollonius.game.arena import Arena
+from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.game.polygon import Polygon
-from apollonius.game.validation import MOST_POLYGONS
 from apollonius.io.errors import require
 
 _WIDER = 1.25
 """Width of a corridor, in gaps."""
 _OPENED = 0.35
-"""Share of the tree's walls that are taken out: a maze without ways round is no place to flee in."""
+"""Share of the tree's walls that are taken out: in a maze without loops nobody escapes."""
 
 
 def maze(layout: Layout, rng: np.random.Generator) -> Arena:
-    """As many cells as fit, each joined to the others by corridors.
+    """Build a maze of as many cells as fit, each joined to the others by corridors.
 
     Raises:
         InvalidInput: where fewer than two by two fit.
@@ -43,7 +42,7 @@ def maze(layout: Layout, rng: np.random.Generator) -> Arena:
 
 
 def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
-    """Take out walls until every cell can be reached in one way, by a walk that goes back where it cannot go on."""
+    """Take out walls until every cell can be reached by one path: a depth-first walk at random."""
     columns, rows = up.shape[0], right.shape[1]
     way, seen = [(0, 0)], {(0, 0)}
     while way:
@@ -63,13 +62,13 @@ def _carve(right: np.ndarray, up: np.ndarray, rng: np.random.Generator) -> None:
 
 
 def _runs(walls: np.ndarray) -> list[tuple[int, int]]:
-    """Where rows of walls begin and end: each is one long wall."""
+    """Return the first and last index of each row of walls, one long wall."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], walls.astype(int), [0]])))
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _wall(left: float, bottom: float, right: float, top: float, layout: Layout) -> Polygon:
-    """A wall that ends in the middle of those it meets, so that no slit is left, but not beyond the arena's."""
+    """Return a wall that ends in the middle of the walls it meets, which leaves no slit, but inside the arena."""
     if right - left > top - bottom:
         left, right = left - WALL / 2, right + WALL / 2
     else:
@@ -88,7 +87,7 @@ _MISSING = 0.15
 
 
 def racks(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Rows along x, or along y, an aisle from the walls and from each other, each with aisles across.
+    """Place rows of racks along x, or along y, with aisles around and across them.
 
     Raises:
         InvalidInput: where not one row fits.
@@ -116,7 +115,7 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
 
 
 _LEAST = 2.4
-"""How long a room's sides are at least, in gaps."""
+"""Least length of a room's sides, in gaps."""
 _LARGE = 9.0
 """Rooms longer than this, in gaps, are always parted."""
 _WHOLE = 0.15
@@ -124,17 +123,17 @@ _WHOLE = 0.15
 _DOOR = (1.0, 1.5)
 """Smallest and largest width of a door, in gaps."""
 _TRIES = 20
-"""Places tried for a wall."""
+"""Positions tried for a wall."""
 
 Room = tuple[float, float, float, float]
 """Left, bottom, right, top [m]."""
 
 
 def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Walls across the longer side of a room, if there is space for two; no wall ends at another one's door.
+    """Part rooms across their longer sides while there is space; no wall ends at another one's door.
 
-    Whatever is parted is joined by the door, so all rooms are. Two doors lead through a wall that is long enough, so
-    that there are ways round. Parting ends once there are more walls than a game may have.
+    A door joins the parts, so all rooms are joined. Two doors lead through a long wall, which makes loops. Parting ends
+    beyond the number of walls that a game may have.
 
     Raises:
         InvalidInput: where there is no space for two rooms.
@@ -161,7 +160,7 @@ def rooms(layout: Layout, rng: np.random.Generator) -> Arena:
 def _part(
     room: Room, doors: list[Room], gap: float, rng: np.random.Generator
 ) -> tuple[list[Room], list[Room], list[Room]] | None:
-    """The pieces of a wall through a room, its doors and the two rooms; None where it stays whole."""
+    """Return the pieces of a wall through a room, its doors and the two rooms; None where it stays whole."""
     left, bottom, right, top = room
     across = right - left >= top - bottom  # the wall runs along y
     if not across:
@@ -194,6 +193,6 @@ def _part(
 
 
 def _turn(room: Room) -> Room:
-    """x and y exchanged."""
+    """Return a room with x and y exchanged."""
     left, bottom, right, top = room
     return bottom, left, top, right

@@ -1,16 +1,13 @@
 // Who acts: a player is a function from (game, state, who), the robot {role, number} that is to act, to actions in the order
 // it prefers them: all the discrete ones 0..8, and before them, of a player with continuous actions, its pair of gears.
 
-import { leavesRoom, roomAfter } from "./braking.js";
-import { observe } from "./observation.js";
+import { leavesRoom, observe, roomAfter } from "./calls.js";
+import { ACTIONS, bodyOf, gears, robotOf } from "./game.js";
 import { addresses, given, kept, run } from "./programs.js";
-import { gears } from "./rules.js";
-import { bodyOf, robotOf } from "./teams.js";
 
-const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const UNITS = 64; // of a layer that are worked out together, whose weights lie together
 
-/** A trained network from the bytes of its safetensors file: {header, sizes, weights}, of each layer and all of them. */
+/** Read a trained network from the bytes of its safetensors file: {header, sizes, weights}. */
 export function readAgent(buffer) {
   const view = new DataView(buffer);
   const length = Number(view.getBigUint64(0, true));
@@ -43,7 +40,7 @@ function inBlocks([weight, bias]) {
   return found;
 }
 
-/** What a network says: fully connected layers with ReLU between them (Fig. 3). */
+/** Return the outputs of a network: fully connected layers with ReLU between them (Fig. 3). */
 export function outputs({ sizes, weights }, observation) {
   addresses.weights = weights;
   given.sizes().set(sizes);
@@ -54,14 +51,14 @@ export function outputs({ sizes, weights }, observation) {
 /** Actions by falling value; among equals, the lowest comes first. */
 const byValue = (values) => ACTIONS.toSorted((a, b) => values[b] - values[a] || a - b);
 
-/** The gears that two means stand for, then the discrete actions, those with the nearest gears first. */
+/** Return the pair of levels that two means stand for, then the discrete actions, the nearest first. */
 function byNearness(means) {
   const own = [...means.map(Math.tanh)]; // in single precision, as a replay holds them
   const away = (action) => gears(action).reduce((sum, gear, index) => sum + (gear - own[index]) ** 2, 0);
   return [own, ...byValue(ACTIONS.map((action) => -away(action)))];
 }
 
-/** What a network's outputs say to do, by its kind: the values of the 9 actions, or means and spreads of two gears. */
+/** The order of actions by a network's outputs: values of the 9 actions, or means and spreads of two levels. */
 const PREFERENCES = { values: byValue, gaussian: (said) => byNearness(said.subarray(0, 2)) };
 
 /** A trained agent without exploration. */
@@ -70,13 +67,13 @@ export function atBest(agent) {
   return (...seen) => PREFERENCES[network](outputs(agent, observe(observation, ...seen)));
 }
 
-/** What the nine actions are worth to a trained agent, if it values them: from (game, state, who) to numbers. */
+/** Return a function from (game, state, who) to the values of the nine actions, or null for an agent without values. */
 export function valuesOf(agent) {
   const { observation, network = "values" } = agent.header;
   return network === "values" ? (...seen) => outputs(agent, observe(observation, ...seen)) : null;
 }
 
-/** A player that takes the best of the actions by some values: from (game, state, who) to the nine of them. */
+/** Return the player that prefers actions of higher value. */
 export const byValues = (values) => (...seen) => byValue(values(...seen));
 
 /** Players that need no file. */

@@ -1,14 +1,11 @@
 // What a person may choose, in the menu and in the page's address: a level, or who plays either side, an arena, how many
 // robots, how hard, a seed.
 
-import { bestOf } from "./best.js";
-import { DIFFICULTIES } from "./difficulty.js";
-import { MOST_ROBOTS } from "./handing.js";
-import { LEVELS, levelOf } from "./levels.js";
+import { MOST_ROBOTS } from "./calls.js";
+import { EVADER, PURSUER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
+import { LEVELS, bestOf, levelOf } from "./levels.js";
 import { SHIELDED, YOU, bare, inWords, isPerson, leadAndMates, leading } from "./names.js";
-import { ruleNames } from "./players.js";
-import { EVADER, PURSUER, ROLES, other } from "./rules.js";
-import { countsOf, partsOf, teamName } from "./teams.js";
+import { DIFFICULTIES, ruleNames } from "./players.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
 const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
@@ -23,7 +20,7 @@ const group = (label, options) => {
 };
 
 export class Choices {
-  /** @param form whose fields are filled here; `games` are all that there are by name */
+  /** @param form whose fields are filled here; `games` are all games by name */
   constructor(form, { agents, anywhere, chosen }, games) {
     Object.assign(this, { form, agents, anywhere, chosen, games });
     const difficulties = Object.entries(DIFFICULTIES).map(([name, { words }]) => [name, words]);
@@ -37,7 +34,7 @@ export class Choices {
     return this.form.elements.namedItem(name);
   }
 
-  /** How many robots either side has, as chosen: [3, 1]. */
+  /** The chosen numbers of robots: [3, 1]. */
   get #counts() {
     return this.#field("robots").value.split(" v ").map(Number);
   }
@@ -64,7 +61,7 @@ export class Choices {
     this.refit();
   }
 
-  /** Offer the players that fit the chosen game; who knows only one arena makes room for one who knows any. */
+  /** Offer the players that fit the chosen game; an agent that knows only another arena is replaced. */
   refit() {
     const name = this.#field("game").value;
     this.#offerSizes(this.#counts);
@@ -99,7 +96,7 @@ export class Choices {
     return leading(this.#hasMates(role) ? (leadAndMates(name)[1] ?? known) : null);
   }
 
-  /** Whether an agent is one of the zoo, which were trained in the paper's arena. */
+  /** Return whether an agent is of the zoo, and so was trained in the paper's arena. */
   isOurs(name) {
     return /^[PE]_\w+$/.test(name);
   }
@@ -128,7 +125,7 @@ export class Choices {
     return isTaken;
   }
 
-  /** What the form says: {pursuer, evader, game, difficulty, seed, level}, agents with `shielded:` where wanted. */
+  /** Read the form: {pursuer, evader, game, difficulty, seed, level}, agents with `shielded:` if it is checked. */
   read() {
     const said = Object.fromEntries(new FormData(this.form));
     const guarded = (name) => (said.shield && name ? SHIELDED + name : name);
@@ -162,7 +159,7 @@ export function asChoice(level) {
   return { ...players, game: level.game, difficulty: level.difficulty, seed: level.number, level };
 }
 
-/** The same as the query of an address. */
+/** Return a choice as the query of an address. */
 export function asQuery({ level, ...choice }) {
   return `?${new URLSearchParams(level ? { level: level.number } : choice)}`;
 }

@@ -1,13 +1,11 @@
 // A match under way on a canvas: the arena, trails, robots. Lengths are in metres, y points up.
 
-import { circle, drawArena, drawTrail, path } from "./arena.js";
-import { drawMap } from "./cells.js";
+import { circle, drawArena, drawMap, drawTrail, path } from "./arena.js";
+import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 import { isTooFast, restOf } from "./hints.js";
-import { PURSUER, ROLES, wrapAngle } from "./rules.js";
-import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
-const SMALLEST = 0.018; // least radius, as a share of what is seen, so that robots are found in large arenas
+const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
 
 /** A state between two others, `share` of the way from the first to the second. */
@@ -24,26 +22,22 @@ export function between(before, after, share) {
   return { ...after, ...Object.fromEntries(ROLES.map((role) => [role, side(role)])) };
 }
 
-/**
- * Where metres are on a canvas: `scale` pixels each, and the pixel of the origin.
- *
- * @param seen {x_min, x_max, y_min, y_max} what is to be seen [m], in the middle and as large as it fits
- */
-export function placing(canvas, seen) {
-  const [width, height] = [seen.x_max - seen.x_min + 2 * MARGIN, seen.y_max - seen.y_min + 2 * MARGIN];
+/** Return the `scale` of a canvas that shows an arena, in pixels per metre, and the pixel of the origin. */
+export function placing(canvas, arena) {
+  const [width, height] = [arena.x_max - arena.x_min + 2 * MARGIN, arena.y_max - arena.y_min + 2 * MARGIN];
   const scale = Math.min(canvas.width / width, canvas.height / height);
-  const x = canvas.width / 2 - (scale * (seen.x_min + seen.x_max)) / 2;
-  const y = canvas.height / 2 + (scale * (seen.y_min + seen.y_max)) / 2;
+  const x = canvas.width / 2 - (scale * (arena.x_min + arena.x_max)) / 2;
+  const y = canvas.height / 2 + (scale * (arena.y_min + arena.y_max)) / 2;
   return { scale, x, y };
 }
 
 /** Clear a canvas, as large as its place in the page, and scale it to metres; returns its context. */
-export function begin(canvas, seen) {
+export function begin(canvas, arena) {
   const ratio = globalThis.devicePixelRatio;
   const pixels = [canvas.clientWidth, canvas.clientHeight].map((length) => Math.max(1, Math.round(length * ratio)));
   if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
   const context = canvas.getContext("2d");
-  const { scale, x, y } = placing(canvas, seen);
+  const { scale, x, y } = placing(canvas, arena);
   context.resetTransform();
   context.clearRect(0, 0, ...pixels);
   context.setTransform(scale, 0, 0, -scale, x, y);
@@ -67,19 +61,19 @@ export function drawGround(context, arena, colours, beneath = null) {
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
  *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} whose way
  *   to rest is drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them,
- *   `seen`, the part of the arena to show, `layers`, {beneath, above}: what draws on the bare ground, and between trails
- *   and robots. Team mates have their numbers, and a robot that is out of play is a cross
+ *   `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross
  */
-export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, seen = game.arena, layers = null }) {
-  const context = begin(canvas, seen);
-  drawGround(context, game.arena, colours, layers?.beneath);
+export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, layers = null }) {
+  const { arena } = game;
+  const context = begin(canvas, arena);
+  drawGround(context, arena, colours, layers?.beneath);
   const robots = robotsOf(now, ROLES);
   for (const who of robots) {
     const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
     drawTrail(context, trail, colours[who.role]);
   }
   layers?.above(context);
-  const least = Math.max(ROBOT, SMALLEST * Math.max(seen.x_max - seen.x_min, seen.y_max - seen.y_min));
+  const least = Math.max(ROBOT, SMALLEST * Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min));
   for (const who of steered) {
     const robot = robotOf(now, who);
     drawWayToRest(context, game, who, robot, colours);
@@ -100,7 +94,7 @@ function drawRobot(context, game, who, now, least, colours) {
   if (now[role].length > 1) drawNumber(context, robot, radius, number + 1, colours[role]);
 }
 
-/** What lies so far ahead of a robot, or at an angle to it. */
+/** Return the point at a distance ahead of a robot, or at an angle to it. */
 function ahead(robot, length, angle = 0) {
   return [robot.x + length * Math.cos(robot.heading + angle), robot.y + length * Math.sin(robot.heading + angle)];
 }

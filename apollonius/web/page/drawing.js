@@ -13,20 +13,20 @@ export class Drawing {
   constructor(element, session, choices) {
     Object.assign(this, { element, session, choices, workshop: null });
     for (const type of ["dragover", "drop"]) document.addEventListener(type, (event) => event.preventDefault());
-    document.addEventListener("drop", ({ dataTransfer }) => dataTransfer?.files.length && this.openFiles(dataTransfer.files));
+    document.addEventListener("drop", ({ dataTransfer }) => dataTransfer?.files.length && this.openFile(dataTransfer.files[0]));
   }
 
   /** Open the workshop with the arena of the game that is played. */
   async open() {
     await this.#begin();
     const { teams: _teams, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
-    this.workshop.open(game, this.workshop.files);
+    this.workshop.open(game);
   }
 
-  async openFiles(files) {
+  async openFile(file) {
     if (!this.workshop?.editor.game) await this.open();
     else await this.#begin();
-    await this.workshop.openFiles(files);
+    await this.workshop.openFile(file);
   }
 
   async #begin() {
@@ -53,7 +53,7 @@ export class Drawing {
   /** Put a drawn game among the others, and choose it. */
   offer(game) {
     const { map, ...arena } = game.arena;
-    const record = { ...game, arena: { ...arena, map: map && { file: map.file, sha256: map.digest || null } } };
+    const record = { ...game, arena: { ...arena, map: map && { file: map.file, sha256: map.sha256 } } };
     const named = map ? { ...game, record } : game;
     const { catalogue } = this.session;
     this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: named } };

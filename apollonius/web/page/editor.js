@@ -9,7 +9,7 @@ const TOUCH = 18; // how near a finger hits [px]
 const DEPTH = 200; // changes that can be undone
 const TAPPED = { disc: 0.5, wall: 2, block: 1, room: 3, corridor: 3 }; // sizes of what a tap makes [m]
 
-/** What each tool makes of a game by a way from one place to another. */
+/** Games by tools that are dragged from one point to another. */
 const MAKES = {
   disc: (game, [x, y], [toX, toY]) => plan.withDisc(game, [x, y], Math.hypot(toX - x, toY - y)),
   wall: plan.withWall,
@@ -151,7 +151,7 @@ export class Editor {
     this.gesture = null;
   }
 
-  /** What a tap makes: a shape of the usual size around a place. */
+  /** Make a shape of the usual size around a point, as a tap does. */
   #make(tool, [x, y]) {
     const half = TAPPED[tool] / 2;
     const flat = tool === "wall" || tool === "corridor" ? 0 : half;
@@ -170,12 +170,12 @@ export class Editor {
 
   // ---- drawing
 
-  /** Draw the arena, with what is selected and what a survey has found: {rows, columns, parts, haven}, or null. */
+  /** Draw the arena, with what is selected and what `survey` has found, or null. */
   draw(colours, found) {
     const { game, selected } = this;
     const context = begin(this.canvas, game.arena);
     drawGround(context, game.arena, colours);
-    if (found) drawFound(context, game.arena, found, colours);
+    if (found) drawCutOff(context, game.arena, found, colours);
     if (!selected || !game.arena[selected.kind][selected.index]) return;
     const unit = (globalThis.devicePixelRatio * 1) / placing(this.canvas, game.arena).scale; // a pixel [m]
     context.lineWidth = 2 * unit;
@@ -190,32 +190,26 @@ export class Editor {
 
 const pictures = new WeakMap();
 
-/** What is cut off, and where the evader is safe, as `arena check` paints it. */
-function drawFound(context, arena, found, colours) {
-  if (!pictures.has(found)) pictures.set(found, paint(found, colours));
-  const picture = pictures.get(found);
-  if (!picture) return;
+/** Cells of free space that are cut off from the largest part, as `arena check` paints them. */
+function drawCutOff(context, arena, found, colours) {
+  if (!pictures.has(found)) pictures.set(found, paint(found, colours.other));
   context.save();
   context.imageSmoothingEnabled = false;
   context.globalAlpha = 0.45;
-  context.drawImage(picture, arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
+  context.drawImage(pictures.get(found), arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
   context.restore();
 }
 
-/** A canvas with the first row at its top, as lengths along y point up; null where there is nothing to show. */
-function paint({ rows, columns, parts, haven }, colours) {
-  const sizes = parts.map((side) => side.reduce((counts, part) => counts.set(part, (counts.get(part) ?? 0) + 1), new Map()));
-  const largest = sizes.map((counts) => [...counts].filter(([part]) => part).toSorted((a, b) => b[1] - a[1])[0]?.[0]);
-  const isCut = (index) => parts.some((side, i) => side[index] && side[index] !== largest[i]);
+/** A canvas with the first row at its top, as lengths along y point up. */
+function paint({ rows, columns, parts }, colour) {
   const canvas = new OffscreenCanvas(columns, rows);
   const context = canvas.getContext("2d");
-  let isEmpty = true;
-  for (let index = 0; index < rows * columns; index++) {
-    const colour = haven[index] ? colours.evader : isCut(index) ? colours.other : null;
-    if (colour === null) continue;
-    isEmpty = false;
-    context.fillStyle = colour;
-    context.fillRect(index % columns, Math.floor(index / columns), 1, 1);
+  context.fillStyle = colour;
+  for (const side of parts) {
+    const sizes = new Map();
+    for (const part of side) if (part) sizes.set(part, (sizes.get(part) ?? 0) + 1);
+    const most = Math.max(...sizes.values());
+    side.forEach((part, cell) => part && sizes.get(part) < most && context.fillRect(cell % columns, Math.floor(cell / columns), 1, 1));
   }
-  return isEmpty ? null : canvas;
+  return canvas;
 }

@@ -1,10 +1,9 @@
-// What a person is told: who they are and what to do, and how a game ended.
+// Sentences for a person: the side, the goal, and how a game ended.
 
+import { EVADER, PURSUER, ROLES, isActive, other } from "./game.js";
 import { STAND_IN } from "./hindsight.js";
 import { levelWonBy } from "./levels.js";
 import { wordsOf } from "./match.js";
-import { EVADER, PURSUER, ROLES, other } from "./rules.js";
-import { isActive } from "./teams.js";
 
 const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
 const SIDE = { [PURSUER]: "Red", [EVADER]: "Blue" };
@@ -13,7 +12,7 @@ const FATES = { hit_obstacle: "hit an obstacle", out_of_range: "ran into a wall"
 const limit = ({ game }) => `${Number((game.max_steps * game.dt).toFixed(1))}\u00a0s`;
 const after = (steps, { game }) => `after ${(steps * game.dt).toFixed(1)}\u00a0s`;
 
-/** What is to be done. `me` is the side of the one person who plays, or null. */
+/** Return the goal of a match. `me` is the side of the one person who plays, or null. */
 export function describeGoal(match, me) {
   const { game, players, start } = match;
   if (!me) {
@@ -28,12 +27,12 @@ export function describeGoal(match, me) {
   return game.arena.territory ? `${you}: keep ${blue} from the ring for ${limit(match)}` : `${you}: catch ${blue} within ${limit(match)}`;
 }
 
-/** What put somebody out of play. */
+/** Return why a robot is out of play. */
 function befell(who, status) {
   return `${who} ${status === "captured" ? `${who === "You" ? "were" : "was"} caught` : FATES[status]}`;
 }
 
-/** What ended a game, as one side's person sees it or, without one, all do. */
+/** Return how a game ended, from the view of a person on one side, if there is one. */
 function describeOutcome({ outcome, start }, me) {
   const hasMates = (role) => start[role].length > 1;
   const side = (role) => (role !== me ? SIDE[role] : hasMates(role) ? "Your team" : "You");
@@ -48,7 +47,7 @@ function describeOutcome({ outcome, start }, me) {
   return befell(last(role), outcome.slice(role.length + 1));
 }
 
-/** What befell a person's robot before its team's game was over, or with the last of it. */
+/** Return what happened to a person's robot before its team's game was over, or with its last robot. */
 function describeOwn(match, me) {
   const { states } = match;
   const out = states.findIndex((state) => !isActive(state[me][0]));
@@ -58,13 +57,13 @@ function describeOwn(match, me) {
   return { isLast, what: isLast ? `${own}, the last of your team,` : `${own} ${after(out, match)}` };
 }
 
-/** What is said while a person's team plays on without its first robot; nothing while that is in play. */
+/** Return the message while a person's team plays on without its first robot, empty while it is in play. */
 export function describeLost(match, me) {
   const own = me && describeOwn(match, me);
   return own ? `${own.what}. Your team plays on.` : "";
 }
 
-/** How a game that is over ended, and who has won. */
+/** Return how a game ended, and who has won. */
 export function describeEnd(match, me) {
   const { winner } = match;
   const [what, own] = [describeOutcome(match, me), me && describeOwn(match, me)];
@@ -76,13 +75,13 @@ export function describeEnd(match, me) {
   return winner === me ? `${said}. You win!` : `${said}. You lose.`;
 }
 
-/** Until when a person who crashed could still have braked; nothing where that is not known. */
+/** Return until when a person who crashed could have braked, empty where it is unknown. */
 export function describeBrake({ game }, last) {
   return last === null ? "" : `Until ${(last * game.dt).toFixed(1)}\u00a0s you could have braked in time.`;
 }
 
 /**
- * Until when another in the place of a person would have done better; `chance` is what `lastChance` of `hindsight.js` found.
+ * Return until when another player in a person's place would have done better; `chance` comes from `lastChance`.
  */
 export function describeChance({ game }, me, chance) {
   const better = me === EVADER ? "have got away" : "have won";
@@ -90,14 +89,14 @@ export function describeChance({ game }, me, chance) {
   return `Until ${(chance.number * game.dt).toFixed(1)}\u00a0s the agent ${STAND_IN[me]} would ${better}.`;
 }
 
-/** How a game is begun and steered by so many people. */
+/** Return how a game is started and steered by a number of people. */
 export function describeReady(people) {
   const touch = matchMedia("(pointer: coarse)").matches;
   const how = people ? (touch ? "hold the pad to steer" : "arrow keys to steer") : "agents play";
   return `${touch ? "Start" : "Space"} to begin; ${how}`;
 }
 
-/** What the button that goes on says in a session. */
+/** Return the label of the main button. */
 export function describeGo(session) {
   const { phase, match, me } = session;
   if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Go on" }[phase] ?? "Start";

@@ -2,12 +2,13 @@
 // those that it lets a person save.
 
 import { readAgent } from "./agents.js";
-import { inTeams, partsOf } from "./teams.js";
+import { readOwn } from "./calls.js";
+import { inTeams, partsOf } from "./game.js";
 
 const read = new Map();
 const withTeams = new WeakMap(); // games of teams by the games of two that they are made of, and then by their names
 
-/** What a file says, by the function that reads its bytes; read once. `name` is what a person calls it. */
+/** Read a file by a function of its bytes, once. `name` is for messages. */
 async function load(name, path, reads) {
   if (!read.has(path)) {
     const answer = await fetch(path);
@@ -17,8 +18,11 @@ async function load(name, path, reads) {
   return read.get(path);
 }
 
-/** The network of a trained agent. */
-export const findAgent = ({ files }, name) => load(name, files[name], readAgent);
+/** Return whether an agent is a user's own player, and no network. */
+export const isOwn = ({ files }, name) => files[name]?.endsWith(".wasm");
+
+/** The network of a trained agent, or a player of a user's own. */
+export const findAgent = (catalogue, name) => load(name, catalogue.files[name], isOwn(catalogue, name) ? readOwn : readAgent);
 
 /** A game, such as `office` or `team-3v1/office`; always the same object, so that its chart is drawn once. */
 export async function findGame(catalogue, name) {
@@ -35,7 +39,7 @@ async function findArena({ games, maps }, name) {
   const game = games[name];
   if (!maps[name]) return game;
   return load(`the map of ${name}`, maps[name].field, (buffer) => {
-    const map = { ...maps[name], field: new Float32Array(buffer) };
+    const map = { ...maps[name], ...game.arena.map, field: new Float32Array(buffer) };
     return { ...game, arena: { ...game.arena, map }, record: game };
   });
 }

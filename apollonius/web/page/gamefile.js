@@ -1,18 +1,18 @@
-// Games as the JSON that `--game` reads, and the same in a link: text in, a checked game out, and back.
+// Games from elsewhere, a JSON file or a link: what is left out has its default, and what cannot be played is refused with the
+// value, the bound and the remedy, as `arenas/record.py` and `game/validation.py` do.
 
-import { gameFrom } from "./validation.js";
+import { hasMeetingEdges } from "./plan.js";
+import { drawStart, makeRandom } from "./starts.js";
 
 const MARK = "#game=";
 const LONGEST = 100_000; // characters of a link's game, decoded
 
-/** The game of a JSON text; `map` is the one it names, loaded. Throws an Error in one line. */
-export function readGame(text, map = null) {
+/** The game of a JSON text. Throws an Error in one line. */
+export function readGame(text) {
   const said = parsed(text);
-  const named = said?.arena?.map;
-  if (named !== undefined && !map) {
-    throw new Error(`this game is on the map ${String(named?.file ?? named).slice(0, 60)}: drop its .yaml and its image together with it`);
-  }
-  return gameFrom(said, map);
+  const map = said?.arena?.map;
+  if (map === undefined) return gameFrom(said);
+  throw new Error(`this game is on the map ${String(map?.file ?? map).slice(0, 60)}: apollonius play --game FILE opens the page with it`);
 }
 
 function parsed(text) {
@@ -29,7 +29,7 @@ export function writeGame(game, indent = 2) {
   return JSON.stringify({ ...game, arena: map ? { ...arena, map: map.file } : arena }, null, indent);
 }
 
-/** What stands after the address in a link to a game: its JSON in base64url. Games on maps are too large for links. */
+/** Return the fragment of a link to a game: its JSON in base64url. Games on maps are too large for links. */
 export function asFragment(game) {
   if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
   const bytes = new TextEncoder().encode(writeGame(game, 0));
@@ -50,4 +50,144 @@ export function fromFragment(fragment) {
     throw new Error("it is damaged; copy the whole link");
   }
   return readGame(text);
+}
+
+const MAX_TURN = 2; // in one step [rad]
+const MAX_SIZE = 1e6; // of any number
+const MAX_STEPS = 2 ** 31 - 1;
+const [MOST_DISCS, MOST_POLYGONS, MOST_CORNERS, MOST_EDGES] = [250, 200, 1000, 2000];
+const SHORTEST = 0.01; // step [s] that the page keeps up with
+const LONGEST_STOP = 1000; // steps that a robot may take to stop, as shields look so far ahead
+
+const BODY = { v_min: 0, v_max: 1.2, u1_max: 0.3, u2_max: 0.8, radius: 0 };
+/** The game of an empty file: the paper's, without discs. Keys without a value may be left out. */
+export const DEFAULT = {
+  pursuer: BODY,
+  evader: BODY,
+  arena: { x_min: 0, x_max: 10, y_min: 0, y_max: 10, discs: [], polygons: [], territory: undefined, map: undefined },
+  capture_distance: 0.3,
+  dt: 0.1,
+  max_steps: 1000,
+  reward: { profile: "paper", capture: 10, failure: 10, progress: 3, zero_sum_within: undefined },
+  starts: { speed: "rest", clearance: 0.3, separation: 1 },
+};
+const DISC = { x: null, y: null, radius: null };
+
+function require(isPossible, name, value, bound) {
+  if (!isPossible) throw new Error(`${name} = ${shown(value)} is not possible: it must be ${bound}`);
+}
+
+/** A value in a message, however large or strange it is. */
+function shown(value) {
+  const text = typeof value === "string" ? value : (JSON.stringify(value) ?? String(value));
+  return text.length > 60 ? `${text.slice(0, 60)}…` : text;
+}
+
+const isTable = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
+
+/** Fill a table, and those in it, by defaults: each key known, each number finite. */
+function filled(said, defaults, name) {
+  require(isTable(said), name, said, "a table of keys and values");
+  const unknown = Object.keys(said).find((key) => !Object.hasOwn(defaults, key));
+  if (unknown !== undefined) throw new Error(`${name}: '${shown(unknown)}' is no known key: remove it`);
+  const made = {};
+  for (const [key, usual] of Object.entries(defaults)) {
+    const [value, called] = [Object.hasOwn(said, key) ? said[key] : usual, name === "game" && isTable(usual) ? key : `${name}.${key}`];
+    if (usual === null || typeof usual === "number") {
+      require(Number.isFinite(value) && typeof value === "number", called, value, "a finite number");
+      require(Math.abs(value) <= MAX_SIZE || key === "max_steps", called, value, `within ${MAX_SIZE} of 0`);
+    }
+    if (value !== undefined) made[key] = isTable(usual) ? filled(value, usual, called) : value;
+  }
+  return made;
+}
+
+function list(value, name, most) {
+  require(Array.isArray(value), name, value, "a list");
+  require(value.length <= most, name, `${value.length} of them`, `at most ${most}; draw so many obstacles as an occupancy map`);
+  return value;
+}
+
+/**
+ * Return the checked game of nested tables, as of a JSON file.
+ *
+ * @param map {x, y, cell, rows, columns, field, file, sha256} of its map, if it has one
+ * @throws Error in one line
+ */
+export function gameFrom(said, map = null) {
+  require(!said?.scenario, "scenario", said?.scenario, "left out, as the page plays in one arena");
+  for (const key of ["pursuers", "evaders", "teams", "mates_collide"]) {
+    require(said?.[key] === undefined, key, said?.[key], "left out here: the numbers of robots are chosen under Games");
+  }
+  const ends = map && { x_min: map.x, x_max: map.x + (map.columns - 1) * map.cell, y_min: map.y, y_max: map.y + (map.rows - 1) * map.cell };
+  const game = filled(said, { ...DEFAULT, arena: { ...DEFAULT.arena, ...ends } }, "game");
+  const { arena } = game;
+  arena.discs = list(arena.discs, "arena.discs", MOST_DISCS).map((disc, i) => filled(disc, DISC, `arena.discs[${i}]`));
+  arena.polygons = list(arena.polygons, "arena.polygons", MOST_POLYGONS).map((polygon, i) => {
+    const { vertices } = filled(polygon, { vertices: [] }, `arena.polygons[${i}]`);
+    const name = `arena.polygons[${i}].vertices`;
+    for (const corner of list(vertices, name, MOST_CORNERS)) {
+      const isPoint = Array.isArray(corner) && corner.length === 2 && corner.every((one) => Number.isFinite(one) && Math.abs(one) <= MAX_SIZE);
+      require(isPoint, name, corner, "[x, y] of each corner");
+    }
+    return { vertices: vertices.map(([x, y]) => [x, y]) };
+  });
+  if (arena.territory !== undefined) arena.territory = filled(arena.territory, DISC, "arena.territory");
+  if (map) arena.map = map;
+  check(game, ends);
+  return game;
+}
+
+function check(game, ends) {
+  const { dt, capture_distance: capture, max_steps: steps, starts, arena, reward } = game;
+  require(["paper", "zero-sum"].includes(reward.profile), "reward.profile", reward.profile, "paper or zero-sum");
+  const within = reward.zero_sum_within ?? 1;
+  require(Number.isFinite(within) && within > 0 && within <= MAX_SIZE, "reward.zero_sum_within", within, "more than 0 m");
+  require(["rest", "moving"].includes(starts.speed), "starts.speed", starts.speed, "rest or moving");
+  require(dt >= SHORTEST, "dt", dt, `at least ${SHORTEST} s, which the page keeps up with`);
+  require(Math.fround(capture) > 0, "capture_distance", capture, "more than 0 m");
+  require(Number.isInteger(steps) && steps >= 1 && steps <= MAX_STEPS, "max_steps", steps, "a whole number, at least 1");
+  for (const side of ["pursuer", "evader"]) checkBody(game[side], side, dt);
+  checkArena(arena, ends);
+  require(starts.clearance >= 0, "starts.clearance", starts.clearance, "0 m or more");
+  require(starts.separation >= capture, "starts.separation", starts.separation, `at least capture_distance = ${capture} m`);
+  drawStart(game, makeRandom(0)); // throws where there is no room to start
+}
+
+function checkBody(body, name, dt) {
+  require(body.v_min <= body.v_max, `${name}.v_min`, body.v_min, `at most v_max = ${body.v_max} m/s`);
+  require(body.v_max > 0, `${name}.v_max`, body.v_max, "more than 0 m/s");
+  require(body.u1_max >= 0, `${name}.u1_max`, body.u1_max, "0 m/s^2 or more");
+  require(body.u2_max >= 0, `${name}.u2_max`, body.u2_max, "0 rad/s or more");
+  require(body.u2_max * dt <= MAX_TURN, `${name}.u2_max`, body.u2_max, `at most ${MAX_TURN} rad in a step`);
+  require(body.radius >= 0, `${name}.radius`, body.radius, "0 m (a point) or more");
+  // What only the page demands, as it plays at the clock's pace.
+  const stops = body.v_max <= LONGEST_STOP * body.u1_max * dt;
+  require(stops, `${name}.u1_max`, body.u1_max, `enough to stop from v_max = ${body.v_max} m/s within ${LONGEST_STOP} steps`);
+}
+
+function checkArena(arena, ends) {
+  const { x_min: left, x_max: right, y_min: low, y_max: high } = arena;
+  require(left < right, "arena.x_min", left, `less than x_max = ${right} m`);
+  require(low < high, "arena.y_min", low, `less than y_max = ${high} m`);
+  const inside = (x, y) => left <= x && x <= right && low <= y && y <= high;
+  arena.discs.forEach(({ x, y, radius }, i) => {
+    require(radius > 0, `arena.discs[${i}].radius`, radius, "more than 0 m; remove the disc to have none");
+    require(inside(x, y), `arena.discs[${i}] centre`, [x, y], "inside the walls; move or remove the disc");
+  });
+  const corners = arena.polygons.reduce((sum, { vertices }) => sum + vertices.length, 0);
+  require(corners <= MOST_EDGES, "arena.polygons", `${corners} corners`, `at most ${MOST_EDGES} in all`);
+  arena.polygons.forEach(({ vertices }, i) => {
+    const name = `arena.polygons[${i}].vertices`;
+    require(vertices.length >= 3, name, `${vertices.length} corners`, `3 to ${MOST_CORNERS}`);
+    require(vertices.every(([x, y]) => inside(x, y)), name, vertices, "inside the walls; move them");
+    require(!hasMeetingEdges(vertices), name, vertices, "the corners in order around the obstacle, whose edges meet nowhere else");
+  });
+  if (arena.territory) {
+    const { x, y, radius } = arena.territory;
+    require(radius > 0, "arena.territory.radius", radius, "more than 0 m");
+    require(inside(x, y), "arena.territory centre", [x, y], "inside the walls; move or remove it");
+  }
+  const isCovered = !ends || (ends.x_min <= left && right <= ends.x_max && ends.y_min <= low && high <= ends.y_max);
+  require(isCovered, "arena walls", [left, right, low, high], "within the map's ends; leave them out to have just these");
 }

@@ -6,7 +6,7 @@ const BRAKES = [4, 6];
 const THRUSTS = [5, 7];
 const [START, FACE] = [9, 0];
 
-/** The two gears that a controller asks for, -1, 0 or 1 each, or null while it asks for nothing. */
+/** Return the two levels that a controller asks for, -1, 0 or 1 each, or null for none. */
 export function gearsOf({ axes, buttons }) {
   const pressed = (...indices) => indices.some((index) => buttons[index]?.pressed);
   const push = (axis) => (Math.abs(axes[axis] ?? 0) > DEAD ? Math.sign(axes[axis]) : 0);
@@ -21,12 +21,12 @@ export class Controllers {
     this.wasPressed = false;
   }
 
-  /** The gears of each, in their order. */
+  /** Return the levels of each, in their order. */
   gears() {
     return this.#plugged().map(gearsOf);
   }
 
-  /** Whether a button that starts has just been pressed on any. */
+  /** Return whether a start button has just been pressed on any. */
   starts() {
     const isPressed = this.#plugged().some(({ buttons }) => buttons[START]?.pressed || buttons[FACE]?.pressed);
     const isNew = isPressed && !this.wasPressed;

@@ -2,10 +2,9 @@
 // from states that were recorded, by the rules and against the very players of the match, so that a way out that is found
 // is one.
 
+import { EVADER, PURSUER, ROLES, isActive, other, robotOf } from "./game.js";
 import { SHIELDED, bare } from "./names.js";
 import { findTeam } from "./players.js";
-import { EVADER, PURSUER, ROLES, other } from "./rules.js";
-import { isActive, robotOf } from "./teams.js";
 
 export const STAND_IN = { [PURSUER]: "P_any", [EVADER]: "E_any" }; // who takes the person's place, shielded
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
@@ -54,7 +53,7 @@ function* someoneDoesBetter(match, number, who, stands) {
   return false;
 }
 
-/** Whether a stand-in does from a state on. */
+/** Return whether a stand-in does better from a state on. */
 function* doesBetter(match, number, who, stand) {
   const players = { ...match.players, [who.role]: match.players[who.role].with(who.number, stand) };
   const tried = match.from(number, players);

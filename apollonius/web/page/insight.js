@@ -1,15 +1,15 @@
-// Why a match goes as it goes, worked out beside it: what its players value, what is to be expected of them, and until when
+// Explanations of a match: the values of its players, their expected actions, and until when
 // one who crashed could have braked; with what the rules alone say.
 
+import { step } from "./calls.js";
+import { EVADER, HOLD, bodyOf, isActive, robotOf } from "./game.js";
 import { known, stoppable } from "./layers.js";
 import { decided } from "./match.js";
-import { EVADER, HOLD, step } from "./rules.js";
-import { bodyOf, isActive, robotOf } from "./teams.js";
 
 const AHEAD = 2; // how far is looked ahead [s]
 const BUDGET = 1; // for looking ahead, in a frame [ms]
 
-/** What an agent thinks of the nine actions, from 0, the worst, to 1, the best; null of one that says nothing. */
+/** Return an agent's values of the nine actions, from 0, the worst, to 1, the best, or null. */
 function opinions({ values }, game, state, who) {
   if (!values) return null;
   const found = [...values(game, state, who)];
@@ -17,7 +17,7 @@ function opinions({ values }, game, state, who) {
   return found.map((value) => (value - least) / Math.max(most - least, 1e-9));
 }
 
-/** Whether a robot is out of play as it touched a wall or an obstacle. */
+/** Return whether a robot is out of play because it touched a wall or an obstacle. */
 export const hasCrashed = (state, who) => ["hit_obstacle", "out_of_range"].includes(robotOf(state, who).status);
 
 /**
@@ -59,7 +59,7 @@ class Foresight {
   }
 }
 
-/** What is known of a match beside its rules: worked out once for each of its states, by the layers that are wanted. */
+/** Explanations of a match, worked out once for each state and selection of layers. */
 export class Insight {
   constructor(match) {
     Object.assign(this, { match, state: null, wanted: "", found: null, foresight: new Foresight(match) });

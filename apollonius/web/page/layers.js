@@ -1,25 +1,21 @@
 // What can be known of a state of a game by the rules alone: where actions lead and where robots can still stop, and who is
 // first where. Each is a layer that can be shown.
 
-import { leavesRoom } from "./braking.js";
-import { STOPS, placesOf } from "./chart.js";
-import { chartOf } from "./charting.js";
-import { ROLES, move } from "./rules.js";
-import { bodyOf, isActive, robotOf, robotsOf } from "./teams.js";
+import { STOPS, leavesRoom, move, pathsFrom } from "./calls.js";
+import { ACTIONS, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
 
-const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const HELD = 1; // for how long actions are held to show where they lead [s]
-const NO_WAY = 655; // what is at least as long is no way [m]
+const NO_PATH = 655; // what is at least as long is no path [m]
 
-/** What can be shown, by its key: what it means, in words. */
+/** Labels of the layers. */
 export const LAYERS = {
-  values: "Values: the larger a dot, the better an agent thinks of going there",
-  brakes: "Brakes: crosses where it could then no longer stop in time",
-  regions: "Regions: blue where blue is first, by the shortest way at full thrust; turns are left out",
-  course: "Course: where both go within two seconds, if people go on as they do now",
+  values: "Values: the larger a dot, the more the agent values that action",
+  brakes: "Brakes: crosses mark actions after which the robot could no longer stop in time",
+  regions: "Regions: blue where blue arrives first, on the shortest path at full thrust; turns are ignored",
+  course: "Course: the next two seconds, if people keep their present action",
 };
 
-/** Where each action leads a robot that holds it for a while. */
+/** Return where each action leads a robot that holds it for a while. */
 function ends(game, body, robot) {
   const held = Math.max(1, Math.round(HELD / game.dt));
   return ACTIONS.map((action) => {
@@ -46,22 +42,14 @@ export function timeFor(body, speed, way) {
  * than any pursuer's reach; NaN where no way leads, or one side is out of play.
  */
 export function leads(game, state) {
-  const chart = chartOf(game);
-  const runners = (role) => {
-    return robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who))).map((who) => {
-      const { x, y, v } = robotOf(state, who);
-      const { stops, weights } = placesOf(chart, x, y);
-      const from = stops.map((stop, index) => ({ lengths: weights[index] ? chart.ways.from(stop) : null, weight: weights[index] }));
-      return { body: bodyOf(game, who), v, from };
-    });
-  };
-  const [pursuers, evaders] = ROLES.map(runners);
-  const way = (from, stop) => from.reduce((sum, { lengths, weight }) => (lengths ? sum + (weight * lengths[stop]) / 100 : sum), 0);
+  const [pursuers, evaders] = ROLES.map((role) => {
+    const robots = robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who)));
+    return robots.map((who) => ({ body: bodyOf(game, who), speed: robotOf(state, who).v, paths: pathsFrom(game, robotOf(state, who)) }));
+  });
   /** The time of the first of some robots to come so near to a stop; not a number where there are none. */
   const first = (robots, stop, reach) => {
-    return robots.reduce((least, { body, v, from }) => {
-      const length = way(from, stop);
-      return length < NO_WAY ? Math.min(least, timeFor(body, v, Math.max(length - reach, 0))) : least;
+    return robots.reduce((least, { body, speed, paths }) => {
+      return paths[stop] < NO_PATH ? Math.min(least, timeFor(body, speed, Math.max(paths[stop] - reach, 0))) : least;
     }, robots.length ? Infinity : Number.NaN);
   };
   return Float32Array.from({ length: STOPS ** 2 }, (_, stop) => first(pursuers, stop, game.capture_distance) - first(evaders, stop, 0));

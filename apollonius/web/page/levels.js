@@ -1,6 +1,7 @@
-// Levels: challenges over arenas, each harder than the one before, and two of teams. The first explains itself.
+// Levels: challenges over arenas, each harder than the one before, and two of teams. What a person has reached is stored in
+// this browser alone.
 
-import { EVADER, PURSUER } from "./rules.js";
+import { EVADER, PURSUER } from "./game.js";
 
 /** In their order: what it is called, whom a person plays, with and against whom, how hard, where, for how long [s]. */
 export const LEVELS = [
@@ -26,7 +27,7 @@ export function levelWonBy({ choice, match }, me) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
 
-/** A game that lasts so many seconds. */
+/** Return a game with another time limit [s]. */
 export const lasting = (game, seconds) => ({ ...game, max_steps: Math.round(seconds / game.dt) });
 
 /** The arenas that only levels have: the paper's without its discs. */
@@ -34,3 +35,42 @@ export const withOpenFloor = (games) => {
   const { paper } = games;
   return { ...games, open: { ...paper, arena: { ...paper.arena, discs: [] } } };
 };
+
+const KEY = "apollonius.best";
+
+function read() {
+  try {
+    const kept = JSON.parse(localStorage.getItem(KEY) ?? "{}");
+    return kept !== null && typeof kept === "object" ? kept : {};
+  } catch {
+    return {};
+  }
+}
+
+/** Return the best result of a challenge: {isWon, seconds}, or null. */
+export function bestOf(name) {
+  const found = Object.hasOwn(read(), name) ? read()[name] : null;
+  return found && Number.isFinite(found.seconds) ? { isWon: found.isWon === true, seconds: found.seconds } : null;
+}
+
+/** Return whether one result is better than another: won before not won; then by time, for a pursuer the shorter one. */
+function isBetter(result, before, wantsShort) {
+  if (before === null || result.isWon !== before.isWon) return before === null || result.isWon;
+  return result.isWon && wantsShort ? result.seconds < before.seconds : result.seconds > before.seconds;
+}
+
+/** Return the name of a choice as a challenge: its level, or players, arena and difficulty. */
+export const challengeOf = ({ level, pursuer, evader, game, difficulty }) =>
+  level?.key ?? [pursuer, evader, game, difficulty].join(" ");
+
+/** Keep how a match has ended for the person who played a side if it is the best so far; returns whether it is. */
+export function keepBest(name, match, side) {
+  const result = { isWon: match.winner === side, seconds: Number(match.seconds.toFixed(1)) };
+  if (!isBetter(result, bestOf(name), side === PURSUER)) return false;
+  try {
+    localStorage.setItem(KEY, JSON.stringify({ ...read(), [name]: result }));
+  } catch {
+    // A browser that keeps nothing: the game is the same.
+  }
+  return true;
+}

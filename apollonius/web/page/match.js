@@ -1,18 +1,19 @@
 // A series of games between two sides, one game at a time: its course, its end, the score, and its replay.
 
+import { step } from "./calls.js";
 import { asRecord } from "./files.js";
-import { EVADER, HOLD, PURSUER, drawStart, gears, isContinuous, makeRandom, other, step, winner } from "./rules.js";
-import { isActive } from "./teams.js";
+import { EVADER, HOLD, PURSUER, gears, isActive, isContinuous, other, winner } from "./game.js";
+import { drawStart, makeRandom } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
 const REPLAY_TOLERANCE = 1e-4; // what states of the page and of the package come to differ by in a thousand steps, and some to spare
 
 const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
 
-/** What a side is called: each of its players once, a person first. */
+/** Return the name of a side: each of its players once, a person first. */
 export const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
 
-/** The same in words. */
+/** Return the name of a side in words. */
 export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
 
 /**
@@ -80,13 +81,13 @@ export class Match {
     return this.state.steps * this.game.dt;
   }
 
-  /** Who won the game that is over: "pursuer", "evader" or null. On this page outliving the time limit is a win. */
+  /** The winner of a game that is over: "pursuer", "evader" or null. On this page outliving the time limit is a win. */
   get winner() {
     const survived = this.outcome === "no_result" && !this.game.arena.territory;
     return survived ? EVADER : winner(this.game, this.outcome);
   }
 
-  /** How long the game may still last [s]. */
+  /** The time until the limit [s]. */
   get secondsLeft() {
     return (this.game.max_steps - this.state.steps) * this.game.dt;
   }

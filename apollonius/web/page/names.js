@@ -4,13 +4,13 @@ export const YOU = "you";
 export const SHIELDED = "shielded:";
 const WITH = "+"; // between a person and the mates
 
-/** Who leads a side and, if a person does, the name of the mates: of `you+P_team` both, of `P_team` the first alone. */
+/** Return the leader of a side and, of a person, the name of the team mates: of `you+P_team` both, of `P_team` the first alone. */
 export const leadAndMates = (name) => name.split(WITH);
 
 /** A person with such mates, or without any. */
 export const leading = (mates) => (mates ? YOU + WITH + mates : YOU);
 
-/** Whether a person plays, alone or with mates. */
+/** Return whether a person plays, alone or with mates. */
 export const isPerson = (name) => leadAndMates(name)[0] === YOU;
 
 const WORDS = {
@@ -26,15 +26,15 @@ const WORDS = {
   curriculum: "learned step by step",
   scratch: "learned from nothing",
   random: "moves at random",
-  stage1: "has caught only what stands",
+  stage1: "has only caught robots at rest",
   still: "stands still",
   "pure-pursuit": "drives at the other",
-  intercept: "cuts off the way",
-  "voronoi-pursuit": "leaves the other less and less room",
+  intercept: "intercepts the other",
+  "voronoi-pursuit": "shrinks the other's free space",
   encirclement: "surrounds the other",
   flee: "drives straight away",
-  "flee-aware": "runs where there is room",
-  territory: "goes for the territory",
+  "flee-aware": "flees to open space",
+  territory: "plays for the territory",
 };
 const TRAINED = { random: "learned against random moves" };
 

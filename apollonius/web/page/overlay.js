@@ -1,15 +1,14 @@
 // The layers of a match on the canvas, beneath its robots: what `layers.js` and `insight.js` have worked out. Lengths are in metres.
 
 import { circle, path } from "./arena.js";
-import { STOPS } from "./chart.js";
-import { EVADER, PURSUER } from "./rules.js";
-import { robotOf } from "./teams.js";
+import { STOPS } from "./calls.js";
+import { EVADER, PURSUER, robotOf } from "./game.js";
 
 const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
 const CROSS = 0.06; // half of its width
 const FAINT = 0.22; // how opaque regions are
 
-/** What draws what is known of a match, {leads, robots, course}: on the bare ground, and above the trails. */
+/** Return functions that draw {leads, robots, course}: on the bare ground, and above the trails. */
 export function layersOf({ game, state }, { leads, robots, course }, colours) {
   const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
   const above = (context) => {
@@ -36,7 +35,7 @@ function drawRegions(context, arena, leads, colours) {
   context.restore();
 }
 
-/** The same, where each stop without a way, as beside walls, takes the lead of one next to it. */
+/** Return leads where each stop without a path, as beside walls, takes the lead of one next to it. */
 function widened(leads) {
   return leads.map((lead, stop) => {
     if (!Number.isNaN(lead)) return lead;
@@ -72,7 +71,7 @@ function drawCourse(context, course, who, colours) {
   circle(context, x, y, 0.09).stroke();
 }
 
-/** Where each action leads: a dot as large as it is liked, a cross where a robot could then no longer stop. */
+/** Draw where each action leads: a dot by its value, a cross where the robot could then no longer stop. */
 function drawActions(context, from, { role, ends, values, stops }, colours) {
   const best = values ? Math.max(...values) : null;
   ends.forEach(({ x, y }, action) => {

@@ -1,13 +1,13 @@
 // Arenas changed by a person's hand: every function takes a game and returns another. Lengths in metres, on a grid.
 
-import { clip } from "./clearance.js";
-import { hasMeetingEdges } from "./validation.js";
+import { clip } from "./game.js";
 
 export const GRID = 0.1; // places are multiples of this [m]
 export const WALL = 0.2; // how thick drawn walls are [m]
 export const DOOR = 1.2; // how wide doors are, and corridors between their walls [m]
 const LEAST = 0.1; // smallest radius, and smallest length of a wall [m]
 const [SMALLEST, LARGEST] = [2, 60]; // of an arena's sides [m]
+const APART = 1e-6; // what is nearer [m] touches
 
 const round = (value, step = 1e-3) => Number((Math.round(value / step) * step).toFixed(3));
 /** The nearest place on the grid. */
@@ -22,13 +22,34 @@ function withPolygons(game, corners) {
   return more.length ? withArena(game, { polygons: [...game.arena.polygons, ...more] }) : game;
 }
 
-/** Whether corners make an obstacle: some room inside, and no edge that meets another. */
+/** Return whether corners make an obstacle: an area inside, and no edge that meets another. */
 function isShape(corners) {
   const area = corners.reduce((sum, [x, y], index) => {
     const [toX, toY] = corners[(index + 1) % corners.length];
     return sum + x * toY - toX * y;
   }, 0);
   return Math.abs(area) > 1e-3 && !hasMeetingEdges(corners);
+}
+
+/** Return whether edges meet elsewhere than at a corner they share. */
+export function hasMeetingEdges(corners) {
+  const count = corners.length;
+  const edges = corners.map(([x, y], index) => {
+    const [toX, toY] = corners[(index + 1) % count];
+    const length = Math.max(Math.hypot(toX - x, toY - y), APART);
+    return { x, y, along: [(toX - x) / length, (toY - y) / length], length };
+  });
+  /** Return the distances of a corner to the left of an edge's line, and ahead along it [m]. */
+  const beside = ({ x, y, along: [alongX, alongY] }, [px, py]) => [alongX * (py - y) - alongY * (px - x), alongX * (px - x) + alongY * (py - y)];
+  const isParted = (edge, index) => beside(edge, corners[index])[0] * beside(edge, corners[(index + 1) % count])[0] < 0;
+  return edges.some((edge, i) =>
+    corners.some((corner, j) => {
+      const [left, ahead] = beside(edge, corner);
+      const isOther = j !== i && j !== (i + 1) % count;
+      const touches = isOther && Math.abs(left) <= APART && ahead >= -APART && ahead <= edge.length + APART;
+      return touches || (isParted(edge, j) && isParted(edges[j], i));
+    }),
+  );
 }
 
 // ---- shapes added
@@ -141,7 +162,7 @@ export function moved(game, shape, [dx, dy]) {
   return changed(game, shape, { vertices: found.vertices.map(([x, y]) => [round(x + right), round(y + up)]) });
 }
 
-/** Where a shape is taken hold of to resize it, and the places that must stay inside the walls. */
+/** Return the points by which a shape is resized, and those that must stay inside the walls. */
 export function handles({ arena }, { kind, index }) {
   const found = arena[kind][index];
   if (kind === "polygons") return { grips: found.vertices, corners: found.vertices };

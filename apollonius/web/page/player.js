@@ -1,26 +1,48 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
-import { prepareChart } from "./charting.js";
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { Drawing } from "./drawing.js";
 import { describeGo, describeGoal } from "./ending.js";
 import { saveAs } from "./files.js";
+import { EVADER, PURSUER } from "./game.js";
 import { Controllers } from "./gamepad.js";
-import { Alarm, isTooFast, nearness } from "./hints.js";
 import { LAYERS } from "./layers.js";
 import { withOpenFloor } from "./levels.js";
 import { wordsOf } from "./match.js";
-import { EVADER, PURSUER } from "./rules.js";
 import { Session } from "./session.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
-import { isActive, robotOf } from "./teams.js";
-import { Timing } from "./timing.js";
+
+const KEPT = 600; // durations
+
+/** Durations [ms] of the last few hundred of something, and their 95th percentile. */
+class Timing {
+  constructor() {
+    this.durations = [];
+  }
+
+  add(milliseconds) {
+    this.durations.push(milliseconds);
+    if (this.durations.length > KEPT) this.durations.shift();
+  }
+
+  /** Call a function and keep how long it took. */
+  measure(work) {
+    const begun = performance.now();
+    const result = work();
+    this.add(performance.now() - begun);
+    return result;
+  }
+
+  get p95() {
+    const sorted = this.durations.toSorted((a, b) => a - b);
+    return sorted[Math.ceil(0.95 * sorted.length) - 1] ?? NaN;
+  }
+}
 
 const element = (id) => document.getElementById(id);
 const controllers = new Controllers();
 const steering = new Steering(controllers);
-const alarm = new Alarm();
 const stage = new Stage(element, steering);
 const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
 const measure = (work) => timing.move.measure(work);
@@ -65,10 +87,6 @@ const actions = {
   play() {
     if (element("choices").reportValidity()) choose(choices.read());
   },
-  sound() {
-    alarm.mute(!alarm.isMuted);
-    element("sound").setAttribute("aria-pressed", String(!alarm.isMuted));
-  },
   why() {
     isWhyShown = !isWhyShown;
     element("why").setAttribute("aria-pressed", String(isWhyShown));
@@ -94,7 +112,6 @@ function showLayers() {
 
 // ---- frames
 
-const SPARE = 4; // of a frame in which nobody plays [ms]
 let last = null;
 
 function frame(now) {
@@ -106,17 +123,9 @@ function frame(now) {
   if (controllers.starts() && !element("games").open) page.go();
   if (page.phase === "playing") timing.interval.add(1000 * passed);
   timing.frame.measure(() => {
-    if (page.phase !== "playing") prepareChart(page.match.game, SPARE);
     page.pass(passed);
     stage.show(page, now / 1000);
-    if (page.phase === "playing" && page.me) warn(page, now / 1000);
   });
-}
-
-function warn({ me, match: { game, state } }, now) {
-  const who = { role: me, number: 0 };
-  const robot = robotOf(state, who);
-  if (isActive(robot)) alarm.tell(nearness(game, state, who), isTooFast(game, who, robot), now);
 }
 
 // ---- wiring
@@ -128,7 +137,7 @@ function onKey(event) {
   if (page.phase === "drawing" && isDown && !on("input") && drawing.key(event)) event.preventDefault();
   if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
-  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyM: actions.sound, KeyV: actions.why }[event.code];
+  const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyV: actions.why }[event.code];
   if (steering.key(event.code, isDown) || pressed) event.preventDefault();
   if (isDown && !event.repeat) pressed?.();
 }

@@ -2,7 +2,7 @@
 //
 // An argument has one place in memory under its name, whichever function it is for. `given.robots()` are typed arrays of
 // its leaves, or one of an array, to be filled in before a call; numbers are arguments of the call itself. They are asked for
-// each time, as what they show moves when memory grows.
+// each time, as what they show moves when memory grows. A result of an argument's name is written in its place.
 
 import { LAYOUTS, MODULE } from "./compiled.js";
 
@@ -14,7 +14,7 @@ const { exports } = new WebAssembly.Instance(module, {});
 const { memory } = exports;
 let end = exports.__heap_base.value;
 
-/** The address of so many bytes more. */
+/** Reserve some bytes; returns their address. */
 function allocate(bytes) {
   const at = Math.ceil(end / 16) * 16;
   end = at + bytes;
@@ -22,7 +22,7 @@ function allocate(bytes) {
   return at;
 }
 
-/** Where arguments are; those of arrays of no certain length, a map's field and weights, the page sets itself. */
+/** Addresses of arguments; the page sets those of arrays of any length, a map's field and weights. */
 export const addresses = { field: 0, weights: 0 };
 
 /** The address of a copy of some arrays of numbers, one after the other. */
@@ -62,16 +62,26 @@ for (const [name, [bytes, leaves]] of Object.entries(LAYOUTS.given)) {
   given[name] = viewsOf(leaves, addresses[name]);
 }
 
-/** A function of the module: from the numbers among its arguments to its result, or to its results by their names. */
-function bound(name, [takes, results]) {
-  const ends = Object.values(results).map(([bytes]) => allocate(bytes));
+/** A function of a module: from the numbers among its arguments to its result, or to its results by their names. */
+function bound(call, [takes, results]) {
+  const ends = Object.entries(results).map(([key, [bytes]]) => addresses[key] ?? allocate(bytes));
   const views = Object.entries(results).map(([key, [, leaves]], index) => [key, viewsOf(leaves, ends[index])]);
   const found = Object.fromEntries(views);
   return (...numbers) => {
     let next = 0;
-    exports[name](...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
+    call(...takes.map((one) => (isNumber(one) ? numbers[next++] : addresses[one])), ...ends);
     return found.result?.() ?? found;
   };
 }
 
-export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(([name, layout]) => [name, bound(name, layout)]));
+export const run = Object.fromEntries(Object.entries(LAYOUTS.functions).map(([name, layout]) => [name, bound(exports[name], layout)]));
+
+const [OWN, OWN_END] = [2 ** 26, 2 ** 26 + 2 ** 23]; // where a user's own module has its constants and its stack
+
+/** The player in a user's own module (`apollonius/web/wasm.py`): from numbers to its action. There is room for one. */
+export function ownProgram(bytes) {
+  if (end > OWN) throw new Error("there is no room for another player of your own: reload the page");
+  allocate(OWN_END - end);
+  const { own } = new WebAssembly.Instance(new WebAssembly.Module(bytes), { env: { memory } }).exports;
+  return bound(own, [LAYOUTS.functions.intercept[0], { result: [4, [["", "int32", 1, 0]]] }]);
+}

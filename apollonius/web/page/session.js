@@ -1,22 +1,20 @@
 // A person's games: what is chosen, who plays, the phase that a game is in, and how much of its clock has passed.
 
-import { challengeOf, keepBest } from "./best.js";
 import { asChoice, asQuery } from "./choices.js";
-import { Coach } from "./coach.js";
 import { describeBrake, describeChance, describeEnd, describeLost, describeReady } from "./ending.js";
 import { findGame } from "./files.js";
+import { ROLES, countsOf, isActive } from "./game.js";
 import { lastChance, standIns } from "./hindsight.js";
+import { Coach } from "./hints.js";
 import { Insight, hasCrashed, lastBrake } from "./insight.js";
-import { lasting, levelWonBy } from "./levels.js";
+import { challengeOf, keepBest, lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
 import { isPerson } from "./names.js";
 import { findTeam, rehearse } from "./players.js";
 import { SlowReplay } from "./replaying.js";
-import { ROLES } from "./rules.js";
-import { countsOf, isActive } from "./teams.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
-const COUNTDOWN = 1.5; // before a person's game goes on [s]
+const COUNTDOWN = 1.5; // before a person's game continues [s]
 const MOST_STEPS = 30; // in a frame
 const BEAT = 0.5; // of the countdown [s]
 const SPARE = 12; // of a frame after the game, to look back at it [ms]
@@ -25,7 +23,7 @@ export class Session {
   /**
    * @param steer what a person does: from a side, and whether two people play, to an action
    * @param measure calls a function and keeps how long it took
-   * @param onChange called with what is to be said when another phase begins, and when a countdown goes on
+   * @param onChange called with a message when another phase begins, and during a countdown
    */
   constructor(steer, measure, onChange) {
     Object.assign(this, { steer, measure, onChange, catalogue: null, choice: null, match: null, phase: "loading" });
@@ -112,7 +110,7 @@ export class Session {
     if (this.phase === "playing" || this.phase === "counting") this.go();
   }
 
-  /** The same start again. */
+  /** Begin again at the same start. */
   again() {
     this.match?.again();
     if (this.match) this.#makeReady();
@@ -124,7 +122,7 @@ export class Session {
     if (this.match) this.#makeReady();
   }
 
-  /** Some time [s] has passed: the countdown or the match goes on. */
+  /** Let some time [s] pass in the countdown or the match. */
   pass(seconds) {
     if (this.phase === "counting") this.#countDown(seconds);
     else if (this.phase === "playing") this.#advance(Math.min(seconds, LONGEST_PAUSE) * (this.people.length ? 1 : this.pace));

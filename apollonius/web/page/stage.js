@@ -1,9 +1,8 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
 import { between, draw } from "./draw.js";
+import { EVADER, PURSUER, ROLES, isActive, robotOf } from "./game.js";
 import { layersOf } from "./overlay.js";
-import { EVADER, PURSUER, ROLES } from "./rules.js";
-import { isActive, robotOf } from "./teams.js";
 
 const HALO = 1.2; // how long the ring around a person's robot takes to widen [s]
 const STILL_HALO = 0.2; // how wide it is for who wants no motion
@@ -29,16 +28,19 @@ export class Stage {
     const { element, colours } = this;
     const { phase, time, coach, ending, people, me } = session;
     const { match, insight } = session.seen ?? session;
-    const [before, after] = match.states.slice(-2);
-    const share = phase === "over" ? 1 : time / match.game.dt;
+    const replayed = ending && !session.seen ? ending.at(now) : match.states.length - 1;
+    const isReplaying = replayed < match.states.length - 1;
+    const states = isReplaying ? match.states.slice(0, Math.floor(replayed) + 2) : match.states;
+    const [before, after] = states.slice(-2);
+    const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
     const isWaiting = phase === "ready" || phase === "counting";
     const halo = isWaiting && !this.calm.matches ? (now / HALO) % 1 : STILL_HALO;
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
     const hasMates = ROLES.some((role) => match.state[role].length > 1);
-    const known = this.layers.length ? insight.of(this.layers) : null;
+    const known = this.layers.length && !isReplaying ? insight.of(this.layers) : null;
     draw(element("canvas"), {
       game: match.game,
-      states: match.states,
+      states: isReplaying ? states.slice(0, -1) : states,
       now: after && phase !== "ready" ? between(before, after, share) : match.state,
       colours,
       steered: match.isOver ? [] : own,
@@ -51,10 +53,9 @@ export class Stage {
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
   }
 
-  /** The slow replay, and where in the game it is. */
+  /** Show the moment of the slow replay. */
   #showEnding({ ending, lostAt }, now) {
     const { element } = this;
-    ending.draw(element("replay"), now, this.colours);
     const at = ending.at(now);
     const when = `${(at * ending.match.game.dt).toFixed(1)}\u00a0s`;
     Object.assign(element("moment"), { max: ending.last, value: Math.round(at), ariaValueText: when });

@@ -1,6 +1,6 @@
-// What people want their robots to do: keys held down, fingers or a mouse on pads of nine gears, game controllers.
+// Actions of people: keys held down, fingers or a mouse on pads of nine actions, game controllers.
 
-import { EVADER, PURSUER } from "./rules.js";
+import { EVADER, PURSUER } from "./game.js";
 
 const KEYS = {
   arrows: { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] },
@@ -20,7 +20,7 @@ export class Steering {
     this.pads = { [PURSUER]: null, [EVADER]: null };
   }
 
-  /** Whether a key steers; it is then held or let go. */
+  /** Press or release a key; returns whether it steers. */
   key(code, isDown) {
     if (!(code in ALL_KEYS)) return false;
     if (isDown) this.held.add(code);

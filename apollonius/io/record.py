@@ -1,0 +1,132 @@
+"""Records as plain data and back: strict, so that a misspelt key is an error and not a default."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import dacite
+
+from apollonius.io.errors import InvalidInput, nearest, require, shown
+
+T = TypeVar("T")
+Hooks = Mapping[type, Callable[[Any], Any]]
+"""Functions by class, for values that a record holds in another form than their fields'."""
+_LARGEST_WHOLE = 2**1000
+"""A whole number below this has a real one."""
+_SINGULAR = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+_PLURAL = {bool: "true and false", int: "whole numbers", float: "numbers", str: "names"}
+
+
+def write_record(value: Any, hooks: Hooks, derived: tuple[str, ...] = ()) -> Any:
+    """Return a dataclass as nested dictionaries, lists and numbers, without None.
+
+    Args:
+        hooks: what to write for an instance of each class.
+        derived: names of fields that follow from others and are not written.
+    """
+    if type(value) in hooks:
+        return hooks[type(value)](value)
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value) if field.name not in derived}
+    if isinstance(value, dict):
+        return {key: write_record(item, hooks, derived) for key, item in value.items() if item is not None}
+    if isinstance(value, (list, tuple)):
+        return [write_record(item, hooks, derived) for item in value]
+    return value
+
+
+def read_record(kind: type[T], data: dict[str, Any], source: str, hooks: Hooks, named: tuple[type, ...] = ()) -> T:
+    """Return a dataclass from nested dictionaries; missing values have their defaults.
+
+    Args:
+        source: origin of the data, for the message.
+        hooks: functions that prepare the data of a class.
+        named: classes of which a record holds no fields, but a name.
+
+    Raises:
+        InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
+    """
+    try:
+        _require_lists(kind, data)
+        config = dacite.Config(strict=True, cast=[tuple], type_hooks={float: _real, int: _whole} | dict(hooks))
+        return dacite.from_dict(kind, data, config)
+    except dacite.UnexpectedDataError as error:
+        unknown = sorted(error.keys)[0]
+        raise InvalidInput(f"{source}: {_unknown_key(unknown, kind, named)}") from error
+    except dacite.WrongTypeError as error:  # and where none of several types fits
+        raise InvalidInput(f"{source}: {_wrong_kind(error, data)}") from error
+    except dacite.DaciteError as error:
+        raise InvalidInput(f"{source}: {error}; correct the value.") from error
+    except InvalidInput as error:
+        raise InvalidInput(f"{source}: {error}") from error
+    except (TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
+        # A number in the place of a list, a table in the place of several.
+        raise InvalidInput(f"{source}: a value is of the wrong kind ({error}); correct it.") from error
+
+
+def _real(value: Any) -> Any:
+    """Accept a whole number for a real one, as people write 1 for 1.0; leave the rest for the type check."""
+    return float(value) if type(value) is int and abs(value) < _LARGEST_WHOLE else value
+
+
+def _whole(value: Any) -> Any:
+    """Refuse True and False, which Python counts among the whole numbers."""
+    if isinstance(value, bool):
+        raise InvalidInput(f"{value} is not possible: it must be a whole number.")
+    return value
+
+
+def _kinds(kind: Any) -> list[Any]:
+    """Return the types that a value may have, without None."""
+    return [one for one in (get_args(kind) if isinstance(kind, UnionType) else (kind,)) if one is not NoneType]
+
+
+def _require_lists(kind: Any, data: dict[str, Any], within: str = "") -> None:
+    """Refuse anything but lists for tuples: dacite takes text for a list of letters."""
+    for name in kind.__dataclass_fields__.keys() & data.keys():
+        value, kinds = data[name], _kinds(kind.__dataclass_fields__[name].type)
+        if all(get_origin(one) is tuple for one in kinds) and value is not None:
+            require(isinstance(value, list | tuple), within + name, value, "a list")
+        for inner in kinds:
+            if is_dataclass(inner) and isinstance(value, dict):
+                _require_lists(inner, value, f"{within}{name}.")
+
+
+def _wrong_kind(error: dacite.WrongTypeError, data: Any) -> str:
+    """Return the complaint about a value of a wrong type."""
+    given = data
+    for part in str(error.field_path).split("."):
+        given = given.get(part, error.value) if isinstance(given, dict) else error.value
+    return f"{error.field_path} = {shown(given)} is not possible: it must be {_in_words(error.field_type)}."
+
+
+def _in_words(kind: Any) -> str:
+    first, *_ = _kinds(kind)
+    if get_origin(first) is Literal:
+        return f"one of {', '.join(map(str, get_args(first)))}"
+    if get_origin(first) is tuple:
+        inner = get_args(first)[0]
+        return f"a list of {'tables' if is_dataclass(inner) else _PLURAL.get(inner, 'lists')}"
+    return "a table" if is_dataclass(first) else _SINGULAR.get(first, "of another kind")
+
+
+def _unknown_key(key: str, kind: Any, named: tuple[type, ...]) -> str:
+    """Return the complaint about a key in a wrong table, or misspelt."""
+    tables = _tables(kind, named)
+    if homes := [f"[{table}]" if table else "the top, before all tables" for table in tables.get(key, [])]:
+        return f"'{key}' is in another table than its own: move it to {' or '.join(homes[:3])}."
+    near = nearest(key, tables)
+    return f"'{key}' is no known key: remove it" + (f", or did you mean '{near}'?" if near else ".")
+
+
+def _tables(kind: Any, named: tuple[type, ...], within: str = "") -> dict[str, list[str]]:
+    """Return the tables that have each field of a nested dataclass; the outermost is empty."""
+    found: dict[str, list[str]] = {}
+    for name, field in kind.__dataclass_fields__.items():
+        found.setdefault(name, []).append(within)
+        for inner in (field.type, *get_args(field.type)):
+            if is_dataclass(inner) and inner not in named:
+                for deeper, tables in _tables(inner, named, f"{within}.{name}" if within else name).items():
+                    found.setdefault(deeper, []).extend(tables)
+    return found

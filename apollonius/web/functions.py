@@ -1,0 +1,155 @@
+"""The functions that the page runs: the rules, charts, observations, and players.
+
+Each is an ordinary JAX function of the package's own parts, which `apollonius.export` translates. The numbers of
+robots, obstacles, cells and units are data, so that one program serves every game and agent of the page.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.agents.shield import MARGIN, Backup
+from apollonius.arenas.charting import clearances, paths
+from apollonius.game.by_side import BySide
+from apollonius.game.chart import Chart
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.game import Game
+from apollonius.game.teams import Teams
+from apollonius.game.types import GameState, RobotState, Scalar
+from apollonius.web.handed import Field, Floor, Robots
+from apollonius.web.site import ROBOTS
+
+UNITS = 64
+"""Units of a layer whose weights lie together in memory."""
+Gears = Float[Array, "2"]
+
+
+# ---- rules
+
+
+def step(
+    robots: Robots,
+    floor: Floor,
+    field: Field,
+    gears: Float[Array, "robots 2"],
+    capture_distance: Scalar,
+    dt: Scalar,
+    left: Int[Array, ""],
+    *,
+    mates_collide: bool = False,
+) -> dict[str, Any]:
+    """Return the robots after a step, pursuers first, and the outcome.
+
+    Args:
+        left: steps until the time limit.
+    """
+    (first, *pursuers), (other, *evaders) = (robots.side(robots.bodies, second) for second in (False, True))
+    teams = Teams(tuple(pursuers), tuple(evaders), mates_collide)
+    game = Game(first, other, floor.arena(field), capture_distance, dt, left, teams=teams)
+
+    def both(values: Any) -> BySide[tuple[Any, ...]]:
+        return BySide(robots.side(values, False), robots.side(values, True))
+
+    before = GameState(both(robots.states), jnp.zeros((), jnp.int32), status=both(robots.status))
+    after = game.step(before, list(gears[:ROBOTS]), list(gears[ROBOTS:]))
+    states = jax.tree.map(lambda *leaves: jnp.stack(leaves), *after.state.robots.pursuer, *after.state.robots.evader)
+    assert after.state.status is not None
+    status = jnp.stack([*after.state.status.pursuer, *after.state.status.evader])
+    return {"states": states, "status": status, "outcome": after.outcome}
+
+
+def move(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar) -> RobotState:
+    """Return a robot after it has held an action."""
+    return body.move(robot, *body.controls(gears), dt)
+
+
+def clearance(floor: Floor, field: Field, x: Scalar, y: Scalar) -> Scalar:
+    """Return the clearance of a point [m]."""
+    return floor.arena(field).clearance(x, y)
+
+
+def clearance_along(floor: Floor, field: Field, robot: RobotState, end: RobotState) -> Scalar:
+    """Return the least clearance on the segment between two states [m]."""
+    return floor.arena(field).clearance_along(robot, end)
+
+
+# ---- what robots see, and what players do
+
+
+def network(
+    weights: Float[Array, " weights"],
+    sizes: Int[Array, " layers"],
+    count: Int[Array, ""],
+    inputs: Float[Array, " inputs"],
+) -> Float[Array, " outputs"]:
+    """Return the outputs of fully connected layers with ReLU between them.
+
+    Args:
+        weights: of each layer, for every `UNITS` units their biases and then, input by input, their weights.
+        sizes: numbers of inputs of each layer, and of outputs of the last one.
+        count: of layers.
+    """
+
+    def layer(number: Int[Array, ""], carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        at, hidden = carry
+        block = (sizes[number] + 1) * UNITS
+        blocks = (sizes[number + 1] + UNITS - 1) // UNITS
+
+        def some(which: Int[Array, ""], after: Array) -> Array:
+            start = at + which * block
+
+            def add(place: Int[Array, ""], total: Array) -> Array:
+                return total + hidden[place] * jax.lax.dynamic_slice(weights, (start + (place + 1) * UNITS,), (UNITS,))
+
+            biases = jax.lax.dynamic_slice(weights, (start,), (UNITS,))
+            total = jax.lax.fori_loop(0, sizes[number], add, biases)
+            total = jnp.where(number == count - 1, total, jax.nn.relu(total))
+            return jax.lax.dynamic_update_slice(after, total, (which * UNITS,))
+
+        return at + blocks * block, jax.lax.fori_loop(0, blocks, some, jnp.zeros_like(hidden))
+
+    return jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), inputs))[1][:UNITS]
+
+
+class _Backup(Backup):
+    """Manoeuvres of any number of steps."""
+
+    steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+def room_after(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar, floor: Floor, field: Field) -> Scalar:
+    """Return the least clearance during an action and the best manoeuvre to rest after it [m].
+
+    It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
+    """
+    arena = floor.arena(field)
+    backup = _Backup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
+    after = move(body, robot, gears, dt)
+    longest = after.v**2 / (2 * body.u1_max) + after.v * dt
+    least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
+    is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
+    return jax.lax.cond(is_enough, lambda: least, lambda: backup.room_after(robot, gears))
+
+
+def chart(
+    floor: Floor, field: Field, corners: Float[Array, "2 corners"], side: Scalar, radius: Scalar
+) -> dict[str, Chart]:
+    """Return the chart of an arena.
+
+    Args:
+        corners: x and y [m] of the corners of the chart's cells.
+        side: length of the arena's longer side [m].
+        radius: of the body that follows its paths [m].
+    """
+    found = clearances(floor.arena(field), corners[0], corners[1])
+    ways, beside = paths(found, side, radius)
+    x, y = corners[:, :1]
+    return {"chart": Chart(found[None], ways[None], beside[None], x, y, side[None], jnp.zeros((), jnp.int32))}
+
+
+def places(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:
+    """Return the stops around a point and their weights."""
+    stops, weights = chart.places(x, y)
+    return {"stops": stops, "weights": weights}

@@ -1,0 +1,189 @@
+// The package's functions (`programs.js`) as the page calls them: steps, clearances, charts, observations, players' values.
+//
+// What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
+
+import { EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, bodiesOf, gears, isActive, other } from "./game.js";
+import { addresses, given, kept, ownProgram, run } from "./programs.js";
+
+export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
+const CELLS = Math.sqrt(given.chart().beside.length); // of a chart along the arena's longer side
+export const STOPS = Math.sqrt(Math.sqrt(given.chart().ways.length)); // of a chart along it, between which paths are known
+const MARGIN = 1e-3; // clearance [m] that the shield wants
+const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own"]; // what reads a chart
+const BODY = ["v_min", "v_max", "u1_max", "u2_max", "radius"];
+const ROBOT = ["x", "y", "v", "heading"];
+const fields = new WeakMap(); // addresses of maps' fields
+let floor = null; // the arena that was written last
+let charted = { arena: null, radius: 0 }; // the arena and the robot that the chart is of
+
+function writeArena(arena) {
+  if (floor === arena) return;
+  floor = arena;
+  const { x_min, x_max, y_min, y_max, discs, polygons = [], map, territory = { x: 0, y: 0, radius: 0 } } = arena;
+  const into = given.floor();
+  into.walls.set([x_min, x_max, y_min, y_max]);
+  for (const key of ["x", "y", "radius"]) {
+    into[`territory_${key}`][0] = territory[key];
+    discs.forEach((disc, index) => (into[`discs_${key}`][index] = disc[key]));
+  }
+  const edges = polygons.flatMap(edgesOf);
+  for (const key of ["x", "y", "along_x", "along_y", "turn"]) edges.forEach((edge, index) => (into[`edges_${key}`][index] = edge[key]));
+  into.counts.set([discs.length, edges.length, map?.rows ?? 0, map?.columns ?? 0]);
+  if (!map) return;
+  into.map.set([map.x, map.y, map.cell]);
+  if (!fields.has(map.field)) fields.set(map.field, kept([map.field]));
+  addresses.field = fields.get(map.field);
+}
+
+/** The edges of a polygon in single precision: where each begins, the vector to its end, 1 if it runs counter-clockwise. */
+function edgesOf({ vertices }) {
+  const corners = vertices.map((corner) => corner.map(Math.fround));
+  const next = (index) => corners[(index + 1) % corners.length];
+  const area = corners.reduce((sum, [x, y], index) => sum + x * next(index)[1] - next(index)[0] * y, 0);
+  return corners.map(([x, y], index) => ({ x, y, along_x: next(index)[0] - x, along_y: next(index)[1] - y, turn: area > 0 ? 1 : -1 }));
+}
+
+function writeRobot(body, robot, action) {
+  const [limits, state] = [given.body(), given.robot()];
+  for (const key of BODY) limits[key][0] = body[key];
+  for (const key of ROBOT) state[key][0] = robot[key];
+  given.gears().set(gears(action));
+}
+
+/** Write the robots of a state: those of the first of two roles first, and the one of a number before its team mates. */
+function writeRobots(game, state, roles, number = 0) {
+  const into = given.robots();
+  into.status.fill(STATUSES.indexOf("captured"));
+  roles.forEach((role, side) => {
+    const bodies = bodiesOf(game, role);
+    state[role].forEach((robot, index) => {
+      const turned = side || index > number ? index : index === number ? 0 : index + 1;
+      const place = side * MOST_ROBOTS + turned;
+      for (const key of BODY) into[`bodies_${key}`][place] = bodies[index][key];
+      for (const key of ROBOT) into[`states_${key}`][place] = robot[key];
+      into.status[place] = STATUSES.indexOf(robot.status);
+    });
+  });
+}
+
+/** Draw the chart of a game's arena, by the paths of its largest robot, if it is not the one that was drawn last. */
+function writeChart(game) {
+  const { arena } = game;
+  const radius = Math.max(...ROLES.flatMap((role) => bodiesOf(game, role).map((body) => body.radius)));
+  if (charted.arena === arena && charted.radius === radius) return;
+  charted = { arena, radius };
+  writeArena(arena);
+  const side = Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min);
+  const along = (low) => Array.from({ length: CELLS + 1 }, (_, corner) => Math.fround(low) + Math.fround(corner * (side / CELLS)));
+  given.corners().set([...along(arena.x_min), ...along(arena.y_min)]);
+  run.chart(side, radius);
+}
+
+/** The robot after holding an action for `dt` [s] (Eq. 1). */
+export function move(body, robot, action, dt) {
+  writeRobot(body, robot, action);
+  const { x, y, v, heading } = run.move(dt);
+  return { x: x[0], y: y[0], v: v[0], heading: heading[0] };
+}
+
+/**
+ * One transition: all robots hold their actions for `dt`, and those that are not in play stand still.
+ *
+ * @param actions {pursuer, evader}: of each robot of either side
+ * @returns {state, outcome}
+ */
+export function step(game, state, actions) {
+  writeArena(game.arena);
+  writeRobots(game, state, ROLES);
+  ROLES.forEach((role, side) => {
+    state[role].forEach((robot, index) => given.gears().set(isActive(robot) ? gears(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
+  });
+  const judged = game.teams?.mates_collide ? run.step_of_bodies : run.step;
+  const found = judged(game.capture_distance, game.dt, game.max_steps - state.steps);
+  const { x, y, v, heading } = found.states();
+  const [status, [outcome]] = [found.status(), found.outcome()];
+  const after = (role, side) => state[role].map((_, index) => {
+    const at = side * MOST_ROBOTS + index;
+    return { x: x[at], y: y[at], v: v[at], heading: heading[at], status: STATUSES[status[at]] };
+  });
+  const [pursuer, evader] = ROLES.map(after);
+  return { state: { pursuer, evader, steps: state.steps + 1 }, outcome: OUTCOMES[outcome] };
+}
+
+/** Distance [m] from a point to the nearest wall or obstacle; negative outside the walls or inside an obstacle. */
+export function clearance(arena, x, y) {
+  writeArena(arena);
+  return run.clearance(x, y)[0];
+}
+
+/** Least clearance [m] on the segment between two states of a robot. */
+export function clearanceAlong(arena, before, after) {
+  writeArena(arena);
+  for (const key of ["x", "y"]) [given.robot()[key][0], given.end()[key][0]] = [before[key], after[key]];
+  return run.clearance_along()[0];
+}
+
+/** Least clearance [m] during an action and the best of three ways to brake to rest after it; less where it is ample. */
+export function roomAfter({ arena, dt }, body, robot, action) {
+  writeArena(arena);
+  writeRobot(body, robot, action);
+  return run.room_after(dt)[0];
+}
+
+/** Return whether the shield allows an action. */
+export const leavesRoom = (...asked) => roomAfter(...asked) > MARGIN;
+
+/** Write what one robot, {role, number}, sees. */
+function writeView(name, game, state, { role, number }) {
+  if (CHARTED.includes(name)) writeChart(game);
+  writeArena(game.arena);
+  writeRobots(game, state, [role, other(role)], number);
+}
+
+/** The numbers of an observation, by its name, for what one robot sees. */
+export function observe(name, game, state, who) {
+  writeView(name, game, state, who);
+  return [...run[`see_${name}`](game.capture_distance)];
+}
+
+/** The values of the nine actions to one robot that follows a rule. */
+function valued(rule, game, state, who) {
+  writeView(rule, game, state, who);
+  return [...run[rule](game.capture_distance, game.dt)];
+}
+
+const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];
+const RULES = { [PURSUER]: ["pure-pursuit", "intercept", ...FOR_TEAMS], [EVADER]: ["flee", "flee-aware"] };
+const TERRITORY = { [PURSUER]: "guard", [EVADER]: "reach" };
+
+/** Players of one side that follow a rule, by name: from (game, state, who) to the values of the nine actions. */
+export const CLASSICAL = Object.fromEntries(
+  ROLES.map((side) => {
+    const rules = [...RULES[side].map((name) => [name, name.replace("-", "_")]), ["territory", TERRITORY[side]]];
+    return [side, Object.fromEntries(rules.map(([name, rule]) => [name, (...seen) => valued(rule, ...seen)]))];
+  }),
+);
+
+/** The lengths of the paths [m] from a point to all stops of a game's chart, row by row from the bottom. */
+export function pathsFrom(game, { x, y }) {
+  writeChart(game);
+  const { stops, weights } = run.places(x, y);
+  const [{ ways }, count] = [given.chart(), STOPS ** 2];
+  const near = [...stops()].map((stop, index) => [ways.subarray(count * stop, count * (stop + 1)), weights()[index] / 100]);
+  return Float32Array.from({ length: count }, (_, stop) => near.reduce((sum, [lengths, weight]) => sum + weight * lengths[stop], 0));
+}
+
+/** A player of a user's own, from the bytes of its module: from (game, state, who) to its action. */
+export function readOwn(buffer) {
+  const act = ownProgram(buffer);
+  return (...seen) => {
+    writeView("own", ...seen);
+    return act(seen[0].capture_distance, seen[0].dt)[0];
+  };
+}
+
+/** Return whether a rule can be followed in a game with a number of pursuers. */
+export function fits(name, game, pursuers) {
+  if (FOR_TEAMS.includes(name)) return pursuers > 1;
+  return name !== "territory" || Boolean(game.arena.territory);
+}
