@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics, RescaleObservation
 
 import apollonius.envs.gymnasium  # noqa: F401 (registers the environments)
 from apollonius.envs.gymnasium import OneSide
@@ -109,33 +108,6 @@ def test_starts_are_used_once_when_games_begin_again_one_by_one():
         starts.append(seen[turn % 4])
     assert len(np.unique(starts, axis=0)) == 44
     assert (env.reset(seed=0)[0] == first).all()
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_its_wrappers_count_and_scale(mode):
-    env = NormalizeReward(RecordEpisodeStatistics(many(mode, 2)))
-    env.reset(seed=0)
-    lengths = []
-    for _ in range(42):
-        *_, terminated, truncated, infos = env.step(np.array([7, 4]))
-        if "episode" in infos:
-            lengths.append(infos["episode"]["l"].tolist())
-            if mode == AutoresetMode.DISABLED:
-                env.reset(options={"reset_mask": terminated | truncated})
-    ends = {length for row in lengths for length in row if length}
-    assert max(ends) == 13  # the time limit
-    assert len(ends) == 2
-
-
-@pytest.mark.parametrize("wrapper", [NormalizeObservation, lambda env: RescaleObservation(env, ZERO, ONE)])
-def test_its_wrappers_of_what_is_seen_take_the_mode_they_want(wrapper):
-    env = wrapper(many(AutoresetMode.NEXT_STEP))
-    env.reset(seed=0)
-    for _ in range(30):
-        seen, *_ = env.step(np.full(GAMES, 7))
-    assert np.isfinite(seen).all()
-    with pytest.raises(ValueError, match="NEXT_STEP"):
-        wrapper(many(AutoresetMode.SAME_STEP))
 
 
 def test_gymnasium_makes_each_mode_by_name():

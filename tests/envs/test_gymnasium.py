@@ -23,10 +23,11 @@ from apollonius.observe.registry import observe
 
 
 @pytest.mark.parametrize("name", ["apollonius/Pursuit-v0", "apollonius/Evasion-v0"])
-@pytest.mark.parametrize("observation", ["paper", "encoded"])
-def test_gymnasiums_checker_has_no_complaint(name, observation):
+@pytest.mark.parametrize("options", [{"observation": "paper"}, {"observation": "encoded"}, {"actions": "continuous"}])
+def test_gymnasiums_checker_has_no_complaint(name, options):
     """Warnings are errors here."""
-    env = gymnasium.make(name, opponent="random", observation=observation)
+    env = gymnasium.make(name, opponent="random", **options)
+    assert env.action_space == action_space(options.get("actions", "discrete"))
     check_env(env.unwrapped)
 
 
@@ -92,11 +93,11 @@ def test_a_step_before_the_first_reset_is_refused():
         OneSide(Role.PURSUER).step(0)
 
 
-def test_an_unknown_observation_or_opponent_is_refused():
-    with pytest.raises(InvalidInput, match="observation = eyes"):
-        OneSide(Role.PURSUER, observation="eyes")
-    with pytest.raises(InvalidInput, match="nobody"):
-        OneSide(Role.PURSUER, opponent="nobody")
+@pytest.mark.parametrize("option", [{"observation": "eyes"}, {"opponent": "nobody"}, {"actions": "analogue"}])
+def test_unknown_options_are_refused(option):
+    ((name, value),) = option.items()
+    with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
+        OneSide(Role.PURSUER, **option)
 
 
 NO_ACTIONS = [None, float("nan"), 4.5, True, 9, 2**40, 2**80, "left", [1, 2], [[1], [2, 3]]]

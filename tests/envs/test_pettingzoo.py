@@ -32,6 +32,17 @@ def test_pettingzoos_parallel_test_has_no_complaint(env):
     parallel_api_test(env, num_cycles=300)
 
 
+def test_parts_of_the_largest_controls_move_the_robot_by_these_parts():
+    env = apollonius.parallel_env(actions="continuous", observation="paper")
+    parallel_api_test(env, num_cycles=100)
+    env.reset(seed=0)
+    for _ in range(4):
+        seen, *_ = env.step({"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])})
+    pursuer, evader = seen["pursuer_0"][:4], seen["evader_0"][:4]
+    assert pursuer[2] == pytest.approx(2 * 4 * 0.1 * 0.5 * 0.3 / 1.2 - 1, abs=1e-5)
+    assert evader[2] == pytest.approx(2 * 4 * 0.1 * 0.25 * 0.3 / 1.2 - 1, abs=1e-5)
+
+
 def test_pettingzoos_seed_tests_have_no_complaint():
     parallel_seed_test(apollonius.parallel_env, num_cycles=50)
     seed_test(lambda: parallel_to_aec(apollonius.parallel_env()), num_cycles=50)
