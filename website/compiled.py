@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import apollonius.show
-from apollonius.export.program import Program, Record
+from apollonius.export.c import Program
+from apollonius.export.record import Record
 from apollonius.web.programs import page_programs
 from apollonius.web.site import PAGE
 from apollonius.web.wasm import OF_PAGE, compiled, digest, sources

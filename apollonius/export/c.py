@@ -4,16 +4,53 @@ It allocates nothing and keeps no state. Compiled by the standard (`-std=c99`), 
 by one, as in Python.
 """
 
+import ctypes
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import jax
 import numpy as np
 
-from apollonius.export.c_printer import HELPERS, TYPES, Printer, literal
-from apollonius.export.program import Buffer, Program
+from apollonius.export.block import Buffer
+from apollonius.export.expression import HELPERS, TYPES, number
 from apollonius.export.record import Record
-from apollonius.export.sweep import parts
+from apollonius.export.statement import words
+from apollonius.io.errors import InvalidInput
 
+FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
+"""How a source is compiled."""
+_BY_VALUE = {"float32": ctypes.c_float, "int32": ctypes.c_int32, "uint32": ctypes.c_uint32, "bool": ctypes.c_uint8}
 _PER_LINE = 8
+
+
+@dataclass(frozen=True)
+class Program:
+    """A translated function, which reads its arguments and writes its results.
+
+    Attributes:
+        name: an identifier that all its public names begin with.
+        functions: those that it calls, in C, each after those that it calls itself.
+        body: its own statements, in braces.
+        constants: the arrays that it closes over.
+        arguments, results: how they lie in memory.
+    """
+
+    name: str
+    functions: tuple[str, ...]
+    body: str
+    constants: tuple[tuple[Buffer, np.ndarray], ...]
+    arguments: tuple[Record, ...]
+    results: tuple[Record, ...]
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The arguments and the results that have any array in them."""
+        return tuple(record for record in (*self.arguments, *self.results) if record.leaves)
 
 
 def header(program: Program, about: Sequence[str] = ()) -> str:
@@ -33,18 +70,18 @@ def header(program: Program, about: Sequence[str] = ()) -> str:
 
 def source(program: Program) -> str:
     """Return the source, which includes the header."""
-    printer = Printer(program)
-    *functions, entry = program.functions
-    bodies = [f"{printer.signature(function)}\n{printer.block(function.body)}" for function in functions]
-    used = {part.leaf[0] for part in parts(entry.body) if isinstance(part, Buffer) and part.leaf}
-    ignored = [f"    (void){record.name};" for record in program.records if record.name not in used]
-    opened, *lines = printer.block(entry.body).splitlines()
-    bodies.append("\n".join([_signature(program), opened, *ignored, *lines]))
+    used = words(program.body)
+    ignored = [
+        f"    (void){record.name};" for record in program.records if used.isdisjoint(map(record.text, record.leaves))
+    ]
+    opened, *lines = program.body.splitlines()
+    bodies = [*program.functions, "\n".join([_signature(program), opened, *ignored, *lines])]
     constants = [
         f"static const {TYPES[buffer.kind]} {buffer.name}[{buffer.size}] = {{\n{_rows(array, buffer.kind)}\n}};"
         for buffer, array in program.constants
     ]
-    helpers = [text for name, text in HELPERS.items() if name in printer.helpers]
+    called = frozenset[str]().union(*map(words, bodies))
+    helpers = [text for name, text in HELPERS.items() if f"op_{name}" in called]
     opening = f'#include "{program.name}.h"\n\n#include <math.h>'
     return "\n\n".join([opening, *helpers, *constants, *bodies]) + "\n"
 
@@ -83,5 +120,55 @@ def _signature(program: Program) -> str:
 
 
 def _rows(array: np.ndarray, kind: str) -> str:
-    texts = [literal(value, kind) for value in array.ravel().tolist()]
+    texts = [number(value, kind).text for value in array.ravel().tolist()]
     return ",\n".join("    " + ", ".join(texts[at : at + _PER_LINE]) for at in range(0, len(texts), _PER_LINE))
+
+
+class Compiled:
+    """A program in memory. Its last arguments and results stay in place, so that a call can be timed alone.
+
+    Raises:
+        InvalidInput: where there is no gcc.
+        subprocess.CalledProcessError: where it complains.
+    """
+
+    def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:
+        if shutil.which("gcc") is None:
+            raise InvalidInput("a program in C cannot be checked here: there is no gcc.")
+        with tempfile.TemporaryDirectory() as folder:
+            library = Path(folder) / "program.so"
+            Path(folder, f"{program.name}.h").write_text(header(program))
+            Path(folder, f"{program.name}.c").write_text(source(program))
+            words = ["gcc", *flags, "-shared", "-fPIC", f"{program.name}.c", "-lm", "-o", str(library)]
+            subprocess.run(words, check=True, cwd=folder)
+            self._function = getattr(ctypes.CDLL(str(library)), program.name)
+        self._program = program
+        self._packed: dict[int, tuple[Any, Any]] = {}
+        self._results = [ctypes.create_string_buffer(max(one.length, 1)) for one in program.results if one.leaves]
+
+    def __call__(self, *arguments: Any) -> list[np.ndarray]:
+        """Return the arrays of the results, in the order of their records."""
+        self._given = [
+            self._pack(place, record, argument)
+            for place, (record, argument) in enumerate(zip(self._program.arguments, arguments, strict=True))
+            if record.leaves
+        ]
+        self.again()
+        records = [record for record in self._program.results if record.leaves]
+        both = zip(records, self._results, strict=True)
+        return [array for record, block in both for array in record.unpack(block.raw)]
+
+    def again(self) -> None:
+        """Call it once more with the arguments that it was given last."""
+        self._function(*self._given, *self._results)
+
+    def _pack(self, place: int, record: Record, argument: Any) -> Any:
+        """An argument as C takes it; one that is the very object of the last call is kept."""
+        known, packed = self._packed.get(place, (None, None))
+        if known is not argument or known is None:
+            if record.lone and record.leaves[0].size == 1:
+                packed = _BY_VALUE[record.leaves[0].kind](np.asarray(jax.tree.leaves(argument)[0]).item())
+            else:
+                packed = ctypes.create_string_buffer(record.pack(argument), max(record.length, 1))
+            self._packed[place] = argument, packed
+        return packed

@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
-import numpy as np
 
-from apollonius.export.program import Apply, Expression, Number, apply
-from apollonius.export.values import Block, Index, Value, moved, reshaped
+from apollonius.export.block import Block, Index, Value, moved, placed
+from apollonius.export.expression import Expression, apply, converted, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
@@ -25,7 +24,7 @@ SIMPLE = (*_ARITHMETIC, *_TRUTHS, *_SHIFTS, *_ROOTS, *_ANGLES)
 def along(value: Value, index: Index) -> Expression:
     """Return an operand's element: axes of length 1 are broadcast, and so is a lone number."""
     steps = zip(index[: len(value.shape)], value.shape, strict=True)
-    return value.read(tuple(Number(0) if length == 1 else step for step, length in steps))
+    return value.read(tuple(number(0) if length == 1 else step for step, length in steps))
 
 
 def elementwise(operation: str) -> Rule:
@@ -38,20 +37,11 @@ def elementwise(operation: str) -> Rule:
     return rule
 
 
-def converted(expression: Expression, kind: str) -> Expression:
-    """Return a number as one of another kind."""
-    if expression.kind == kind:
-        return expression
-    if isinstance(expression, Number):
-        return Number(np.asarray(expression.value).astype(kind).item(), kind)
-    return Apply("convert", kind, (expression,))
-
-
 def is_at_most(which: Expression, case: int) -> Expression:
     """Return whether a choice, a truth or a number, is one of the first cases up to this one."""
     if which.kind == "bool":
         return apply("not", "bool", which)
-    return apply("le", "bool", which, Number(case, which.kind))
+    return apply("le", "bool", which, number(case, which.kind))
 
 
 def _convert(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -70,10 +60,10 @@ def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Val
         factor, left = value.read(index), abs(exponent)
         while left:
             if left % 2:
-                product = factor if product is None else Apply("mul", kind, (product, factor))
-            factor, left = Apply("mul", kind, (factor, factor)), left // 2
-        product = product or Number(1, kind)
-        return product if exponent >= 0 else Apply("div", kind, (Number(1, kind), product))
+                product = factor if product is None else apply("mul", kind, product, factor)
+            factor, left = apply("mul", kind, factor, factor), left // 2
+        product = product or number(1, kind)
+        return product if exponent >= 0 else apply("div", kind, number(1, kind), product)
 
     return Value(kind, out.shape, read)
 
@@ -124,7 +114,7 @@ def _transpose(block: Block, operands: list[Value], params: Params, out: Any) ->
 
 
 def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    starts = [Number(int(start)) for start in params["start_indices"]]
+    starts = [number(int(start)) for start in params["start_indices"]]
     return moved(
         operands[0], out.shape, range(len(starts)), starts, params["strides"] and list(map(int, params["strides"]))
     )
@@ -132,13 +122,17 @@ def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Val
 
 def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     turned = [axis in params["dimensions"] for axis in range(len(out.shape))]
-    starts = [Number(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
+    starts = [number(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
     return moved(operands[0], out.shape, range(len(turned)), starts, [-1 if turn else 1 for turn in turned])
 
 
 def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,) = operands
-    return reshaped(value if value.size == 1 else block.in_one_piece(value), out.shape)
+    if value.size == 1 and value.place is None:
+        return Value(value.kind, out.shape, lambda _: value.first, free=value.free)
+    place = (value if value.whole else block.copied(value)).place
+    assert place is not None
+    return placed(out.shape, place.buffer, place.offset)
 
 
 def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -147,7 +141,7 @@ def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
 
     def read(index: Index) -> Expression:
         steps = zip(index[new:], value.shape, strict=True)
-        return value.read(tuple(Apply("rem", "int32", (step, Number(length))) for step, length in steps))
+        return value.read(tuple(apply("rem", "int32", step, number(length)) for step, length in steps))
 
     return Value(value.kind, out.shape, read)
 

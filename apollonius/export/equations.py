@@ -9,9 +9,9 @@ import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Var
 
+from apollonius.export.arrays import FOLDS, PRODUCTS
+from apollonius.export.control import INDEXED
 from apollonius.export.elementwise import COMPUTED, VIEWS
-from apollonius.export.indexing import INDEXED
-from apollonius.export.loops import FOLDS, PRODUCTS
 
 CALLED = {
     **{"jit": "jaxpr", "remat": "jaxpr", "checkpoint": "jaxpr", "closed_call": "call_jaxpr"},

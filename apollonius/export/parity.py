@@ -152,7 +152,7 @@ def _case(cases: Cases, place: int) -> tuple[Any, ...]:
 
 
 def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int) -> bool:
-    """Whether a player that values all actions values this one as its own, to `TOLERANCE`, and a shield allows it."""
+    """Return whether a player values this action as its own, to `TOLERANCE`, and its shield allows it."""
     policy, (state, active, memory, bits) = player.package, _case(cases, place)
     sides = player.game.bodies.map(len)
     view = look(player.game, state_of(jnp.asarray(state), active, player.role, sides), player.role)
@@ -168,7 +168,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
 
 
 def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray, largest: np.ndarray) -> bool:
-    """Whether the package's player drives so around a state; of continuous ones, whether it is in their range."""
+    """Return whether the package's player drives so around a state; if continuous, whether this is in its range."""
     state, *rest = _case(cases, place)
     moved = np.random.default_rng(0).uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
     many = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (_AROUND, *np.shape(leaf))), tuple(rest))

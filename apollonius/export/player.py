@@ -1,5 +1,6 @@
 """A player as a function of arrays alone: what an exported policy computes, in every language."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -52,46 +53,49 @@ class Player:
 
     @property
     def robots(self) -> int:
-        """How many there are on both sides."""
+        """Return the number of robots of both sides."""
         return sum(map(len, self.game.bodies))
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Arguments of `decide`, the last three but examples."""
+        """Return arguments of `decide`, the last three but examples."""
         active = jnp.ones(self.robots, bool) if self.robots > 2 else None
         states = jnp.zeros((self.robots, 4), jnp.float32)
         return self.policy, self.game, states, active, self.policy.memory, jnp.uint32(0)
 
     @property
     def decide(self) -> Callable[..., dict[str, Any]]:
-        """The function that plays.
+        """Return the function that plays.
 
         Its arguments are the player and the game; x [m], y [m], speed [m/s] and heading [rad] of every robot, its own
         first, then its mates', then its opponents'; in teams whether each is in play; the memory that it returned last,
         or that of the policy where a game begins; and 32 random bits. It returns the action (`types.Action`), the
-        controls u1 [m/s^2] and u2 [rad/s], and the memory. A state with a number that is none, or beyond `LARGEST`, is
+        controls u1 [m/s^2] and u2 [rad/s], and the memory. A state with a NaN, or a number beyond `LARGEST`, is
         answered by full braking, straight ahead.
         """
-        role, sides = self.role, self.game.bodies.map(len)
+        return _decide(self.role, self.game.bodies.map(len))
 
-        def decide(
-            player: AbstractPolicy,
-            game: Game,
-            state: Float[Array, "robots 4"],
-            active: Bool[Array, " robots"] | None,
-            memory: Memory,
-            bits: UInt32[Array, ""],
-        ) -> dict[str, Any]:
-            policy = transposed(player)
-            seen = policy.observation(look(game, state_of(state, active, role, sides), role))
-            action, memory = policy(seen, memory, bits)
-            sane = jnp.sum(state * state) <= LARGEST**2
-            brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
-            action = jnp.where(sane, action, brake)
-            controls = game.bodies[role][0].controls(action)
-            return {"action": action, "controls": jnp.stack(controls), "memory": memory}
 
-        return decide
+@functools.cache
+def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
+    def decide(
+        player: AbstractPolicy,
+        game: Game,
+        state: Float[Array, "robots 4"],
+        active: Bool[Array, " robots"] | None,
+        memory: Memory,
+        bits: UInt32[Array, ""],
+    ) -> dict[str, Any]:
+        policy = transposed(player)
+        seen = policy.observation(look(game, state_of(state, active, role, sides), role))
+        action, memory = policy(seen, memory, bits)
+        sane = jnp.sum(state * state) <= LARGEST**2
+        brake = jnp.array(_FALLBACK) if policy.continuous else jnp.int32(BRAKE_STRAIGHT)
+        action = jnp.where(sane, action, brake)
+        controls = game.bodies[role][0].controls(action)
+        return {"action": action, "controls": jnp.stack(controls), "memory": memory}
+
+    return decide
 
 
 def side_of(name: str, given: str | None = None) -> Role:

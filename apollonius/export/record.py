@@ -36,7 +36,7 @@ class Leaf:
 
     @property
     def size(self) -> int:
-        """Number of elements."""
+        """Return the number of elements."""
         return int(np.prod(self.shape, dtype=int))
 
 
@@ -54,12 +54,12 @@ class Record:
 
     @property
     def lone(self) -> bool:
-        """Whether it is an array and no pytree."""
+        """Return whether it is an array and no pytree."""
         return len(self.leaves) == 1 and not self.leaves[0].name
 
     @property
     def length(self) -> int:
-        """Its length [bytes], a multiple of its widest alignment."""
+        """Return its length [bytes], a multiple of its widest alignment."""
         widest = max((np.dtype(leaf.kind).itemsize for leaf in self.leaves), default=1)
         last = self.leaves[-1] if self.leaves else None
         end = last.offset + last.size * np.dtype(last.kind).itemsize if last else 0
@@ -76,9 +76,13 @@ class Record:
             end = start + leaf.size * width
         return cls(name, tuple(placed))
 
-    def only(self, names: Collection[str]) -> "Record":
-        """Return the record of some of the leaves."""
-        return Record.of(self.name, [leaf for leaf in self.leaves if leaf.name in names])
+    def text(self, leaf: Leaf) -> str:
+        """Return how a leaf is written in C."""
+        return self.name if self.lone else f"{self.name}->{leaf.name}"
+
+    def only(self, texts: Collection[str]) -> "Record":
+        """Return the record of the leaves that are written so in C."""
+        return Record.of(self.name, [leaf for leaf in self.leaves if self.text(leaf) in texts])
 
     def pack(self, tree: Any) -> bytes:
         """Return the block of memory that holds what a program reads of a pytree."""

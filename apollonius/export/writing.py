@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.export.c import header, source
-from apollonius.export.compiled import Compiled
+from apollonius.export.c import Compiled, Program, header, source
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player
-from apollonius.export.program import Program
 from apollonius.export.translate import translated
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
@@ -104,7 +102,7 @@ def _given(player: Player, constants: bool) -> tuple[Any, ...]:
 
 
 def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
-    """Lines that say whether the program decides as the package's player, and how quickly.
+    """Return lines that say whether the program decides as the package's player, and how quickly.
 
     Raises:
         InvalidInput: if it does not.
@@ -139,7 +137,7 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
 
 
 def _about(program: Program, player: Player) -> list[str]:
-    """What the header says."""
+    """Return the lines of the header."""
     game, role, names = player.game, player.role, {record.name for record in program.records}
     (body, *mates), opponents, arena = game.bodies[role], game.bodies[role.other], game.arena
     others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"

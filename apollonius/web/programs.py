@@ -15,7 +15,7 @@ from apollonius.agents.guarding import Territory
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
-from apollonius.export.program import Program
+from apollonius.export.c import Program
 from apollonius.export.translate import translated
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import SIDE, STOPS, Chart

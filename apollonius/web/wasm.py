@@ -9,8 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.export.c import header, source
-from apollonius.export.program import Program
+from apollonius.export.c import Program, header, source
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.web.programs import player_program

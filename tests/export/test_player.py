@@ -14,7 +14,7 @@ from apollonius.agents.names import zoo_names
 from apollonius.arenas.file import find_game
 from apollonius.cli.main import main
 from apollonius.export import writing
-from apollonius.export.compiled import FLAGS, Compiled
+from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
 from apollonius.export.player import find_exportable, home_of, side_of
 from apollonius.export.translate import translated

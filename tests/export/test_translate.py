@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.export.c import header, source
-from apollonius.export.compiled import FLAGS, Compiled
+from apollonius.export.c import FLAGS, Compiled, header, source
 from apollonius.export.equations import RULES
 from apollonius.export.translate import translated
 from apollonius.io.errors import InvalidInput
@@ -171,7 +170,7 @@ def test_programs_in_c_do_what_jax_does(function, arguments):
 
 def test_a_function_that_is_called_stays_one_and_equal_ones_are_one():
     program = translated(calls, X[:3], name="tried")
-    assert [function.name for function in program.functions] == ["long_1", "tried"]
+    assert len(program.functions) == 1
     assert source(program).count("long_1(") == 4
 
 

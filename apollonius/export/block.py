@@ -1,29 +1,34 @@
-"""Values of a program in the making: each is read element by element, and stored only where that saves work."""
+"""Statements in the making, and the arrays that they read and write."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import prod
 
-import numpy as np
-
-from apollonius.export.program import (
-    Allocate,
-    Buffer,
-    Expression,
-    Let,
-    Load,
-    Loop,
-    Name,
-    Number,
-    Reader,
-    Statement,
-    Store,
-    plus,
-    times,
-)
+from apollonius.export.expression import TYPES, Expression, name, number, plus, times
+from apollonius.export.statement import Line, Nest, words
 
 Shape = tuple[int, ...]
 Index = tuple[Expression, ...]
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """An array of one kind.
+
+    Attributes:
+        only: how its only element is written; empty if it is an array in C.
+        outside: whether it outlives the function.
+    """
+
+    name: str
+    kind: str
+    size: int
+    only: str = ""
+    outside: bool = False
+
+    def at(self, index: Expression) -> Expression:
+        """Return an element."""
+        return Expression(self.only or f"{self.name}[{index.text}]", self.kind)
 
 
 @dataclass(frozen=True)
@@ -47,63 +52,55 @@ class Value:
     """An array that can be read.
 
     Attributes:
-        kind: its number type.
-        shape: its shape.
-        read: returns the element at an index.
+        read: from an index, one expression for each axis, to the element there.
         place: where it lies; None if it is computed as it is read.
         free: whether reading it costs nothing, so that it need never be stored.
     """
 
     kind: str
     shape: Shape
-    read: Reader
+    read: Callable[[Index], Expression]
     place: Place | None = None
     free: bool = False
 
     @property
     def size(self) -> int:
-        """Number of elements."""
+        """Return the number of elements."""
         return prod(self.shape)
 
     @property
     def first(self) -> Expression:
-        """Its first element, the only one of a lone number."""
-        return self.read((Number(0),) * len(self.shape))
+        """Return its first element, the only one of a lone number."""
+        return self.read((number(0),) * len(self.shape))
 
     @property
     def whole(self) -> bool:
-        """Whether it lies somewhere in one piece, row by row."""
+        """Return whether it lies somewhere in one piece, row by row."""
         return self.place is not None and (self.size == 1 or self.place.strides == contiguous(self.shape))
 
 
 def contiguous(shape: Shape) -> tuple[int, ...]:
     """Return the strides of an array that lies row by row; 0 along axes of length 1."""
-    strides = [prod(shape[axis + 1 :]) for axis in range(len(shape))]
-    return tuple(0 if length == 1 else stride for stride, length in zip(strides, shape, strict=True))
+    return tuple(0 if length == 1 else prod(shape[axis + 1 :]) for axis, length in enumerate(shape))
 
 
-def placed(shape: Shape, place: Place) -> Value:
-    """Return the value that lies at a place."""
-    strides = tuple(0 if length == 1 else stride for stride, length in zip(place.strides, shape, strict=True))
-    place = Place(place.buffer, place.offset, strides)
-    return Value(place.buffer.kind, shape, lambda index: Load(place.buffer, place.at(index)), place, free=True)
+def placed(shape: Shape, buffer: Buffer, offset: Expression | None = None, strides: Shape | None = None) -> Value:
+    """Return the value that lies in a buffer, row by row from its beginning unless said otherwise."""
+    both = zip(contiguous(shape) if strides is None else strides, shape, strict=True)
+    place = Place(buffer, offset or number(0), tuple(0 if length == 1 else stride for stride, length in both))
+    return Value(buffer.kind, shape, lambda index: buffer.at(place.at(index)), place, free=True)
 
 
 def scalar(expression: Expression, shape: Shape = ()) -> Value:
     """Return the value of one element that an expression gives."""
-    return Value(expression.kind, shape, lambda _: expression, free=isinstance(expression, Name | Number))
-
-
-def number(value: float | int | bool, kind: str) -> Value:
-    """Return a literal."""
-    return scalar(Number(value, kind))
+    return Value(expression.kind, shape, lambda _: expression, free=expression.free)
 
 
 class Block:
     """Statements of a function in the making, and names for what they define."""
 
     def __init__(self, names: dict[str, int] | None = None) -> None:
-        self.statements: list[Statement] = []
+        self.statements: list[Line | Nest] = []
         self._names = {} if names is None else names
 
     def inner(self) -> "Block":
@@ -115,51 +112,54 @@ class Block:
         self._names[prefix] = number = self._names.get(prefix, 0) + 1
         return f"{prefix}{number}"
 
-    def add(self, statement: Statement) -> None:
-        """Append a statement."""
-        self.statements.append(statement)
-
     def allocate(self, kind: str, size: int, cell: bool = False) -> Buffer:
-        """Return a new buffer; `cell` makes it a variable."""
-        buffer = Buffer(self.name("c" if cell else "a"), kind, size, cell)
-        self.add(Allocate(buffer))
-        return buffer
+        """Return a new buffer, whose contents are undefined; `cell` makes it a variable."""
+        called = self.name("c" if cell else "a")
+        self.statements.append(Line(f"{TYPES[kind]} {called}{'' if cell else f'[{size}]'};", called))
+        return Buffer(called, kind, size, called if cell else "")
 
     def empty(self, kind: str, shape: Shape) -> Value:
         """Return a new array whose contents are undefined."""
-        return placed(shape, Place(self.allocate(kind, prod(shape)), Number(0), contiguous(shape)))
+        return placed(shape, self.allocate(kind, prod(shape)))
 
     def let(self, expression: Expression) -> Expression:
         """Return the name of an expression's value, which is computed here."""
-        if isinstance(expression, Name | Number):
+        if expression.free:
             return expression
-        name = Name(self.name("s"), expression.kind)
-        self.add(Let(name, expression))
-        return name
+        made = name(self.name("s"), expression.kind)
+        text = f"const {TYPES[made.kind]} {made.text} = {expression.text};"
+        self.statements.append(Line(text, made.text, words(expression.text)))
+        return made
 
     def loops(self, shape: Shape) -> tuple[Index, "Block"]:
         """Return the index and the innermost block of loops over all elements of a shape; `close` them afterwards."""
-        index = tuple(Number(0) if length == 1 else Name(self.name("i")) for length in shape)
-        return index, self.inner()
+        return tuple(number(0) if length == 1 else name(self.name("i")) for length in shape), self.inner()
 
     def close(self, index: Index, shape: Shape, innermost: "Block") -> None:
         """Append the loops that `loops` began."""
         body = innermost.statements
         for counter, length in reversed(list(zip(index, shape, strict=True))):
-            if isinstance(counter, Name):
-                body = [Loop(counter, length, tuple(body))]
+            if counter.known is None:
+                step = counter.text
+                body = [Nest(f"for (int32_t {step} = 0; {step} < {length}; {step}++)", tuple(body))]
         self.statements += body
+
+    def set(self, buffer: Buffer, index: Expression, value: Expression) -> None:
+        """Set an element of a buffer."""
+        text, sets = f"{buffer.at(index).text} = {value.text};", "" if buffer.outside else buffer.name
+        reads = words(index.text) | words(value.text)
+        self.statements.append(Line(text, sets, reads if sets else reads | {buffer.name}))
 
     def variable(self, first: Expression) -> Buffer:
         """Return a new variable with a first value."""
         buffer = self.allocate(first.kind, 1, cell=True)
-        self.add(Store(buffer, Number(0), first))
+        self.set(buffer, number(0), first)
         return buffer
 
     def store(self, target: Value, index: Index, value: Expression) -> None:
         """Set an element of an array."""
         assert target.place is not None, "only what lies somewhere can be written"
-        self.add(Store(target.place.buffer, target.place.at(index), value))
+        self.set(target.place.buffer, target.place.at(index), value)
 
     def copy(self, value: Value, target: Value) -> None:
         """Store a value in an array of the same shape."""
@@ -179,18 +179,6 @@ class Block:
         self.copy(value, target)
         return target
 
-    def in_one_piece(self, value: Value) -> Value:
-        """Return the value as an array that lies row by row."""
-        return value if value.whole else self.copied(value)
-
-
-def reshaped(value: Value, shape: Shape) -> Value:
-    """Return an array that lies row by row, or one element, in another shape."""
-    if value.place is not None and value.whole:
-        return placed(shape, Place(value.place.buffer, value.place.offset, contiguous(shape)))
-    assert value.size == 1, "only arrays in one piece have another shape"
-    return Value(value.kind, shape, lambda _: value.first, free=value.free)
-
 
 def moved(
     value: Value,
@@ -207,7 +195,7 @@ def moved(
         starts: the index along each axis of the value that the new index 0 stands for; 0 unless given.
         steps: by how much it grows; 1 unless given.
     """
-    starts, steps = starts or [Number(0)] * len(axes), steps or [1] * len(axes)
+    starts, steps = starts or [number(0)] * len(axes), steps or [1] * len(axes)
 
     def read(index: Index) -> Expression:
         there = zip(axes, starts, steps, strict=True)
@@ -221,25 +209,15 @@ def moved(
     for axis, stride, step in zip(axes, value.place.strides, steps, strict=True):
         if axis is not None:
             strides[axis] += stride * step
-    return placed(shape, Place(value.place.buffer, value.place.at(tuple(starts)), tuple(strides)))
+    return placed(shape, value.place.buffer, value.place.at(tuple(starts)), tuple(strides))
 
 
 def row_along(value: Value, step: Expression) -> Value:
     """Return one row of an array along its first axis."""
     rest = len(value.shape) - 1
-    return moved(value, value.shape[1:], [None, *range(rest)], [step, *[Number(0)] * rest])
+    return moved(value, value.shape[1:], [None, *range(rest)], [step, *[number(0)] * rest])
 
 
-def part(value: Value, shape: tuple[int, ...], starts: Sequence[Expression]) -> Value:
+def part(value: Value, shape: Shape, starts: Sequence[Expression]) -> Value:
     """Return the part of an array that begins at some index."""
     return moved(value, shape, range(len(shape)), starts)
-
-
-def least(kind: str) -> float | int | bool:
-    """Return the least number of a kind."""
-    return False if kind == "bool" else -np.inf if kind == "float32" else int(np.iinfo(kind).min)
-
-
-def greatest(kind: str) -> float | int | bool:
-    """Return the greatest number of a kind."""
-    return True if kind == "bool" else np.inf if kind == "float32" else int(np.iinfo(kind).max)

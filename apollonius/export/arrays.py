@@ -4,9 +4,12 @@ from collections.abc import Callable, Sequence
 from math import prod
 from typing import Any
 
-from apollonius.export.elementwise import Params, Rule, converted
-from apollonius.export.program import Apply, Branch, Expression, Load, Number, Statement, Store, plus, times
-from apollonius.export.values import Block, Index, Value, greatest, least, moved, part
+import numpy as np
+
+from apollonius.export.block import Block, Index, Value, moved, part, scalar
+from apollonius.export.elementwise import Params, Rule
+from apollonius.export.expression import Expression, apply, converted, number, plus, times
+from apollonius.export.statement import Nest
 
 _WORTH_A_TEST = 8
 """Length of the inner loop of a product from which on a factor of 0 is looked for."""
@@ -15,7 +18,7 @@ _WORTH_A_TEST = 8
 def _joined(block: Block, pieces: Sequence[Value], axis: int, out: Any) -> Value:
     target, start = block.empty(str(out.dtype), out.shape), 0
     for piece in pieces:
-        starts = [Number(start if here == axis else 0) for here in range(len(out.shape))]
+        starts = [number(start if here == axis else 0) for here in range(len(out.shape))]
         block.copy(piece, part(target, piece.shape, starts))
         start += piece.shape[axis]
     return target
@@ -39,7 +42,7 @@ def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value
         raise NotImplementedError("by less than nothing")
     target = block.empty(str(out.dtype), out.shape)
     block.copy(moved(filler, out.shape, []), target)
-    block.copy(value, moved(target, value.shape, range(len(low)), list(map(Number, low)), [gap + 1 for gap in gaps]))
+    block.copy(value, moved(target, value.shape, range(len(low)), list(map(number, low)), [gap + 1 for gap in gaps]))
     return target
 
 
@@ -47,7 +50,7 @@ def _folded(
     block: Block,
     shape: tuple[int, ...],
     axes: Sequence[int],
-    firsts: Sequence[Number],
+    firsts: Sequence[Expression],
     fold: Callable[[Block, Index, list[Expression]], list[Expression]],
     out: Any,
 ) -> Value:
@@ -64,17 +67,25 @@ def _folded(
     steps, inner = outer.loops(lengths)
     others, folded = iter(index), iter(steps)
     whole = tuple(next(folded) if axis in axes else next(others) for axis in range(len(shape)))
-    for cell, value in zip(held, fold(inner, whole, [Load(cell, Number(0)) for cell in held]), strict=True):
-        inner.add(Store(cell, Number(0), value))
+    for cell, value in zip(held, fold(inner, whole, [cell.at(number(0)) for cell in held]), strict=True):
+        inner.set(cell, number(0), value)
     outer.close(steps, lengths, inner)
-    outer.store(target, index, Load(held[-1], Number(0)))
+    outer.store(target, index, held[-1].at(number(0)))
     block.close(index, out.shape, outer)
     return target
 
 
+def _least(kind: str) -> float | int | bool:
+    return False if kind == "bool" else -np.inf if kind == "float32" else int(np.iinfo(kind).min)
+
+
+def _greatest(kind: str) -> float | int | bool:
+    return True if kind == "bool" else np.inf if kind == "float32" else int(np.iinfo(kind).max)
+
+
 _FIRSTS: dict[str, Callable[[str], float | int | bool]] = {
     **{"add": lambda kind: 0, "mul": lambda kind: 1, "or": lambda kind: 0, "xor": lambda kind: 0},
-    **{"and": lambda kind: True if kind == "bool" else -1, "max": least, "min": greatest},
+    **{"and": lambda kind: True if kind == "bool" else -1, "max": _least, "min": _greatest},
 }
 """The neutral element of each operation that folds."""
 
@@ -84,10 +95,10 @@ def _reduce(operation: str) -> Rule:
         (value,), kind = operands, str(out.dtype)
 
         def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
-            return [Apply(operation, kind, (now[0], value.read(index)))]
+            return [apply(operation, kind, now[0], value.read(index))]
 
         axes = sorted(int(axis) % len(value.shape) for axis in params["axes"])
-        return _folded(block, value.shape, axes, [Number(_FIRSTS[operation](kind), kind)], fold, out)
+        return _folded(block, value.shape, axes, [number(_FIRSTS[operation](kind), kind)], fold, out)
 
     return rule
 
@@ -99,11 +110,11 @@ def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rul
         def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
             best, where = now
             here = inner.let(value.read(index))
-            is_better = inner.let(Apply(better, "bool", (here, best)))
+            is_better = inner.let(apply(better, "bool", here, best))
             places = is_better, converted(index[axis], kind), where
-            return [Apply("select", value.kind, (is_better, here, best)), Apply("select", kind, places)]
+            return [apply("select", value.kind, is_better, here, best), apply("select", kind, *places)]
 
-        firsts = [Number(worst(value.kind), value.kind), Number(0, kind)]
+        firsts = [number(worst(value.kind), value.kind), number(0, kind)]
         return _folded(block, value.shape, [axis], firsts, fold, out)
 
     return rule
@@ -115,12 +126,12 @@ def _cumulative(operation: str) -> Rule:
         target, length = block.empty(kind, out.shape), out.shape[axis]
         others = tuple(1 if here == axis else size for here, size in enumerate(out.shape))
         index, outer = block.loops(others)
-        total = outer.variable(Number(_FIRSTS[operation](kind), kind))
+        total = outer.variable(number(_FIRSTS[operation](kind), kind))
         (step,), inner = outer.loops((length,))
-        here = plus(Number(length - 1), times(step, -1)) if params["reverse"] else step
+        here = plus(number(length - 1), times(step, -1)) if params["reverse"] else step
         at = tuple(here if place == axis else other for place, other in enumerate(index))
-        inner.add(Store(total, Number(0), Apply(operation, kind, (Load(total, Number(0)), value.read(at)))))
-        inner.store(target, at, Load(total, Number(0)))
+        inner.set(total, number(0), apply(operation, kind, total.at(number(0)), value.read(at)))
+        inner.store(target, at, total.at(number(0)))
         outer.close((step,), (length,), inner)
         block.close(index, others, outer)
         return target
@@ -135,7 +146,7 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     left, right = map(block.stored, operands)
     (left_sum, right_sum), (left_batch, right_batch) = params["dimension_numbers"]
     kind, target = str(out.dtype), block.empty(str(out.dtype), out.shape)
-    block.copy(moved(_zero(kind), out.shape, []), target)
+    block.copy(scalar(number(0, kind), out.shape), target)
     shape = tuple(left.shape[axis] for axis in (*left_batch, *left_sum))
     index, outer = block.loops(shape)
     batch = index[: len(left_batch)]
@@ -158,22 +169,17 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     fixed = middle.let(slow.read(slow_index))
     fast_index, innermost = middle.loops(fast.shape)
     at = (*batch, *fast_index, *slow_index) if turned else (*batch, *slow_index, *fast_index)
-    product = Apply("mul", kind, (fixed, fast.read(fast_index)))
-    innermost.store(target, at, Apply("add", kind, (target.read(at), product)))
+    product = apply("mul", kind, fixed, fast.read(fast_index))
+    innermost.store(target, at, apply("add", kind, target.read(at), product))
     row = middle.inner()
     row.close(fast_index, fast.shape, innermost)
-    middle.statements += _unless_zero(fixed, row.statements) if prod(fast.shape) >= _WORTH_A_TEST else row.statements
+    if prod(fast.shape) >= _WORTH_A_TEST:
+        is_other = apply("ne", "bool", fixed, number(0, kind))
+        row.statements = [Nest(f"if ({is_other.text})", tuple(row.statements))]
+    middle.statements += row.statements
     outer.close(slow_index, slow.shape, middle)
     block.close(index, shape, outer)
     return target
-
-
-def _zero(kind: str) -> Value:
-    return Value(kind, (), lambda _: Number(0, kind), free=True)
-
-
-def _unless_zero(factor: Expression, body: list[Statement]) -> list[Statement]:
-    return [Branch(Apply("ne", "bool", (factor, Number(0, factor.kind))), tuple(body), ())]
 
 
 _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "and", "or": "or", "xor": "xor"}
@@ -181,8 +187,8 @@ _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "
 FOLDS: dict[str, Rule] = {
     **{f"reduce_{word}": _reduce(operation) for word, operation in _OPERATIONS.items()},
     **{f"cum{word}": _cumulative(_OPERATIONS[word]) for word in ("sum", "prod", "max", "min")},
-    "argmax": _argument_of("gt", least),
-    "argmin": _argument_of("lt", greatest),
+    "argmax": _argument_of("gt", _least),
+    "argmin": _argument_of("lt", _greatest),
     "concatenate": _concatenate,
     "stack": _stack,
 }
