@@ -1,4 +1,4 @@
-"""Functions of a player and what it sees that, for a batch, are quicker than what a `vmap` makes of them."""
+"""Functions of a player and what it sees that have a quicker form for a batch than a `vmap`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

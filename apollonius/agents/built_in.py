@@ -33,16 +33,13 @@ class BuiltIn(AbstractKind):
     """The players of `PLAYERS`."""
 
     def names(self) -> Sequence[str]:
-        """All of them."""
         return list(PLAYERS)
 
     def fits(self, name: str, role: Role, game: Game) -> bool:
-        """Whether it can play the side, and its rule be followed in the game."""
         policy, sides = PLAYERS[name]
         return role in sides and (not issubclass(policy, AbstractClassical) or policy.fits(game))
 
     def find(self, name: str, role: Role, game: Game | None) -> Named | None:
-        """The player, made for the game if it has to know it."""
         if name not in PLAYERS:
             return None
         policy, sides = PLAYERS[name]

@@ -15,7 +15,6 @@ class PurePursuit(AbstractSteering):
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Straight at the opponent."""
         own, opponent = seen.own.state, seen.opponent.state
         return direction(own, opponent), arc_speed(seen.own.body, own, opponent)
 
@@ -29,7 +28,6 @@ class Intercept(AbstractSteering):
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """The line of sight, and on top of it the lead."""
         body, own, opponent = seen.own.body, seen.own.state, seen.opponent.state
         sight = direction(own, opponent)
         across = opponent.v * jnp.sin(opponent.heading - sight)
@@ -38,7 +36,7 @@ class Intercept(AbstractSteering):
 
 
 def arc_speed(body: Unicycle, robot: RobotState, target: RobotState) -> Scalar:
-    """The highest speed [m/s] at which a robot can drive the arc from where it is, and heads, to a target.
+    """Return the highest speed [m/s] at which a robot can drive the arc from where it is, and heads, to a target.
 
     The arc has the radius `distance / (2 sin(angle off the heading))`, and what is behind takes half the distance: a
     robot faster than that runs around its target for ever.

@@ -24,7 +24,7 @@ class Still(AbstractPolicy):
 
     @property
     def observation(self) -> AbstractObservation:
-        """It does not look; whoever collects its transitions has the paper's observation."""
+        """The paper's observation, for those who collect its transitions; it does not look."""
         return PAPER
 
     def __call__(
@@ -44,12 +44,12 @@ class AbstractClassical(AbstractActionValuePolicy):
 
     @classmethod
     def fits(cls, game: Game) -> bool:
-        """Whether its rule can be followed in a game."""
+        """Return whether its rule can be followed in a game."""
         return True
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
-        """The player of one side of a game.
+        """Return the player of one side of a game.
 
         Args:
             game: what is played.
@@ -63,10 +63,10 @@ class AbstractClassical(AbstractActionValuePolicy):
 
     @abstractmethod
     def values(self, seen: View) -> Float[Array, "9"]:
-        """How well the rule is followed by each of the nine actions: the higher the better."""
+        """Return how well each of the nine actions follows the rule: the higher the better."""
 
     def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:
-        """A robot after one step."""
+        """Return a robot's state after one step."""
         return robot.body.move(robot.state, *robot.body.controls(action), self.dt)
 
 
@@ -74,9 +74,9 @@ class AbstractSteering(AbstractClassical):
     """A player whose rule is a course: a heading and a speed to have."""
 
     def values(self, seen: View) -> Float[Array, "9"]:
-        """Minus how far heading and speed are from the course after each action, in steps of full turn and thrust.
+        """Return minus the distance of heading and speed from the course after each action, in full steps of either.
 
-        So a gear is used only while more than half a step is missing, and a course once held is held quietly.
+        So a control is used only while more than half a step is missing, and a course once held is held quietly.
         """
         own = seen.own
         heading, speed = self.course(seen)
@@ -91,21 +91,21 @@ class AbstractSteering(AbstractClassical):
 
     @abstractmethod
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """The heading [rad] and the speed [m/s] it would have now."""
+        """Return the heading [rad] and the speed [m/s] wanted now."""
 
 
 def direction(start: RobotState, end: RobotState) -> Scalar:
-    """The direction [rad] in which one robot sees another."""
+    """Return the direction [rad] from one robot to another."""
     return jnp.arctan2(end.y - start.y, end.x - start.x)
 
 
 def separation(first: RobotState, second: RobotState) -> Scalar:
-    """Distance [m] between two robots' centres."""
+    """Return the distance [m] between two robots' centres."""
     return jnp.hypot(second.x - first.x, second.y - first.y)
 
 
 def facing_speed(body: Unicycle, robot: RobotState, heading: Scalar) -> Scalar:
-    """The speed [m/s] to have on the way to a heading: the top one times the cosine of the turn that is left, or 0.
+    """Return the speed [m/s] to have on the way to a heading: the top one times the cosine of the turn left, or 0.
 
     The part of the wanted velocity that a robot which cannot move sideways can have now.
     """

@@ -24,7 +24,7 @@ _HANDICAP, _NOISE = 1, 2
 
 @dataclass(frozen=True)
 class Disturbance:
-    """How robots in training depart from those of the rules. Each robot of each game has its own, drawn anew."""
+    """Departures of robots in training from the rules, drawn for each robot of each game."""
 
     delay: int = 0
     """Commands are late by a number of steps drawn from 0 to this."""
@@ -36,9 +36,9 @@ class Disturbance:
     position_noise: float = 0.0
     """Standard deviation of the error of a seen x or y [m], new in every step, as of the two below."""
     speed_noise: float = 0.0
-    """The same of a speed [m/s]."""
+    """Of a speed [m/s]."""
     heading_noise: float = 0.0
-    """The same of a heading [rad]."""
+    """Of a heading [rad]."""
 
     def __post_init__(self) -> None:
         require(0 <= self.delay <= 100, "delay", self.delay, "from 0 to 100 steps")
@@ -48,7 +48,6 @@ class Disturbance:
 
     @property
     def has_sensor_noise(self) -> bool:
-        """Whether what is seen has errors."""
         return self.position_noise > 0 or self.speed_noise > 0 or self.heading_noise > 0
 
 
@@ -76,7 +75,7 @@ class Handicap(eqx.Module):
     def respond(
         self, body: Unicycle, robot: RobotState, action: Action, dt: Real
     ) -> tuple[tuple[Scalar, Scalar], "Handicap"]:
-        """The controls that an action comes to in this step: those that move the rules' robot as this one moves.
+        """Return the controls that move the rules' robot in this step as this one moves, and the handicap after it.
 
         A turn rate that changes at a constant rate until it is reached turns the robot by its mean over the step.
         """
@@ -91,7 +90,7 @@ class Handicap(eqx.Module):
 
 
 def draw_handicap(bits: UInt32[Array, ""], disturbance: Disturbance) -> Handicap:
-    """A robot's handicap for a game that begins, from random bits. Its past is one at rest."""
+    """Draw a robot's handicap for a game that begins, from random bits. Its past is one at rest."""
     shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _HANDICAP), (5,))
     spread = disturbance.limits * (2 * shares[:3] - 1)
     return Handicap(
@@ -104,7 +103,7 @@ def draw_handicap(bits: UInt32[Array, ""], disturbance: Disturbance) -> Handicap
 
 
 def with_sensor_noise(state: GameState, bits: UInt32[Array, ""], disturbance: Disturbance) -> GameState:
-    """A state as one side sees it: all robots with errors of their own, from random bits."""
+    """Return a state as one side sees it: all robots with errors of their own, from random bits."""
     if not disturbance.has_sensor_noise:
         return state
     robots, sides = jax.tree.flatten(state.robots, is_leaf=lambda node: isinstance(node, RobotState))
@@ -124,7 +123,7 @@ def with_sensor_noise(state: GameState, bits: UInt32[Array, ""], disturbance: Di
 def step_disturbed(
     game: Game, state: GameState, handicaps: BySide[Handicap | None], actions: BySide[tuple[Action, ...]]
 ) -> tuple[Timestep, BySide[Handicap | None]]:
-    """Where all robots' actions lead: by the rules or, with handicaps, by the controls that these make of them.
+    """Step a game by the rules or, with handicaps, by the controls that these make of the actions.
 
     Raises:
         InvalidInput: for handicaps in a game of teams.

@@ -27,7 +27,6 @@ class Flee(AbstractSteering):
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Straight away from the opponent, at top speed."""
         return direction(seen.opponent.state, seen.own.state), jnp.asarray(seen.own.body.v_max, jnp.float32)
 
 
@@ -49,11 +48,10 @@ class FleeAware(AbstractClassical):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """The player of one side of a game: it looks 4 s ahead."""
         return super().for_side(game, role, steps=ceil(_HORIZON / game.dt), **rule)
 
     def values(self, seen: View) -> Float[Array, "9"]:
-        """Distance and room in metres; where the room runs out, how late it does, below all ways on which it lasts."""
+        """Return distance and clearance in metres; where that runs out, how late, below all ways on which it lasts."""
         coast, body = jnp.zeros(()), seen.own.body
         pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
 

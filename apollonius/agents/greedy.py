@@ -20,7 +20,6 @@ class Greedy(AbstractActionValuePolicy):
 
     @property
     def observation(self) -> Whole:
-        """What the network reads."""
         reads = self.network.observation
         return reads if self.chart is None else Charted(reads, self.chart)
 
@@ -37,7 +36,6 @@ class EpsilonGreedy(AbstractPolicy):
 
     @property
     def observation(self) -> AbstractObservation:
-        """What the network reads."""
         return self.network.observation
 
     def __call__(

@@ -19,7 +19,7 @@ _EQUAL = 1e-3
 def nearest_reach(
     evader: tuple[Scalar, Scalar], pursuer: tuple[Scalar, Scalar], ratio: Real, goal: tuple[Scalar, Scalar]
 ) -> tuple[Scalar, Scalar]:
-    """Of the places that the evader can be at before the pursuer, the one nearest to a goal [m].
+    """Return the point nearest to a goal that the evader can reach before the pursuer [m].
 
     Both can turn at once, and nothing stands in their way. Then these places are bounded by the circle of Apollonius,
     where the evader's distance is `ratio` times the pursuer's: they are inside where the evader is slower, outside
@@ -66,12 +66,11 @@ class Territory(AbstractSteering):
 
     @classmethod
     def fits(cls, game: Game) -> bool:
-        """Whether there is a territory to guard."""
         return game.arena.territory is not None
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """The player of one side of a game.
+        """Return the player of one side of a game.
 
         Raises:
             InvalidInput: when there is nothing to guard.
@@ -81,7 +80,6 @@ class Territory(AbstractSteering):
         return super().for_side(game, role, guards=role == Role.PURSUER, **rule)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Straight there, as fast as the way can be driven."""
         goal, own = seen.arena.territory, seen.own.state
         assert goal is not None, "it fits the game"
         ends = [((robot.state.x, robot.state.y), robot.body.v_max) for robot in seen.robots]

@@ -28,7 +28,6 @@ class Holding(AbstractWrapper):
 
     @property
     def observation(self) -> Whole:
-        """The observation of the player inside."""
         return self.policy.observation
 
     @property

@@ -28,20 +28,20 @@ class AbstractKind(ABC):
     """How the names of those look that `names` does not list."""
 
     def names(self) -> Sequence[str]:
-        """Those that need no file of a person's own."""
+        """Return the names of those that need no file of a person's own."""
         return ()
 
     def fits(self, name: str, role: Role, game: Game) -> bool:
-        """Whether one of `names` plays a side of a game."""
+        """Return whether one of `names` plays a side of a game."""
         return True
 
     @abstractmethod
     def find(self, name: str, role: Role, game: Game | None) -> Named | None:
-        """The player of this name; None where the name is none of this kind's.
+        """Return the player of this name; None where this kind does not know the name.
 
         Args:
             role: the side it is to play.
-            game: what is played; None where nobody said.
+            game: what is played, if that is known.
 
         Raises:
             InvalidInput: when its file is bad, it plays the other side only, or it has to know the game.
@@ -49,7 +49,7 @@ class AbstractKind(ABC):
 
 
 def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
-    """The refusal of a name that none of these kinds knows."""
+    """Return the refusal of a name that these kinds do not know."""
     looks = ", or ".join(kind.looks for kind in kinds if kind.looks)
     known = [one for kind in kinds for one in kind.names()]
     meant = None if name in BUILT_IN or any(mark in name for mark in "/:") else nearest(name, known)
@@ -57,10 +57,10 @@ def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
 
 
 def known_game(game: Game | None, name: str) -> Game:
-    """The game, for a player that has to know it.
+    """Return the game, for a player that has to know it.
 
     Raises:
-        InvalidInput: where nobody said which.
+        InvalidInput: where it is not known.
     """
     if game is None:
         raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")

@@ -1,4 +1,4 @@
-"""Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of gears."""
+"""Networks: an observation in, the value of each action out (Fig. 3), or a distribution over pairs of action levels."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,16 +27,15 @@ class QNetwork(eqx.Module):
     observation: AbstractObservation = eqx.field(static=True)
 
     def __call__(self, observation: Float[Array, " size"]) -> Float[Array, "9"]:
-        """The values of the 9 actions for one observation."""
         return apply(self.layers, observation)
 
     def batch(self, observations: Float[Array, "batch size"]) -> Float[Array, "batch 9"]:
-        """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+        """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
         return apply_to_batch(self.layers, observations)
 
 
 class GaussianActor(eqx.Module):
-    """A normal distribution for either gear, before `tanh` makes numbers in [-1, 1] of them.
+    """A normal distribution of either action level, before `tanh` makes a number in [-1, 1] of it.
 
     Haarnoja et al., "Soft actor-critic" (2018), appendix C.
     """
@@ -45,13 +44,13 @@ class GaussianActor(eqx.Module):
     observation: AbstractObservation = eqx.field(static=True)
 
     def __call__(self, observation: Float[Array, " size"]) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-        """Means and standard deviations for one observation."""
+        """Return means and standard deviations for one observation."""
         return self.of_outputs(apply(self.layers, observation))
 
     def batch(
         self, observations: Float[Array, "batch size"]
     ) -> tuple[Float[Array, "batch 2"], Float[Array, "batch 2"]]:
-        """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+        """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
         return self.of_outputs(apply_to_batch(self.layers, observations))
 
     def of_outputs(
@@ -73,13 +72,13 @@ _LOG_DEVIATION = (-5.0, 1.0)
 
 
 def _deviation(spread: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
-    """Standard deviations from what the last layer says, which is free of bounds."""
+    """Return standard deviations, from outputs that are free of bounds."""
     least, most = _LOG_DEVIATION
     return jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
 
 
 def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
-    """What the layers make of one input."""
+    """Return the outputs of the layers for one input."""
     hidden = inputs
     for layer in layers[:-1]:
         hidden = jax.nn.relu(layer(hidden))
@@ -106,7 +105,7 @@ def _inferred(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out
 def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
     """Return what a `vmap` of `apply` makes of a batch, quicker where batch and layers are large.
 
-    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes what every layer makes of them.
+    A `vmap` puts the weights before the inputs, and XLA on the CPU then transposes the outputs of every layer.
     Products whose sizes are multiples of `_BLOCK` it adds up in the same order either way, so the results are the same
     to the last bit; others, and the last layer, which it treats apart, are left as they are.
     """
@@ -119,13 +118,13 @@ def _apply_together(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[A
 
 
 def _weights_first(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """A `vmap` of `apply`, whose products have the weights before the inputs, as where a pool has several members."""
+    """Return a `vmap` of `apply`, whose products have the weights first, as for several members of a pool."""
     alone = jax.tree.map(lambda leaf: leaf[None], layers)
     return jax.vmap(lambda layers: jax.vmap(apply, in_axes=(None, 0))(layers, inputs))(alone)[0]
 
 
 def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Array, "batch out"]:
-    """The same for a batch, with a gradient that is quicker than that of a `vmap`."""
+    """Return the outputs for a batch, with a quicker gradient than that of a `vmap`."""
     hidden = inputs
     for layer in layers[:-1]:
         hidden = jax.nn.relu(_affine(layer.weight, layer.bias, hidden))
@@ -136,7 +135,7 @@ def apply_to_batch(layers: Layers, inputs: Float[Array, "batch in"]) -> Float[Ar
 def _affine(
     weight: Float[Array, "out in"], bias: Float[Array, " out"], inputs: Float[Array, "batch in"]
 ) -> Float[Array, "batch out"]:
-    """A layer for a batch.
+    """Apply a layer to a batch.
 
     Its gradient transposes before it multiplies: the product over the first axes of both, which differentiation would
     make of it, takes XLA on the CPU a third longer.
@@ -161,9 +160,7 @@ _affine.defvjp(_affine_forward, _affine_backward)
 
 
 def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
-    """Layers with random weights, `sizes` being their numbers of inputs and at the end that of outputs. The key is
-    consumed.
-    """
+    """Return layers with random weights; `sizes` are their inputs and at last the outputs. The key is consumed."""
     keys = jax.random.split(key, len(sizes) - 1)
     return tuple(
         eqx.nn.Linear(fan_in, fan_out, key=layer_key)
@@ -172,7 +169,7 @@ def make_layers(sizes: Sequence[int], key: PRNGKeyArray) -> Layers:
 
 
 def widened(network: Network, reads: AbstractObservation) -> Network:
-    """A network that does as another one does, but reads more numbers, of which that one's are the first."""
+    """Return a network that does as another one does, but reads more numbers, of which that one's are the first."""
     first, more = network.layers[0], reads.size - network.observation.size
     weight = jnp.pad(first.weight, ((0, 0), (0, more)))
     empty = eqx.nn.Linear(reads.size, first.out_features, key=jax.random.key(0))
@@ -181,7 +178,7 @@ def widened(network: Network, reads: AbstractObservation) -> Network:
 
 
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
-    """A network with random weights. The key is consumed.
+    """Return a network with random weights. The key is consumed.
 
     Args:
         observation: name of the observation it reads.
@@ -193,6 +190,6 @@ def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) ->
 
 
 def make_actor(observation: str, width: int, depth: int, key: PRNGKeyArray) -> GaussianActor:
-    """The same for pairs of gears."""
+    """Return an actor with random weights, as `make_network`."""
     reads = find_observation(observation)
     return GaussianActor(make_layers([reads.size, *[width] * depth, 4], key), reads)

@@ -23,17 +23,17 @@ class AbstractPolicy(eqx.Module):
 
     @property
     def observation(self) -> Whole:
-        """What it reads of a view: the view itself, or the numbers that its network reads (`apollonius.observe`)."""
+        """The part of a view that it reads: all, or the numbers that its network reads (`apollonius.observe`)."""
         return WHOLE
 
     @property
     def charted(self) -> bool:
-        """Whether it plays by a chart, which a game in several arenas then must have (`apollonius.arenas.charting`)."""
+        """True if it plays by a chart, which a game in several arenas then must have (`apollonius.arenas.charting`)."""
         return self.observation.charted
 
     @property
     def continuous(self) -> bool:
-        """Whether its actions are pairs of gears."""
+        """True if its actions are pairs of levels."""
         return False
 
     @property
@@ -88,34 +88,30 @@ class AbstractWrapper(AbstractPolicy):
 
     @property
     def charted(self) -> bool:
-        """Whether the player inside plays by a chart."""
         return self.policy.charted
 
     @property
     def continuous(self) -> bool:
-        """Whether the actions of the player inside are pairs of gears."""
         return self.policy.continuous
 
     @property
     def memory(self) -> Memory:
-        """The memory with which the player inside begins every game."""
         return self.policy.memory
 
 
 class AbstractContinuous(AbstractPolicy):
-    """A player whose actions are two gears in [-1, 1]."""
+    """A player whose actions are two levels in [-1, 1]."""
 
     @property
     def continuous(self) -> bool:
-        """Always True."""
         return True
 
     @abstractmethod
     def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "2"], Memory]:
-        """Choose the two gears for what is seen."""
+        """Choose the two levels for what is seen."""
 
     def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
-        """Return the allowed discrete action whose gears are nearest to the player's own."""
+        """Return the allowed discrete action whose levels are nearest to the player's own."""
         own = gears(weighed)
 
         def away(action: Int[Array, ""]) -> Scalar:

@@ -1,5 +1,6 @@
-"""Who plays one side of a batch of games: one player, a pool of several, several next to one another."""
+"""Players of one side of a batch of games: one player, a pool of several, several next to one another."""
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -25,8 +26,41 @@ def act_in_rows(
     return jax.vmap(lambda row, memory, bits: policy(read(row), memory, bits))(rows, memory, bits)
 
 
-class Pool(eqx.Module):
-    """Players of one side that share a structure, stacked; a game meets one of them, for a whole episode.
+class AbstractPlayers(eqx.Module):
+    """All who play one side of a batch of games; a game meets one member for a whole episode."""
+
+    @property
+    @abstractmethod
+    def observation(self) -> Whole:
+        """The observation of all members."""
+
+    @property
+    @abstractmethod
+    def memory(self) -> Memory:
+        """The memory with which every game begins."""
+
+    @property
+    def samples(self) -> bool:
+        """True if it takes random bits to draw the member that a game meets."""
+        return False
+
+    @abstractmethod
+    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
+        """Return the member that each game meets, from the upper half of random bits."""
+
+    @abstractmethod
+    def act(
+        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
+    ) -> tuple[Actions, Memory]:
+        """Return each row's action and next memory, by the member that it meets.
+
+        Args:
+            read: turns a row into what the players read; with `rows` from `apollonius.observe.observation.perceive`.
+        """
+
+
+class Pool(AbstractPlayers):
+    """Players that share a structure, stacked.
 
     Attributes:
         members: a policy whose array leaves have a leading axis of length `size`.
@@ -37,38 +71,29 @@ class Pool(eqx.Module):
     size: int = eqx.field(static=True, default=1)
 
     @property
-    def observation(self) -> Whole:
-        """What all members read of a view."""
-        return self._first.observation
-
-    @property
     def _first(self) -> AbstractPolicy:
         return jax.tree.map(lambda leaf: leaf[0], self.members)
 
     @property
+    def observation(self) -> Whole:
+        return self._first.observation
+
+    @property
+    def memory(self) -> Memory:
+        return self._first.memory
+
+    @property
     def samples(self) -> bool:
-        """Whether it takes random bits to say who plays a game."""
         return self.size > 1
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The member that each game meets, from the upper half of random bits."""
         if self.size == 1:
             return jnp.zeros(bits.shape, jnp.int32)
         return (((bits >> 16) * self.size) >> 16).astype(jnp.int32)
 
-    @property
-    def memory(self) -> Memory:
-        """The memory with which every game begins."""
-        return self._first.memory
-
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        """Return each row's action and next memory, by the member of this pool that it meets.
-
-        Args:
-            read: turns a row into what the players read; with `rows` from `apollonius.observe.observation.perceive`.
-        """
         if self.size == 1:
             return act_in_rows(self._first, read, rows, memory, bits)
 
@@ -82,53 +107,44 @@ class Pool(eqx.Module):
         return jax.tree.map(theirs, jax.vmap(of_member, axis_size=self.size)(self.members))
 
 
-class Seated(eqx.Module):
-    """One player for most games of a batch, and others who each have a few games of their own, next to one another.
+class Seated(AbstractPlayers):
+    """One player for most games of a batch, and others who each have a few games of their own, in a row.
 
     A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
-    2, ... are those in the seats.
+    2, ... are the others.
 
     Attributes:
-        at_large: the player of all games without a seat.
-        seated: the others; array leaves have a leading axis of length `seats`.
-        seats: how many they are.
-        first: the first game that belongs to a seat.
+        at_large: the player of all games that belong to no other.
+        seated: the others; array leaves have a leading axis.
+        count: their number.
+        first: the first game that belongs to one.
         games: how many games belong to each.
     """
 
     at_large: AbstractPolicy
     seated: AbstractPolicy
-    seats: int = eqx.field(static=True)
+    count: int = eqx.field(static=True)
     first: int = eqx.field(static=True)
     games: int = eqx.field(static=True)
 
     @property
     def observation(self) -> Whole:
-        """What all of them read of a view."""
         return self.at_large.observation
 
     @property
-    def samples(self) -> bool:
-        """Whether it takes random bits to say who plays a game: seats are fixed."""
-        return False
+    def memory(self) -> Memory:
+        return self.at_large.memory
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The member that each game meets."""
         game = jnp.arange(bits.shape[0]) - self.first
-        return jnp.where((game >= 0) & (game < self.seats * self.games), game // self.games + 1, 0).astype(jnp.int32)
-
-    @property
-    def memory(self) -> Memory:
-        """The memory with which every game begins."""
-        return self.at_large.memory
+        return jnp.where((game >= 0) & (game < self.count * self.games), game // self.games + 1, 0).astype(jnp.int32)
 
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        """Return each row's action and next memory, by the player whose it is; arguments as those of `Pool.act`."""
-        end, given = self.first + self.seats * self.games, (rows, memory, bits)
+        end, given = self.first + self.count * self.games, (rows, memory, bits)
         seated = jax.tree.map(
-            lambda leaf: leaf[self.first : end].reshape(self.seats, self.games, *leaf.shape[1:]), given
+            lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]), given
         )
         beside = jax.tree.map(lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), given)
         others = jax.vmap(lambda policy, *given: act_in_rows(policy, read, *given))(self.seated, *seated)
@@ -140,12 +156,12 @@ class Seated(eqx.Module):
         return jax.tree.map(in_order, own, others)
 
 
-class Apart(eqx.Module):
-    """Players of several kinds, each of whom has some games of a batch: the first those in front, and so on.
+class Apart(AbstractPlayers):
+    """Players of several kinds, each of which has some games of a batch: the first those in front, and so on.
 
     Attributes:
         policies: the players; sides of one robot only.
-        games: how many games each of them has.
+        games: how many games each has.
     """
 
     policies: tuple[AbstractPolicy, ...]
@@ -153,27 +169,20 @@ class Apart(eqx.Module):
 
     @property
     def observation(self) -> Whole:
-        """The view, of which each makes what it reads."""
+        """The view, from which each makes its own observation."""
         return WHOLE
 
     @property
-    def samples(self) -> bool:
-        """Whether it takes random bits to say who plays a game: all have their own."""
-        return False
+    def memory(self) -> Memory:
+        """The memories with which every game begins: that of each player, of which one is used."""
+        return tuple(policy.memory for policy in self.policies)
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The member that each game meets."""
         return jnp.concatenate([jnp.full(games, number, jnp.int32) for number, games in enumerate(self.games)])
-
-    @property
-    def memory(self) -> Memory:
-        """The memory with which every game begins: that of each of them, of which one is used."""
-        return tuple(policy.memory for policy in self.policies)
 
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        """Return each row's action and next memory, by the player whose it is; arguments as those of `Pool.act`."""
         actions, after = [], []
         for number, policy in enumerate(self.policies):
             own = slice(first := sum(self.games[:number]), first + self.games[number])
@@ -184,50 +193,45 @@ class Apart(eqx.Module):
         return jnp.concatenate(actions), tuple(after)
 
 
-class PersistentNoise(eqx.Module):
+class PersistentNoise(AbstractPlayers):
     """Players who are given random bits of their own instead of every step's, so that what they try can last.
 
     Attributes:
-        players: whoever they are.
+        players: those that act.
         bits: some for each game.
     """
 
-    players: Pool | Seated | Apart
+    players: AbstractPlayers
     bits: UInt32[Array, " games"]
 
     @property
     def observation(self) -> Whole:
-        """What all of them read of a view."""
         return self.players.observation
 
     @property
+    def memory(self) -> Memory:
+        return self.players.memory
+
+    @property
     def samples(self) -> bool:
-        """Whether it takes random bits to say who plays a game."""
         return self.players.samples
 
     def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        """The member that each game meets."""
         return self.players.sample(bits)
-
-    @property
-    def memory(self) -> Memory:
-        """The memory with which every game begins."""
-        return self.players.memory
 
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        """Return each row's action and next memory, by its own bits; arguments as those of `Pool.act`."""
         return self.players.act(member, read, rows, memory, self.bits)
 
 
 def solo(policy: AbstractPolicy) -> Pool:
-    """The pool of just this player."""
+    """Return the pool of just this player."""
     return Pool(jax.tree.map(_alone, policy))
 
 
 def _alone(leaf: Any) -> Any:
-    """An array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
+    """Return an array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
     return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(_on_host(leaf)[None])
 
 
@@ -237,5 +241,5 @@ def _on_host(leaf: Any) -> np.ndarray:
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:
-    """The pool of these players, which must have one structure."""
+    """Return the pool of these players, which must have one structure."""
     return Pool(jax.tree.map(lambda *leaves: jnp.stack(leaves), *policies), len(policies))

@@ -9,12 +9,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from apollonius.agents.batching import batched_by, spread, where_needed
+from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle, gears
+from apollonius.game.dynamics import Unicycle, gears, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Edges, Surroundings, surroundings
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
@@ -22,7 +22,7 @@ from apollonius.io.errors import require
 from apollonius.observe.view import View
 
 MARGIN = 1e-3
-"""Room [m] that must be left: many times what rounding can make of it."""
+"""Clearance [m] that must be left: many times what rounding can make of it."""
 BRAKING = (0, 1, 2)
 """Actions that brake: while turning right, going straight, or turning left."""
 _TRIED = 8
@@ -35,7 +35,6 @@ class Brake(eqx.Module):
     action: int = eqx.field(static=True)
 
     def __call__(self, robot: RobotState) -> Int[Array, ""]:
-        """The action, wherever the robot is."""
         return jnp.full((), self.action, jnp.int32)
 
 
@@ -59,11 +58,11 @@ class Backup(eqx.Module):
     anywhere: bool = eqx.field(static=True, default=False)
 
     def of(self, view: View) -> "Backup":
-        """The manoeuvres of the robot that sees this."""
+        """Return the manoeuvres of the robot that sees this."""
         return replace(self, arena=view.arena, body=view.own.body) if self.anywhere else self
 
     def room(self, robot: RobotState) -> Scalar:
-        """Least clearance [m] on the way to rest by the best of the manoeuvres, the body's radius taken off.
+        """Return the least clearance [m] on the best way to rest, the body's radius taken off.
 
         Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
         room than `MARGIN` without them and with them.
@@ -71,46 +70,63 @@ class Backup(eqx.Module):
         return jnp.max(self.rooms(robot))
 
     def rooms(self, robot: RobotState) -> Float[Array, " manoeuvres"]:
-        """The same by each of the manoeuvres."""
+        """Return that clearance [m] by each of the manoeuvres."""
         return self._rooms(robot, self._near(robot))
 
     def room_after(self, robot: RobotState, action: Action) -> Scalar:
-        """The same, for the way that begins with one step of an action."""
-        near = self._near(robot)
-        after = self._hold(robot, action)
-        (clearance,) = self._along([robot], [after], near)
-        if near is not None:
-            clearance = jnp.minimum(clearance, near.clearance_from(robot.x, robot.y))
-        return jnp.minimum(clearance - self.body.radius, jnp.max(self._rooms(after, near)))
+        """Return the least clearance [m] on the best way to rest that begins with one step of an action."""
+        near, after = self._near(robot), self._hold(robot, action)
+        step = self._step(robot, after, near) - self.body.radius
+        return jnp.minimum(step, jnp.max(self._rooms(after, near)))
+
+    def surely_stops(self, robot: RobotState, action: Action) -> Bool[Array, ""]:
+        """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
+
+        That way is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
+        """
+        if self.arena.map is not None:  # whose clearance along a segment depends on where it is cut
+            return replace(self, manoeuvres=(Brake(1),)).room_after(robot, action) > MARGIN
+        near, after = self._near(robot), self._hold(robot, action)
+        (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * self.body.u1_max)
+        rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
+        least = jnp.minimum(self._step(robot, after, near), self._along(after, rest, near))
+        return least - self.body.radius > 2 * MARGIN
 
     def _rooms(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
-            before = [robot for robot, _ in carry]
+        def one_step(before: list[RobotState], _: None) -> tuple[list[RobotState], list[RobotState]]:
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
-            clearances = self._along(before, after, near)
-            moved = zip(after, carry, clearances, strict=True)
-            return [(to, jnp.minimum(least, clearance)) for to, (_, least), clearance in moved]
+            return after, after
 
-        here = self._arena(near).clearance(robot.x, robot.y)
-        if near is not None:
-            here = jnp.minimum(here, near.clearance_from(robot.x, robot.y))
-        ends = jax.lax.fori_loop(0, self.steps, one_step, [(robot, here)] * len(self.manoeuvres))
-        return jnp.stack([least for _, least in ends]) - self.body.radius
+        _, ways = jax.lax.scan(one_step, [robot] * len(self.manoeuvres), length=self.steps)
+        after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *ways)
+        before = jax.tree.map(
+            lambda first, later: jnp.concatenate([jnp.broadcast_to(first, (len(later), 1)), later[:, :-1]], axis=1),
+            robot, after,
+        )  # fmt: skip
+        along = jax.vmap(jax.vmap(lambda start, end: self._along(start, end, near)))(before, after)
+        return jnp.minimum(self._here(robot, near), jnp.min(along, axis=1)) - self.body.radius
 
     def _near(self, robot: RobotState) -> Edges | None:
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
 
     def _arena(self, near: Edges | None) -> Arena:
-        """What is left of the arena where the polygons' edges are given."""
+        """Return the arena, without its polygons where their edges are given."""
         return self.arena if near is None else replace(self.arena, polygons=())
 
-    def _along(self, before: list[RobotState], after: list[RobotState], near: Edges | None) -> list[Scalar]:
-        """Least clearance [m] on each of some segments."""
-        arena = self._arena(near)
-        clearances = [arena.clearance_along(one, other) for one, other in zip(before, after, strict=True)]
-        if near is None:
-            return clearances
-        return [jnp.minimum(*both) for both in zip(clearances, near.clearances_along(before, after), strict=True)]
+    def _here(self, robot: RobotState, near: Edges | None) -> Scalar:
+        """Return the clearance [m] of a place."""
+        here = self._arena(near).clearance(robot.x, robot.y)
+        return here if near is None else jnp.minimum(here, near.clearance_from(robot.x, robot.y))
+
+    def _along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
+        """Return the least clearance [m] on a segment, whose beginning is the end of another one."""
+        along = self._arena(near).clearance_along(before, after)
+        return along if near is None else jnp.minimum(along, near.clearances_along([before], [after])[0])
+
+    def _step(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
+        """Return the least clearance [m] on a segment with its beginning."""
+        along = self._along(before, after, near)
+        return along if near is None else jnp.minimum(along, near.clearance_from(before.x, before.y))
 
     def _hold(self, robot: RobotState, action: Action) -> RobotState:
         return self.body.move(robot, *self.body.controls(action), self.dt)
@@ -138,53 +154,69 @@ class Shielded(AbstractWrapper):
         weighed, memory = self.policy.weigh(self.policy.observation(seen), memory, bits)
         return _held_back(self, seen, weighed), memory
 
-    def room_after(self, view: View, action: Action) -> Scalar:
-        """Return the room [m] on the way to rest that begins with one step of an action."""
-        return self.backup.of(view).room_after(view.own.state, action)
-
     def wanted(self, weighed: Any) -> Action:
         """Return what the player behind the shield would do."""
         return weighed if self.policy.continuous else self.policy.choose(weighed, jnp.ones(NUM_ACTIONS, bool))
 
-    def instead(self, weighed: Any, room: Float[Array, "9"]) -> Action:
-        """Return what it does where that is not allowed, by the room that each of the nine actions leaves."""
+    def begin(self, seen: View, weighed: Any) -> "_Search":
+        """Return the search for an action that is allowed; it has ended where the player's own surely is."""
+        action = self.wanted(weighed)
+        number = jnp.full((), NUM_ACTIONS, jnp.int32) if self.policy.continuous else action
+        open_ = ~self.backup.of(seen).surely_stops(seen.own.state, action)
+        return _Search(action, number, jnp.full(NUM_ACTIONS, jnp.inf), open_)
+
+    def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
+        """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
+        room = self.backup.of(seen).room_after(seen.own.state, search.action)
         allowed = room > MARGIN
-        among = self.policy.choose(weighed, allowed)
-        safest = jnp.where(jnp.any(allowed), among, jnp.argmax(room)).astype(jnp.int32)
-        return jnp.stack(gears(safest)) if self.policy.continuous else safest
+        rooms = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, room, search.rooms)
+        untried = jnp.isinf(rooms)
+        left = jnp.any(untried)
+        number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(rooms)).astype(jnp.int32)
+        action = jnp.stack(gears(number)) if self.policy.continuous else number
+        return _Search(jnp.where(allowed, search.action, action), number, rooms, ~allowed & left)
+
+
+class _Search(eqx.Module):
+    """A search for an action that is allowed.
+
+    Attributes:
+        action: the one to be tried or, at the end, to be taken.
+        number: its number; of a player's own that is continuous, one more than there are.
+        rooms: what each of the nine leaves [m], infinite until it is tried.
+        open: whether it has not ended.
+    """
+
+    action: Action
+    number: Int[Array, ""]
+    rooms: Float[Array, "9"]
+    open: Bool[Array, ""]
 
 
 def _held_back_together(size: int, batched: Any, player: Shielded, seen: View, weighed: Any) -> Actions:
-    """Return the actions in many games.
-
-    Most of the time robots may do what they want: all nine actions are tried only for those that may not. Each action
-    is tried for all of these at once, rather than all actions for each: what is near to a robot is then read from
-    memory in a row.
-    """
+    """Return the actions in many games: those whose search is open are tried, a few at a time."""
     axes, weighed = jax.tree.map(lambda has: 0 if has else None, batched[1]), spread(size, batched[2], weighed)
-    wanted = jax.vmap(player.wanted)(weighed)
-    room = jax.vmap(player.room_after, in_axes=(axes, 0), axis_size=size)(seen, wanted)
+    search = jax.vmap(player.begin, in_axes=(axes, 0), axis_size=size)(seen, weighed)
 
-    def some(games: Int[Array, " few"]) -> Actions:
-        theirs = jax.tree.map(lambda leaf, has: leaf[games] if has else leaf, seen, batched[1])
-        of_all = jax.vmap(player.room_after, in_axes=(axes, None), axis_size=_TRIED)
-        rooms = jax.vmap(of_all, in_axes=(None, 0))(theirs, jnp.arange(NUM_ACTIONS))
-        return jax.vmap(player.instead, in_axes=(0, 1))(jax.tree.map(lambda leaf: leaf[games], weighed), rooms)
+    def some(search: _Search) -> _Search:
+        (rows,) = jnp.nonzero(search.open, size=_TRIED, fill_value=size)
+        theirs = jax.tree.map(lambda leaf, has: leaf[rows] if has else leaf, seen, batched[1])
+        given = jax.tree.map(lambda leaf: leaf[rows], (weighed, search))
+        new = jax.vmap(player.go_on, in_axes=(axes, 0, 0), axis_size=_TRIED)(theirs, *given)
+        return jax.tree.map(lambda all_, one: all_.at[rows].set(one, mode="drop"), search, new)
 
-    return where_needed(~(room > MARGIN), some, wanted, _TRIED)
+    return jax.lax.while_loop(lambda search: jnp.any(search.open), some, search).action
 
 
 @batched_by(_held_back_together)
 def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
     """Return the action that a player behind a shield takes, from what it thinks of the nine."""
-    wanted = player.wanted(weighed)
-    keeps = player.room_after(seen, wanted) > MARGIN
-    room = jax.vmap(player.room_after, in_axes=(None, 0))(seen, jnp.arange(NUM_ACTIONS))
-    return jnp.where(keeps, wanted, player.instead(weighed, room))
+    begun = player.begin(seen, weighed)
+    return jax.lax.while_loop(lambda one: one.open, lambda one: player.go_on(seen, weighed, one), begun).action
 
 
 def brakes(game: Game, role: Role) -> Backup:
-    """Full braking in three directions, for the robots of one side of a game.
+    """Return full braking in three directions, for the robots of one side of a game.
 
     Raises:
         InvalidInput: when one of that side's robots cannot brake to rest.
@@ -202,7 +234,7 @@ def brakes(game: Game, role: Role) -> Backup:
 
 
 def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
-    """The arena's polygons by where a robot is that brakes after one step; None if their numbers are not known yet."""
+    """Return the polygons near a robot that brakes after one step, by its cell; None if they are not known yet."""
     arena = game.arena
     numbers = (arena.polygons, arena.x_min, arena.x_max, arena.y_min, arena.y_max, body, game.dt)
     if not arena.polygons or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(numbers)):
@@ -212,5 +244,5 @@ def _surroundings(game: Game, body: Unicycle) -> Surroundings | None:
 
 
 def shielded(policy: AbstractPolicy, game: Game, role: Role) -> Shielded:
-    """A player behind a shield, for one side of a game; errors as those of `brakes`."""
+    """Return a player behind a shield, for one side of a game; errors as those of `brakes`."""
     return Shielded(policy, brakes(game, role))

@@ -1,4 +1,4 @@
-"""Players that act by a distribution over pairs of gears: its middle, or drawn from it."""
+"""Players that act by a distribution over pairs of action levels: its middle, or drawn from it."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt32
@@ -19,7 +19,6 @@ class SquashedMean(AbstractContinuous):
 
     @property
     def observation(self) -> Whole:
-        """What the network reads."""
         reads = self.network.observation
         return reads if self.chart is None else Charted(reads, self.chart)
 
@@ -37,7 +36,6 @@ class SquashedGaussian(AbstractContinuous):
 
     @property
     def observation(self) -> AbstractObservation:
-        """What the network reads."""
         return self.network.observation
 
     def __call__(
@@ -48,7 +46,7 @@ class SquashedGaussian(AbstractContinuous):
 
 
 def normal_pair(bits: UInt32[Array, ""]) -> Float[Array, "2"]:
-    """Two independent standard normal numbers from the halves of random bits (Box and Muller, 1958).
+    """Return two independent standard normal numbers from the halves of random bits (Box and Muller, 1958).
 
     The upper half says how far, the lower half where to; none is beyond 4.9.
     """

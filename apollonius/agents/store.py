@@ -44,9 +44,9 @@ class AgentHeader:
     training: dict[str, Any] = field(default_factory=dict)
     """How it was trained: command, seed, stage, env steps, episodes, evaluation."""
     num_actions: int = NUM_ACTIONS
-    """Actions it chooses between; 0 of one whose actions are pairs of gears."""
+    """Actions it chooses between; 0 where actions are pairs of levels."""
     network: str = "values"
-    """What its network says: the `values` of the actions, or the `gaussian` of the gears."""
+    """Kind of its network: the `values` of the actions, or the `gaussian` of their levels."""
     format: str = FORMAT
     version: int = FORMAT_VERSION
 
@@ -65,7 +65,7 @@ class Agent:
 
 
 def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
-    """An agent from a network, with a header that fits it."""
+    """Return an agent with a header that fits its network."""
     header = AgentHeader(
         role=role.name.lower(),
         observation=network.observation.name,
@@ -112,7 +112,7 @@ def load_agent(path: Path) -> Agent:
 
 
 def load_header(path: Path) -> AgentHeader:
-    """What an agent's file says about it; its weights are not read. Errors as those of `load_agent`."""
+    """Read the header of an agent's file alone. Errors as those of `load_agent`."""
     with _opened_agent(path) as (_, header):
         return header
 

@@ -25,7 +25,7 @@ _DIRECTIONS = 16
 _SHARPNESS = 8
 """How much the best direction counts more than the others."""
 _STRIDE = 2
-"""Of the chart's stops every so many along a row and along a column are places whose owner is asked for."""
+"""Sampling stride over the chart's stops, along rows and columns."""
 _BESIDE = 0.2
 """Weight of the way to the evader beside the area [m]: it decides where nothing can be done about the area."""
 
@@ -45,17 +45,15 @@ class AbstractSurrounding(AbstractSteering):
 
     @property
     def charted(self) -> bool:
-        """It plays by the arena's chart."""
         return True
 
     @classmethod
     def fits(cls, game: Game) -> bool:
-        """Whether there are several pursuers."""
         return len(game.bodies.pursuer) > 1
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """The player of one side of a game.
+        """Return the player of one side of a game.
 
         Raises:
             InvalidInput: when there is one pursuer only.
@@ -64,7 +62,7 @@ class AbstractSurrounding(AbstractSteering):
         return super().for_side(game, role, **rule)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        """Down the cost, as fast as the turn still to be made allows."""
+        """Return the direction of the falling cost, and the speed that the turn still to be made allows."""
         own, body, opponent = seen.own.state, seen.own.body, seen.opponent.state
         angles = jnp.arange(_DIRECTIONS, dtype=jnp.float32) * (2 * jnp.pi / _DIRECTIONS)
         cos, sin = jnp.cos(angles), jnp.sin(angles)
@@ -83,7 +81,7 @@ class AbstractSurrounding(AbstractSteering):
 
     @abstractmethod
     def cost(self, seen: View) -> Cost:
-        """What it would cost to be at a place x, y [m]."""
+        """Return the cost of being at a point x, y [m]."""
 
 
 class VoronoiPursuit(AbstractSurrounding):
@@ -97,7 +95,7 @@ class VoronoiPursuit(AbstractSurrounding):
     """
 
     def cost(self, seen: View) -> Cost:
-        """The area [m^2], and a little of the way to the evader [m]."""
+        """Return the area [m^2], and a little of the path to the evader [m]."""
         evader, mates = seen.opponent, seen.mates
         theirs = to_all(seen, evader)
         there = theirs < NO_WAY / 100
@@ -132,7 +130,7 @@ class Encirclement(AbstractSurrounding):
     closing: Real = 0.7
 
     def cost(self, seen: View) -> Cost:
-        """The way to its place [m]."""
+        """Return the length of the path to its own bearing [m]."""
         evader = seen.opponent.state
         team = [seen.own, *seen.mates]
         active = jnp.stack([jnp.asarray(robot.active) for robot in team])
@@ -148,7 +146,7 @@ class Encirclement(AbstractSurrounding):
 
 
 def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robots"]) -> Float[Array, " robots"]:
-    """The bearings [rad] evenly apart, in the same order, that are nearest to those of the active robots."""
+    """Return the evenly spaced bearings [rad], in the same order, nearest to those of the active robots."""
     count = jnp.maximum(jnp.sum(active.astype(jnp.float32)), 1.0)
     before = active[None, :] & (bearings[None, :] < bearings[:, None])
     slots = jnp.sum(before.astype(jnp.float32), axis=1) * (2 * jnp.pi / count)
@@ -158,7 +156,7 @@ def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robot
 
 
 def way_to(seen: View, end: RobotState) -> Cost:
-    """Length [m] of the way from a place to a robot's."""
+    """Return the length [m] of the path from a point to a robot."""
     if (chart := seen.arena.chart) is None:
         return lambda x, y: jnp.hypot(end.x - x, end.y - y)
     there = chart.places(end.x, end.y)
@@ -166,7 +164,7 @@ def way_to(seen: View, end: RobotState) -> Cost:
 
 
 def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
-    """Lengths [m] of the ways from a robot to places all over the arena; where it cannot be, as long as none is."""
+    """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it cannot be."""
     state, numbers = robot.state, jnp.arange(0, STOPS, _STRIDE)
     if (chart := seen.arena.chart) is not None:
         stops, weights = chart.places(state.x, state.y)
@@ -179,6 +177,6 @@ def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
 
 
 def _side(seen: View) -> Scalar:
-    """The arena's longer side [m]."""
+    """Return the arena's longer side [m]."""
     arena = seen.arena
     return jnp.maximum(jnp.asarray(arena.x_max - arena.x_min, jnp.float32), arena.y_max - arena.y_min)

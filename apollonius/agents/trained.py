@@ -1,4 +1,4 @@
-"""Who plays by a trained network, at its best or exploring; and where such agents are found: the zoo, runs, files."""
+"""Players by trained networks, at their best or exploring, and where such agents are found: the zoo, runs, files."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,12 +27,12 @@ _RUNS = Path("runs")
 
 
 def greedy(network: Network) -> Greedy | SquashedMean:
-    """The player that does what the network thinks best."""
+    """Return the player that does what the network values most."""
     return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
 
 
 def greedy_in(game: Game | None, network: Network, name: str) -> Greedy | SquashedMean:
-    """The same for a game, whose arena's chart it takes along if it reads one and the game has none.
+    """Return the greedy player for a game, with its arena's chart if it reads one and the game has none.
 
     Raises:
         InvalidInput: if it reads a chart and there is no game; `name` is the player's.
@@ -45,7 +45,7 @@ def greedy_in(game: Game | None, network: Network, name: str) -> Greedy | Squash
 
 
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
-    """The player that deviates from it, by chance: by an amount of 0 never.
+    """Return the player that deviates from it, by chance: by an amount of 0 never.
 
     Args:
         amount: of action values, the share of random actions; of a distribution, what its standard deviations are
@@ -60,15 +60,12 @@ class Trained(AbstractKind):
     looks = "a .safetensors file, or RUN/NAME for an agent of a training run"
 
     def names(self) -> Sequence[str]:
-        """Those of the zoo."""
         return zoo_names()
 
     def fits(self, name: str, role: Role, game: Game) -> bool:
-        """Whether one of the zoo was trained for the side; it plays any game."""
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
     def find(self, name: str, role: Role, game: Game | None) -> Named | None:
-        """The agent, greedy or the middle of its distribution."""
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
@@ -80,10 +77,10 @@ TRAINED = Trained()
 
 
 def find_trained(name: str) -> tuple[Agent, Path]:
-    """The trained agent of this name, in the zoo or a file, and where its file is.
+    """Return the trained agent of a name and its file.
 
     Raises:
-        InvalidInput: when there is none, or its file is bad.
+        InvalidInput: when the name is unknown, or the file is bad.
     """
     path = _file_of(name)
     if path is None:
@@ -92,7 +89,7 @@ def find_trained(name: str) -> tuple[Agent, Path]:
 
 
 def learned_elsewhere(player: Named, game: Game) -> bool:
-    """Whether a trained agent knows other arenas than those of a game only; one that reads a chart knows any."""
+    """Return whether a trained agent knows only other arenas than those of a game; one that reads a chart knows any."""
     header = player.header
     if header is None or not header.game or find_observation(header.observation).charted:
         return False
@@ -101,7 +98,7 @@ def learned_elsewhere(player: Named, game: Game) -> bool:
 
 
 def find_action_value_policy(name: str) -> tuple[Greedy, Agent, Path]:
-    """The player of a trained agent that values the nine actions, the agent and its file.
+    """Return the player of a trained agent that values the nine actions, the agent and its file.
 
     Raises:
         InvalidInput: as `find_trained`, and for one whose actions are continuous.
@@ -114,7 +111,7 @@ def find_action_value_policy(name: str) -> tuple[Greedy, Agent, Path]:
 
 
 def load_network(name: str, role: Role) -> Network:
-    """The network of a trained agent, by its name in the zoo or its file.
+    """Return the network of a trained agent.
 
     Raises:
         InvalidInput: as `find_trained`, and for an agent of the other side.
@@ -123,7 +120,7 @@ def load_network(name: str, role: Role) -> Network:
 
 
 def called(path: Path) -> str:
-    """What the agent of a file is called: RUN/NAME in the folder of a training run, else as the file.
+    """Return the name of the agent of a file: RUN/NAME in the folder of a training run, else as the file.
 
     Two runs give their agents the same names, and those of the zoo.
     """
@@ -138,7 +135,7 @@ def _find_for(name: str, role: Role) -> tuple[Agent, Path]:
 
 
 def _file_of(name: str) -> Path | None:
-    """Where the agent of a name lies; None if nowhere."""
+    """Return the file of a name, if it has one."""
     in_zoo = name.removeprefix(FROM_ZOO)
     if in_zoo in zoo_names():
         return ZOO / f"{in_zoo}.safetensors"

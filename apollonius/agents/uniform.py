@@ -10,7 +10,7 @@ from apollonius.observe.paper import PAPER
 
 
 def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
-    """One of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
+    """Return one of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
     return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
 
 
@@ -19,7 +19,7 @@ class Uniform(AbstractPolicy):
 
     @property
     def observation(self) -> AbstractObservation:
-        """It does not look; whoever collects its transitions has the paper's observation."""
+        """The paper's observation, for those who collect its transitions; it does not look."""
         return PAPER
 
     def __call__(

@@ -102,8 +102,6 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
     """
     from apollonius.agents.policy import reads_chart
     from apollonius.agents.trained import ANY, learned_elsewhere
-    from apollonius.arenas.passages import missed_passage
-    from apollonius.arenas.survey import map_notes, survey
     from apollonius.game.types import Role
 
     found = list({player.name: player for player in players}.values())
@@ -118,6 +116,9 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
             options.display.tell(f"{', '.join(elsewhere)} {has} learned in another arena; {ANY[role]} plays in any")
     if game.scenario is not None or not options.game or not options.game.endswith(GAME_FILES):
         return
+    from apollonius.arenas.passages import missed_passage  # which load SciPy
+    from apollonius.arenas.survey import map_notes, survey
+
     passage = missed_passage(game) if any(reads_chart(player.policy) for player in found) else None
     for line in (*survey(game).wrong, *map_notes(game.arena), *([str(passage)] if passage else [])):
         options.display.tell(f"{options.game}: {line}")

@@ -1,6 +1,7 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -29,7 +30,7 @@ from apollonius.play.rollout import Transition
 
 
 class Course(eqx.Module):
-    """A game so far: both sides' latest gears, the sums of their changes, and the number of steps.
+    """A game so far: both sides' latest levels, the sums of their changes, and the number of steps.
 
     Rows are the pursuer and the evader, columns u1 and u2, as shares of their largest values.
     """
@@ -43,18 +44,16 @@ class Changes(AbstractWatcher):
     """Adds up |change of u|."""
 
     def begin(self) -> Course:
-        """Nothing yet; how a game's first controls come about is no change."""
         return Course(jnp.zeros((2, 2)), jnp.zeros((2, 2)), jnp.zeros((), jnp.int32))
 
     def follow(self, known: Course, transition: Transition) -> Course:
-        """One step more."""
         now = jnp.stack([jnp.stack(gears(side.action)) for side in transition.sides])
         change = jnp.where(known.steps > 0, jnp.abs(now - known.gears), 0.0)
         return Course(now, known.changes + change, known.steps + 1)
 
 
 def mean_change(results: Results) -> Float[np.ndarray, "2 2"]:
-    """Mean |change of u| per step over all steps of games that `Changes` watched; rows and columns as in `Course`.
+    """Return the mean |change of u| per step of games that `Changes` watched; rows and columns as in `Course`.
 
     A control that goes from one end to the other changes by 2. Games of a single step have none to change.
     """
@@ -71,7 +70,7 @@ class Match:
     the same ones are paired: they meet the very same starts.
 
     Attributes:
-        game: by whose rules; with charts, where players read them.
+        game: by whose rules.
         players: who plays either side.
         games: how many.
         seed: of the starts and of everything random in the games.
@@ -90,8 +89,6 @@ class Match:
     def __post_init__(self) -> None:
         GAMES.require("games", self.games)
         SEED.require("seed", self.seed)
-        if any(player.policy.charted for player in self.players):
-            object.__setattr__(self, "game", charted(self.game))
 
     @classmethod
     def of_names(
@@ -111,6 +108,11 @@ class Match:
         players = ROLES.map(lambda role: find_player(names[role], role, rules))
         return cls(rules, players, games, seed, which)
 
+    @cached_property
+    def rules(self) -> Game:
+        """The game as it is played: with charts, where players read them."""
+        return charted(self.game) if any(player.policy.charted for player in self.players) else self.game
+
     @property
     def starts_played(self) -> str:
         """The word for its starts, as of `starting`."""
@@ -118,7 +120,6 @@ class Match:
 
     @property
     def pools(self) -> BySide[Pool]:
-        """The same players, as a batch of games has them."""
         return self.players.map(lambda player: solo(player.policy))
 
 
@@ -142,13 +143,13 @@ def play_match(match: Match, slots: int | None = None, report: Report = lambda d
 
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
-    """The games of a match, one by one; arguments and errors as those of `play_match`."""
+    """Play the games of a match; arguments and errors as those of `play_match`."""
     watcher = None if match.game.teams else Changes()
-    return play_out(match.game, match.pools, *begin(match), slots=slots, watcher=watcher, report=report)
+    return play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=watcher, report=report)
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
-    """One game of a match, step by step.
+    """Replay one game of a match, step by step.
 
     Args:
         index: which of the games, from 0.
@@ -157,17 +158,17 @@ def replay_game(match: Match, index: int) -> Trajectory:
         InvalidInput: when there is no such game, and as `play_match`.
     """
     require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
-    return trace(match.game, match.pools, *begin(match), index)
+    return trace(match.rules, match.pools, *begin(match), index)
 
 
 def worst_first(results: Results) -> list[int]:
-    """Numbers of the games, those that the pursuer lost first, then those without a winner, then those it won."""
+    """Return the games' numbers: those that the pursuer lost, then those without a winner, then those it won."""
     won, lost = (np.isin(results.outcome, kinds) for kinds in (PURSUER_WINS, evader_winning(time_limit_wins=False)))
     return np.argsort(won.astype(int) - lost.astype(int), kind="stable").tolist()
 
 
 def record_game(match: Match, index: int) -> Replay:
-    """One game of a match as a replay; arguments and errors as those of `replay_game`."""
+    """Return one game of a match as a replay; arguments and errors as those of `replay_game`."""
     course = replay_game(match, index)
     return Replay(
         match.game, match.players.pursuer.name, match.players.evader.name, match.seed, match.games, index,
@@ -176,13 +177,13 @@ def record_game(match: Match, index: int) -> Replay:
 
 
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
-    """The starts of a match, and the key of everything random in its games."""
+    """Return the starts of a match, and the key of everything random in its games."""
     start_key, play_key = _keys(np.uint32(match.seed))
     return match.starts.sample(match.game, start_key, match.games), play_key
 
 
 def count(match: Match, results: Results) -> MatchResult:
-    """What the games of a match, played to their ends, come to."""
+    """Return the result of the games of a match, played to their ends."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
     games = len(outcome)
     counts = np.bincount(outcome, minlength=len(Outcome))

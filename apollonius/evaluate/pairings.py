@@ -68,7 +68,7 @@ def evaluate_run(
     Args:
         games: in each match.
         on_match: called after each.
-        report: told of the games of all matches together, as of one match by `play_match`.
+        report: called with the games of all matches together, as by `play_match`.
     """
     matches = last_matches(run, game, games, seed=1)
     record: dict[str, Any] = {}
@@ -88,7 +88,7 @@ _MUCH = 0.1
 
 
 def self_play_trend(looks: Sequence[tuple[int, Mapping[str, int]]]) -> str:
-    """How greedy games ended at the first look at self-play and at the last, and where wins went that were lost.
+    """Compare how greedy games ended at the first look at self-play and at the last, and say where wins went.
 
     Args:
         looks: env steps before each greedy evaluation, and its games by outcome.

@@ -24,17 +24,6 @@ class Equilibrium:
     value: float
 
 
-def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
-    """The minimax mixtures of a matrix game.
-
-    As a ranking of players it does not care how often a weak one, or a copy of one, takes part (Balduzzi et al.,
-    "Re-evaluating evaluation", 2018). It is the linear programme of von Neumann; where several mixtures are optimal, it
-    is one of them.
-    """
-    rows, columns = _best_mixture(payoff), _best_mixture(-payoff.T)
-    return Equilibrium(rows, columns, float(rows @ payoff @ columns))
-
-
 def _best_mixture(payoff: Float[np.ndarray, "own others"]) -> Float[np.ndarray, " own"]:
     """The mixture of rows whose payoff is highest in the column that is worst for it."""
     own, others = payoff.shape
@@ -59,13 +48,13 @@ def _solve(
     return mixture / mixture.sum()
 
 
-def broadest_equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
-    """The minimax mixtures of highest entropy: where several are optimal, the one that favours nobody without need.
+def equilibrium(payoff: Float[np.ndarray, "rows columns"]) -> Equilibrium:
+    """Return the minimax mixtures of highest entropy: of several optimal ones, that which favours nobody without need.
 
-    It is unique, and players who are copies of each other share their weight evenly: what Balduzzi et al.
-    ("Re-evaluating evaluation", 2018) rank players by, where agents meet tasks (their appendix D).
+    They are unique, and players who are copies of each other share their weight evenly: the ranking of Balduzzi et al.
+    ("Re-evaluating evaluation", 2018) where agents meet tasks (their appendix D).
     """
-    value = equilibrium(payoff).value
+    value = float(np.min(_best_mixture(payoff) @ payoff))
     rows, columns = _broadest_mixture(payoff, value), _broadest_mixture(-payoff.T, -value)
     return Equilibrium(rows, columns, float(rows @ payoff @ columns))
 

@@ -8,24 +8,18 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.stats` alone takes 0.4 s
 from jaxtyping import Bool, Float
 
+_Z = NormalDist().inv_cdf(0.975)
 
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a rate.
 
-    Args:
-        successes: how often it happened.
-        trials: how often it could have.
-        confidence: coverage of the interval.
-
-    Returns:
-        Lower and upper end, in [0, 1].
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return Wilson's 95 % score interval of a rate, within [0, 1].
 
     Raises:
         ValueError: unless `0 <= successes <= trials` and `trials >= 1`.
     """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes in {trials} trials")
-    rate, z = successes / trials, NormalDist().inv_cdf((1 + confidence) / 2)
+    rate, z = successes / trials, _Z
     middle = rate + z**2 / (2 * trials)
     reach = z * sqrt(rate * (1 - rate) / trials + z**2 / (4 * trials**2))
     low, high = ((middle + side * reach) / (1 + z**2 / trials) for side in (-1, 1))
@@ -55,7 +49,7 @@ def paired_difference_interval(
     """
     trials = len(first) + 2
     more, less = ((int(np.sum(one & ~other)) + 1) / trials for one, other in ((first, second), (second, first)))
-    reach = 1.959964 * sqrt((more + less - (more - less) ** 2) / trials)
+    reach = _Z * sqrt((more + less - (more - less) ** 2) / trials)
     return max(more - less - reach, -1.0), min(more - less + reach, 1.0)
 
 

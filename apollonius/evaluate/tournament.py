@@ -12,7 +12,7 @@ from jaxtyping import Float
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.evaluate.match import Match, MatchResult, play_match
-from apollonius.evaluate.ratings import Equilibrium, Ratings, broadest_equilibrium, rate
+from apollonius.evaluate.ratings import Equilibrium, Ratings, equilibrium, rate
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -48,13 +48,7 @@ def cached_match(folder: Path, match: Match, report: Report = lambda done, total
         fields = parse_json(read_bytes(path, "a result that was kept", "remove it"), f"'{path}' is no such result")
         data, told = fields.get("result"), fields.get("sha256")
         require(isinstance(data, dict) and told == digest(data), "sha256", told, "that of the result")
-        result = from_dict(MatchResult, fields["result"], str(path))
-        result.require_possible(name)
-        require(result.games == match.games, f"{name}: games", result.games, "those of the match")
-        parts = (result.arenas is not None, result.robots is not None)
-        fit = parts == (match.game.scenario is not None, bool(match.game.teams))
-        require(fit, f"{name}: arenas and robots", parts, "given as the game has them")
-        return result
+        return from_dict(MatchResult, fields["result"], str(path))
 
     return kept(entry(folder, name, key), lambda: play_match(match, report=report), save, load)
 
@@ -93,7 +87,7 @@ class Tournament:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The broadest mixtures from which neither side gains by leaving: Nash averaging."""
-        return broadest_equilibrium(self.win_rates)
+        return equilibrium(self.win_rates)
 
     @cached_property
     def ratings(self) -> Ratings:
@@ -164,7 +158,7 @@ def play_tournament(
         on_match: called after each.
         starts: as of a `Match`.
         keep: folder for the matches; those that lie there already are not played again.
-        report: told of the games of all matches together, as of one match by `play_match`.
+        report: called with the games of all matches together, as by `play_match`.
 
     Raises:
         InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.

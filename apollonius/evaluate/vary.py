@@ -75,7 +75,7 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
     """Return a game with other numbers at some dotted paths.
 
     Raises:
-        InvalidInput: for a path that is none of `numbers_of`, and for values that no game can be played with.
+        InvalidInput: for a path that is not among `numbers_of`, and for values that no game can be played with.
     """
     known = numbers_of(game)
     for field in numbers:
@@ -112,7 +112,7 @@ def play_varied(
 
     Args:
         names: of the players, as `find_player` takes them.
-        variations: one or two of them.
+        variations: one or two.
         games, seed, starts: as of `Match.of_names`, the same for each match.
         report: called with the number of games that have ended, of all matches together.
 
@@ -139,13 +139,13 @@ def play_varied(
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
-    """The same players, whose shields all brake for as many steps and look at as many edges as any of them needs.
+    """Return players whose shields all brake for as many steps and look at as many edges as any shield.
 
     No shield decides otherwise: a robot that has come to rest stays there, and the edges that are added are far from
     everywhere. Players without a shield are left as they are.
 
     Args:
-        policies: of one side, in games of one arena; all of them behind shields, or none.
+        policies: of one side, in games of one arena; all behind shields, or none.
     """
     backups = [policy.backup for policy in policies if isinstance(policy, Shielded)]
     if not backups:
@@ -159,7 +159,7 @@ def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
 
 
 def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
-    """Return manoeuvres of so many steps; the surroundings' last edge, far from everywhere, fills up each cell."""
+    """Return manoeuvres of a number of steps; the surroundings' last edge, far from everywhere, fills up each cell."""
     if (around := backup.surroundings) is None:
         return replace(backup, steps=steps)
     missing, far = edges - around.within.shape[-1], around.edges.inverse.shape[0] - 1

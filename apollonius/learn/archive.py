@@ -145,7 +145,7 @@ def players(archive: Archive, config: OpponentConfig, role: Role, learner: Abstr
     return Seated(
         at_large=learner,
         seated=greedy(archive.in_slots),
-        seats=config.slots,
+        count=config.slots,
         first=config.first_game(role, games),
         games=config.slot_games(games),
     )

@@ -187,7 +187,8 @@ def _advance(
         games = jax.vmap(reset_where_done)(fresh, begun, under_way.games)
         watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
 
-        games, transition = step_games(game, players, games, random_bits_of(key, index, games.state.steps))
+        bits = random_bits_of(key, index, games.state.steps)
+        games, transition = step_games(game, players, games, bits, observes=False)
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)

@@ -14,14 +14,14 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
 from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, step_disturbed, with_sensor_noise
 from apollonius.agents.policy import Memory
-from apollonius.agents.pool import Apart, PersistentNoise, Pool, Read, Seated
+from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Actions, GameState, Role
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.random_bits import fold_in, random_bits
 
-Players = Pool | Seated | Apart | PersistentNoise
+Players = AbstractPlayers
 """The players of one side of a batch of games."""
 
 
@@ -116,8 +116,14 @@ def step_games(
     games: Games,
     bits: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
+    observes: bool = True,
 ) -> tuple[Games, Transition]:
-    """Play every game one step on, without resets. `bits` are fresh random bits for each side of each game."""
+    """Play every game one step on, without resets.
+
+    Args:
+        bits: fresh random bits for each side of each game.
+        observes: whether transitions have observations, which take longer to trace.
+    """
 
     def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[tuple[Read, Any]]:
         noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
@@ -129,14 +135,14 @@ def step_games(
     actions = acted.map(lambda side: side[0])
     handicaps = games.sides.map(lambda side: side.handicap)
     after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
-    next_seen = sees(after.state, ~bits)
+    next_seen = sees(after.state, ~bits) if observes else seen
     rewards = after.rewards.map(of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
     def numbers(role: Role, seen: Any) -> Float[Array, "games *robots _"]:
         nothing = [jnp.zeros((bits.shape[1], 0))] * len(actions[role])
         whole = players[role].observation == WHOLE
-        return of_robots(nothing if whole else jnp.split(seen[1], len(actions[role])))
+        return of_robots(nothing if whole or not observes else jnp.split(seen[1], len(actions[role])))
 
     def experience(role: Role) -> Experience:
         observations = numbers(role, seen[role]), numbers(role, next_seen[role])

@@ -114,7 +114,7 @@ def simulate_match(match: Match, drive: Drive, report: Report = lambda done, tot
         InvalidInput: as `simulate`, and for more games than memory has room for.
     """
     SIMULATED_GAMES.require("games", match.games)
-    return simulate(match.game, match.pools, *begin(match), drive, report)
+    return simulate(match.rules, match.pools, *begin(match), drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:

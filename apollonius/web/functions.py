@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.shield import MARGIN, Backup
+from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.by_side import BySide
 from apollonius.game.chart import Chart
@@ -18,7 +18,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, Scalar
-from apollonius.web.handed import Field, Floor, Robots
+from apollonius.web.handed import AnyBackup, Field, Floor, Robots
 from apollonius.web.site import ROBOTS
 
 UNITS = 64
@@ -113,19 +113,13 @@ def network(
     return jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), inputs))[1][:UNITS]
 
 
-class _Backup(Backup):
-    """Manoeuvres of any number of steps."""
-
-    steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
-
-
 def room_after(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar, floor: Floor, field: Field) -> Scalar:
     """Return the least clearance during an action and the best manoeuvre to rest after it [m].
 
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena = floor.arena(field)
-    backup = _Backup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
+    backup = AnyBackup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
     after = move(body, robot, gears, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius

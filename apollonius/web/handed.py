@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from apollonius.agents.shield import Backup
+from apollonius.game import nearby
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
@@ -143,3 +145,20 @@ class Robots(eqx.Module):
 def at(values: Any, number: int | Int[Array, ""]) -> Any:
     """Return one row of each leaf."""
     return jax.tree.map(lambda leaf: leaf[number], values)
+
+
+class AnyBackup(Backup):
+    """Manoeuvres of any number of steps, among obstacles without an index."""
+
+    steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def _rooms(self, robot: RobotState, near: nearby.Edges | None) -> Float[Array, " manoeuvres"]:
+        def one_step(_: Scalar, carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
+            before = [robot for robot, _ in carry]
+            after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
+            moved = zip(before, after, carry, strict=True)
+            return [(to, jnp.minimum(least, self.arena.clearance_along(at, to))) for at, to, (_, least) in moved]
+
+        here = self.arena.clearance(robot.x, robot.y)
+        ends = jax.lax.fori_loop(0, self.steps, one_step, [(robot, here)] * len(self.manoeuvres))
+        return jnp.stack([least for _, least in ends]) - self.body.radius

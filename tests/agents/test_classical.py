@@ -17,12 +17,11 @@ from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
-from tests.acting import act, of_views
+from tests.acting import act
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -141,32 +140,6 @@ def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
     assert steps == [40, 80, 14]
 
 
-def test_chasers_catch_whoever_stands_still():
-    """In the open none runs around its target for ever."""
-    game = replace(OPEN, starts=replace(OPEN.starts, clearance=4.0))
-    names = ("pure-pursuit", "intercept")
-    players = [find_player(name, Role.PURSUER, game).policy for name in names]
-
-    @jax.jit
-    def run(states):
-        def one_step(states, _):
-            moved, caught = [], []
-            for player, state in zip(players, states, strict=True):
-                actions = of_views(
-                    lambda seen, player=player: act(player, seen, jnp.uint32(0)), game, state, Role.PURSUER
-                )
-                after = jax.vmap(game.step, in_axes=(0, 0, None))(state, actions, jnp.int32(1))
-                moved.append(after.state)
-                caught.append(after.outcome == 1)
-            return moved, jnp.stack(caught)
-
-        return jnp.any(jax.lax.scan(one_step, [states] * len(players), None, 400)[1], axis=0)
-
-    starts = jax.vmap(game.reset)(jax.random.split(jax.random.key(0), 200))
-    share = dict(zip(names, np.asarray(run(starts)).mean(axis=1), strict=True))
-    assert share == dict.fromkeys(names, 1.0)
-
-
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(name, PAPER)
@@ -192,15 +165,3 @@ def test_a_classical_player_needs_a_game_and_its_own_side():
     assert "territory" not in player_names(Role.EVADER, PAPER)
     assert "flee" not in player_names(Role.PURSUER, PAPER)
     assert {"P_stage1", "pure-pursuit", "random"} <= set(player_names(Role.PURSUER, PAPER))
-
-
-@pytest.mark.slow
-def test_players_that_know_obstacles_mind_polygons():
-    """The shield lets nobody crash among them, and `flee-aware` hardly does without one."""
-    corner = Polygon(((2.0, 2.0), (5.0, 2.0), (5.0, 2.5), (2.5, 2.5), (2.5, 5.0), (2.0, 5.0)))
-    game = Game(arena=Arena(polygons=(corner, Polygon(((5.0, 6.0), (8.0, 5.0), (6.5, 8.0))))), max_steps=80)
-    pursuer = find_player("shielded:intercept", Role.PURSUER, game)
-    evader = find_player("flee-aware", Role.EVADER, game)
-    outcomes = play_match(a_match(game, pursuer.policy, evader.policy, 48, seed=0)).outcomes
-    assert outcomes["pursuer_hit_obstacle"] + outcomes["pursuer_out_of_range"] == 0
-    assert outcomes["evader_hit_obstacle"] + outcomes["evader_out_of_range"] < 5

@@ -15,10 +15,11 @@ from apollonius.agents.network import make_network
 from apollonius.agents.policy import AbstractContinuous, AbstractPolicy
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.uniform import Uniform
+from apollonius.arenas.random_arena import random_arena
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle
+from apollonius.game.dynamics import Unicycle, gears
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
@@ -31,6 +32,7 @@ from tests.acting import act, of_views
 from tests.matches import a_match
 
 PAPER = make_game("paper")
+RUGGED = Game(arena=random_arena("caves", 3, gap=1.2))
 NETWORK = make_network("encoded", 8, 2, jax.random.key(3))
 
 
@@ -63,9 +65,8 @@ class Reckless(AbstractPolicy):
         ("paper", Uniform()),
         pytest.param("one-large", Reckless(), marks=pytest.mark.slow),
         pytest.param("robot", Reckless(), marks=pytest.mark.slow),
-        pytest.param("four-small", Reckless(), marks=pytest.mark.slow),
     ],
-    ids=["paper, random", "one-large, reckless", "robot, reckless", "four-small, reckless"],
+    ids=["paper, random", "one-large, reckless", "robot, reckless"],
 )
 def test_behind_a_shield_neither_robot_ever_fails(name, policy):
     game = replace(make_game(name), max_steps=150)
@@ -75,12 +76,11 @@ def test_behind_a_shield_neither_robot_ever_fails(name, policy):
     assert bare["captured"] + bare["no_result"] < 50
 
 
-@pytest.mark.parametrize("role", Role)
-def test_far_from_everything_the_player_acts_for_itself(role):
-    game = Game()
+def test_far_from_everything_the_player_acts_for_itself():
+    game, role = Game(), Role.EVADER
     player = Greedy(NETWORK)
     guarded = shielded(player, game, role)
-    for turn, seed in enumerate(range(20)):
+    for turn, seed in enumerate(range(6)):
         state = game.reset(jax.random.key(seed))
         centre = RobotState(jnp.float32(5.0), jnp.float32(5.0), jnp.float32(0.6), state.pursuer.heading)
         state = type(state).of_two(centre, centre, state.steps)
@@ -178,13 +178,30 @@ class Swerves(AbstractContinuous):
         return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1]), memory
 
 
+NINE = jnp.stack([jnp.stack(gears(action)) for action in jnp.arange(9)])
+
+
+@pytest.mark.parametrize("game", [PAPER, yard(), RUGGED], ids=["discs", "polygons", "map"])
+def test_what_surely_stops_does_and_mostly_it_is_known(game):
+    arena, backup = game.arena, brakes(game, Role.PURSUER)
+    x, y, v, heading = jax.random.uniform(jax.random.key(0), (4, 600))
+    width, height = arena.x_max - arena.x_min, arena.y_max - arena.y_min
+    robots = jax.vmap(RobotState)(arena.x_min + width * x, arena.y_min + height * y, 1.2 * v, 6 * heading - 3)
+    actions = jnp.arange(600) % 9
+    sure, room = (np.asarray(jax.jit(jax.vmap(f))(robots, actions)) for f in (backup.surely_stops, backup.room_after))
+    stops = room > MARGIN
+    assert not (sure & ~stops).any()
+    assert 0.6 < sure.sum() / stops.sum() < 1
+    assert 0.1 < stops.mean() < 0.95
+
+
 @pytest.mark.parametrize(
     ("game", "policy"),
     [(PAPER, Greedy(NETWORK)), (PAPER, Swerves()), pytest.param(yard(), Reckless(), marks=pytest.mark.slow)],
     ids=["discs, valued", "discs, continuous", "polygons, random"],
 )
-def test_games_are_guarded_together_as_each_alone(game, policy):
-    """Only those that are held back, of which there are several blocks and a part of one, have all actions tried."""
+def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(game, policy):
+    """Of those that are held back there are several blocks and a part of one."""
     role, player = Role.PURSUER, shielded(policy, game, Role.PURSUER)
     states = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 500)
     speeds = jnp.linspace(0.6, 1.2, 500)
@@ -196,15 +213,22 @@ def test_games_are_guarded_together_as_each_alone(game, policy):
         return of_views(lambda view, bits: act(player, player.observation(view), bits), game, states, role, bits)
 
     @eqx.filter_jit
-    def one_by_one(player):
+    def by_all_nine(states, bits):
         def alone(given):
-            state, bits = given
-            return act(player, player.observation(look(game, state, role)), bits)
+            view, bits = look(game, given[0], role), given[1]
+            weighed = policy.weigh(policy.observation(view), (), bits)[0]
+            tried = jnp.concatenate([NINE, jnp.stack(gears(weighed))[None]]) if policy.continuous else jnp.arange(9)
+            room = jax.lax.map(lambda action: player.backup.room_after(view.own.state, action), tried)
+            best = policy.choose(weighed, room[:9] > MARGIN)
+            if not policy.continuous:
+                return jnp.where(jnp.any(room > MARGIN), best, jnp.argmax(room))
+            held = jnp.where(jnp.any(room[:9] > MARGIN), best, jnp.argmax(room[:9]))
+            return jnp.where(room[9] > MARGIN, weighed, NINE[held])
 
         return jax.lax.map(alone, (states, bits))
 
     guarded = np.asarray(together(player))
-    np.testing.assert_array_equal(guarded, one_by_one(player))
+    np.testing.assert_array_equal(guarded, by_all_nine(states, bits))
     differs = guarded != np.asarray(together(policy))
     held_back = differs.reshape(500, -1).any(axis=1).sum()
     assert 8 < held_back < 492

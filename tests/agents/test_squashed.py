@@ -18,15 +18,12 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import exploring, find_action_value_policy, greedy
 from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_pool
-from apollonius.evaluate.match import play_match
 from apollonius.game.game import Game
-from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
 from apollonius.observe.view import look
 from tests.acting import act, act_in_rows
-from tests.matches import a_match
 
 WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
 ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
@@ -124,14 +121,6 @@ def test_behind_a_shield_unsafe_gears_become_the_nearest_discrete_ones_that_are_
         np.testing.assert_array_equal(guarded_action(own, (0.5, turn)), action)
 
 
-@pytest.mark.slow
-def test_behind_a_shield_it_never_fails():
-    game = make_game("one-large")
-    wild = SquashedGaussian(make_actor("paper", 8, 2, jax.random.key(2)), jnp.asarray(1.0))
-    outcomes = play_match(a_match(game, *(shielded(wild, game, role) for role in Role), games=40, seed=1)).outcomes
-    assert outcomes["captured"] + outcomes["no_result"] == 40
-
-
 def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     members = [Wants((number / 10, -number / 10)) for number in range(3)]
     actors = [make_actor("paper", 8, 1, jax.random.key(seed)) for seed in range(3)]
@@ -142,7 +131,7 @@ def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(expected), atol=1e-6)
     assert act_in_rows(solo(members[1]), jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
     seated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
-    seats = Seated(SquashedMean(actors[2]), seated, seats=2, first=1, games=1)
+    seats = Seated(SquashedMean(actors[2]), seated, count=2, first=1, games=1)
     by_seat = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
     np.testing.assert_allclose(act_in_rows(seats, member, seen, bits), jnp.stack(by_seat), atol=1e-6)
 

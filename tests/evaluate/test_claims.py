@@ -11,23 +11,21 @@ from tests.documents import REPOSITORY
 
 
 @pytest.mark.parametrize(
-    ("wins", "verdict"), [(9_900, "holds"), (9_600, "undecided"), (9_000, "does not hold")], ids=str
+    ("times", "bound", "at_most", "seeds", "is_full", "verdict"),
+    [
+        (9_900, 0.96, False, 3, True, "holds"),
+        (9_600, 0.96, False, 3, True, "undecided"),
+        (9_000, 0.96, False, 3, True, "does not hold"),
+        (9_900, 0.96, False, 3, False, "not enough"),
+        (9_900, 0.96, False, 2, True, "not enough"),
+        (50, 0.01, True, 3, True, "holds"),
+        (100, 0.01, True, 3, True, "undecided"),
+        (300, 0.01, True, 3, True, "does not hold"),
+    ],
 )
-def test_the_whole_interval_must_agree_before_there_is_a_verdict(wins, verdict):
-    assert rate_claim("wins", "here", 0.96, 0.96, [(wins, 10_000)] * 3).verdict() == verdict
-
-
-def test_one_seed_or_a_smaller_budget_is_not_enough_for_a_verdict():
-    holding = rate_claim("wins", "here", 0.96, 0.96, [(9_900, 10_000)] * 3)
-    assert holding.verdict() == "holds"
-    assert holding.verdict(is_full=False) == "not enough"
-    for seeds in (1, 2):
-        assert rate_claim("wins", "here", 0.96, 0.96, [(9_900, 10_000)] * seeds).verdict() == "not enough"
-
-
-@pytest.mark.parametrize(("failures", "verdict"), [(50, "holds"), (100, "undecided"), (300, "does not hold")])
-def test_an_upper_bound_is_judged_the_other_way_round(failures, verdict):
-    assert rate_claim("failures", "here", 0.07, 0.01, [(failures, 10_000)] * 3, at_most=True).verdict() == verdict
+def test_the_whole_interval_of_three_whole_trainings_must_agree(times, bound, at_most, seeds, is_full, verdict):
+    claim = rate_claim("rate", "here", 0.5, bound, [(times, 10_000)] * seeds, at_most=at_most)
+    assert claim.verdict(is_full) == claim.to_dict(is_full)["verdict"] == verdict
 
 
 def test_one_seed_has_the_interval_of_its_games_and_several_that_of_their_mean():
@@ -47,29 +45,6 @@ def test_a_difference_of_rates_is_judged_as_such():
     several = difference_claim("more", "here", 0.27, 0.1, rates := [(0.7, 0.4), (0.5, 0.4), (0.6, 0.4)], 1000)
     assert several.interval == rate_difference_interval(rates, 1000)
     assert several.verdict() == "undecided"
-
-
-def test_a_claim_as_data_says_what_was_measured_and_what_follows():
-    data = Claim("wins", "Table II", 0.93, 0.9, False, ((0.95, (0.94, 0.96)),) * 3, (0.94, 0.96)).to_dict()
-    assert (data["mean"], data["interval"], data["verdict"]) == (pytest.approx(0.95), (0.94, 0.96), "holds")
-
-
-@pytest.mark.parametrize("seeds", [3, 5])
-def test_what_is_just_at_the_bound_is_seldom_said_to_hold(seeds):
-    """In one study of forty: the whole two-sided interval of 95 % must lie above. Rates of seeds vary by 4 points."""
-    generator = np.random.default_rng(0)
-    rates = generator.normal(0.7, 0.04, size=(500, seeds))
-    studies = generator.binomial(2000, rates)
-    verdicts = [rate_claim("", "", 0.7, 0.7, [(int(wins), 2000) for wins in study]).verdict() for study in studies]
-    assert verdicts.count("holds") <= 0.039 * len(studies)  # 0.025 and two standard errors of this share
-    assert verdicts.count("does not hold") <= 0.039 * len(studies)
-
-
-def test_seeds_that_agree_are_as_sure_as_their_games_and_no_surer():
-    claim = rate_claim("failures", "here", 0.07, 0.01, [(0, 2000)] * 3, at_most=True)
-    assert claim.interval == wilson_interval(0, 6000)
-    assert claim.interval[1] > 0
-    assert claim.verdict() == "holds"
 
 
 GAMES = 10_000

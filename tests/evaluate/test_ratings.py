@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from apollonius.evaluate.ratings import MEAN, SCALE, broadest_equilibrium, equilibrium, rate
+from apollonius.evaluate.ratings import MEAN, SCALE, equilibrium, rate
 
 ROCK_PAPER_SCISSORS = [[0, -1, 1], [1, 0, -1], [-1, 1, 0]]
 
@@ -19,7 +19,6 @@ def random_games(count, most=12):
     return [rng.uniform(size=rng.integers(2, most, 2)) for _ in range(count)]
 
 
-@pytest.mark.parametrize("solve", [equilibrium, broadest_equilibrium])
 @pytest.mark.parametrize(
     ("payoff", "rows", "columns", "value"),
     [
@@ -30,38 +29,25 @@ def random_games(count, most=12):
         ([[5.0]], [1], [1], 5),
     ],
 )
-def test_the_equilibrium_of_small_games_is_the_one_known(solve, payoff, rows, columns, value):
-    found = solve(np.array(payoff, float))
+def test_the_equilibrium_of_small_games_is_the_one_known(payoff, rows, columns, value):
+    found = equilibrium(np.array(payoff, float))
     np.testing.assert_allclose(found.rows, rows, atol=1e-6)
     np.testing.assert_allclose(found.columns, columns, atol=1e-6)
     assert found.value == pytest.approx(value, abs=1e-8)
 
 
 def test_from_the_equilibrium_nobody_gains_by_leaving():
-    for payoff in random_games(40):
-        for found in (equilibrium(payoff), broadest_equilibrium(payoff)):
-            assert gain_by_leaving(payoff, found) < 1e-8
-            assert found.rows.min() >= 0
-            assert (found.rows.sum(), found.columns.sum()) == pytest.approx((1, 1))
-
-
-def test_the_value_is_opens_spiels():
-    """Run with open_spiel 2.0.2, cvxpy and ecos: the largest difference over 30 games was 5e-10."""
-    pytest.importorskip("cvxpy")
-    solver = pytest.importorskip("open_spiel.python.algorithms.lp_solver")
-    pyspiel = pytest.importorskip("pyspiel")
-    for payoff in random_games(30):
-        *mixed, value, _ = solver.solve_zero_sum_matrix_game(pyspiel.create_matrix_game(payoff, -payoff))
+    for payoff in random_games(20):
         found = equilibrium(payoff)
-        assert found.value == pytest.approx(value, abs=1e-8)
-        for ours, theirs in zip((found.rows, found.columns), mixed, strict=True):
-            np.testing.assert_allclose(ours, np.ravel(theirs), atol=1e-4)
+        assert gain_by_leaving(payoff, found) < 1e-8
+        assert found.rows.min() >= 0
+        assert (found.rows.sum(), found.columns.sum()) == pytest.approx((1, 1))
 
 
-def test_copies_share_their_weight_evenly_in_the_broadest_equilibrium():
+def test_copies_share_their_weight_evenly_in_the_equilibrium():
     """Paper twice: the linear programme may leave one of them out."""
     payoff = np.array(ROCK_PAPER_SCISSORS, float)[[0, 1, 1, 2]]
-    found = broadest_equilibrium(payoff)
+    found = equilibrium(payoff)
     np.testing.assert_allclose(found.rows, [1 / 3, 1 / 6, 1 / 6, 1 / 3], atol=1e-5)
 
 
@@ -73,21 +59,17 @@ def test_the_broadest_equilibrium_is_that_of_opens_spiels_nash_averaging():
         payoff = np.concatenate([payoff, payoff[:1]])
         payoff = (payoff - payoff.min(axis=0)) / (payoff.max(axis=0) - payoff.min(axis=0))
         mixed, _ = averaging.nash_averaging_avt_matrix(payoff)
-        found = broadest_equilibrium(payoff)
+        found = equilibrium(payoff)
         for ours, theirs in zip((found.rows, found.columns), mixed, strict=True):
             np.testing.assert_allclose(ours, np.ravel(theirs), atol=1e-3)
 
 
 def test_a_game_that_nobody_can_influence_is_played_evenly():
-    found = broadest_equilibrium(np.full((3, 4), 0.5))
+    found = equilibrium(np.full((3, 4), 0.5))
     np.testing.assert_allclose(found.rows, 1 / 3, atol=1e-6)
     np.testing.assert_allclose(found.columns, 1 / 4, atol=1e-6)
-    found = broadest_equilibrium(np.array([[1.0, 1, 1], [1, 1, 1], [0, 0, 0]]))
+    found = equilibrium(np.array([[1.0, 1, 1], [1, 1, 1], [0, 0, 0]]))
     np.testing.assert_allclose(found.rows, [1 / 2, 1 / 2, 0], atol=1e-6)
-
-
-def test_four_hundred_points_ahead_wins_ten_games_of_eleven():
-    assert expit(400 / SCALE) == pytest.approx(10 / 11)
 
 
 def test_one_match_is_rated_by_its_odds():

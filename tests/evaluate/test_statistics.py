@@ -19,31 +19,12 @@ Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
 
 
-@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (1, 3), (50, 100), (9870, 10_000), (10, 10)])
+@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (0, 7), (1, 3), (50, 100), (9870, 10_000), (10, 10)])
 def test_the_interval_is_wilsons_formula(successes, trials):
     rate = successes / trials
     centre = (rate + Z**2 / (2 * trials)) / (1 + Z**2 / trials)
     half = Z / (1 + Z**2 / trials) * math.sqrt(rate * (1 - rate) / trials + Z**2 / (4 * trials**2))
     assert wilson_interval(successes, trials) == pytest.approx((centre - half, centre + half), abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("trials", "rate", "confidence"), [(30, 0.5, 0.95), (50, 0.96, 0.95), (1000, 0.98, 0.95), (400, 0.7, 0.8)]
-)
-def test_the_interval_holds_the_true_rate_as_often_as_it_says(trials, rate, confidence):
-    """Within 1.5 points, as counts are whole numbers; the normal approximation is 8 points off at (50, 0.96)."""
-    successes = np.random.default_rng(0).binomial(trials, rate, size=20_000)
-    counts, times = np.unique(successes, return_counts=True)
-    low, high = np.array([wilson_interval(int(count), trials, confidence) for count in counts]).T
-    covered = np.average((low <= rate) & (rate <= high), weights=times)
-    assert covered == pytest.approx(confidence, abs=0.015)
-
-
-@pytest.mark.parametrize(("successes", "trials"), [(0, 7), (7, 7)])
-def test_the_interval_stays_within_0_and_1(successes, trials):
-    low, high = wilson_interval(successes, trials)
-    assert 0 <= low <= successes / trials <= high <= 1
-    assert high - low > 0.3
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(5, 3), (-1, 10), (0, 0), (0, -1)])
@@ -57,20 +38,6 @@ def test_the_band_of_a_mean_is_students():
     reach = 4.302653 / math.sqrt(3)  # of Student's t with 2 degrees of freedom; the standard deviation is 1
     np.testing.assert_allclose(low, [2 - reach, 5], rtol=1e-6)
     np.testing.assert_allclose(high, [2 + reach, 5], rtol=1e-6)
-
-
-@pytest.mark.parametrize("seeds", [2, 3, 10])
-def test_the_band_holds_the_true_mean_as_often_as_it_says(seeds):
-    curves = np.random.default_rng(0).normal(7.0, 2.0, size=(seeds, 20_000))
-    low, high = mean_band(curves)
-    assert np.mean((low <= 7) & (high >= 7)) == pytest.approx(0.95, abs=0.006)
-
-
-@pytest.mark.parametrize("seeds", [3, 5])
-def test_the_interval_over_seeds_holds_the_true_mean_as_often_as_it_says(seeds):
-    studies = np.random.default_rng(1).normal(0.7, 0.04, size=(2000, seeds))
-    covered = [low <= 0.7 <= high for low, high in map(mean_interval, studies.tolist())]
-    assert np.mean(covered) == pytest.approx(0.95, abs=0.012)
 
 
 @pytest.mark.parametrize("seeds", [3, 5])
