@@ -136,6 +136,6 @@ WALKS = walks(HOUSE)
 @pytest.mark.parametrize("walk", WALKS)
 def test_a_walk_through_the_house_never_goes_back_up(walk):
     files = WALKS[walk]
-    assert len(files) >= 5
+    assert len(files) >= 3
     for number, path in enumerate(files[1:], start=1):
         assert any(knows(before, path) for before in files[:number]), f"nothing above imports {path}"
