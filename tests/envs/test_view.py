@@ -19,7 +19,7 @@ WIDE = Game(arena=Arena(-2.0, 6.0, 1.0, 5.0))
 class Standing(LiveGame):
     """A game whose robots stand where they are put."""
 
-    robots = active = None  # not read from what a step told
+    robots, active = None, (True, True)  # not read from what a step returned
 
     def __init__(self, *robots):
         self.game, self.robots = WIDE, robots
