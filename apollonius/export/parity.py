@@ -107,7 +107,7 @@ def _play(
 
 def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndarray, "cases 2"]]:
     """Return the actions and the controls of the package's player."""
-    decide = jax.jit(jax.vmap(player.decide, in_axes=(None, None, 0, 0 if cases.active is not None else None, 0, 0)))
+    decide = _batched(player.decide)
     asked = (cases.states, cases.active, cases.memory, cases.bits)
     found = []
     for first in range(0, len(cases.states), _CHUNK):
@@ -116,6 +116,11 @@ def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndar
         found.append(jax.device_get((made["action"], made["controls"])))
     actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*found, strict=True))
     return actions, controls
+
+
+@functools.cache
+def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
+    return jax.jit(jax.vmap(decide, in_axes=(None, None, 0, 0, 0, 0)))
 
 
 def _rows(index: np.ndarray, leaf: np.ndarray) -> np.ndarray:

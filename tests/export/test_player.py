@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from dataclasses import replace
 from shutil import which
 
 import jax
@@ -12,53 +13,62 @@ import pytest
 import apollonius
 from apollonius.agents.names import zoo_names
 from apollonius.arenas.file import find_game
+from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
 from apollonius.export import writing
 from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
 from apollonius.export.player import find_exportable, home_of, side_of
 from apollonius.export.translate import translated
-from apollonius.export.writing import check, write_c
+from apollonius.export.writing import check, program_of, write_c
 from apollonius.game.game import reset_batch
+from apollonius.game.scenario import together
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from tests.export.test_translate import needs_gcc
 
-KINDS = [
-    ("paper", "shielded:P_smooth", "pursuer"),
-    pytest.param("team-2v1", "P_stage1", "pursuer", marks=pytest.mark.slow),
-    pytest.param("four-small", "random", "evader", marks=pytest.mark.slow),
-]
-"""Continuous actions and a shield, a team, chance."""
+CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
+QUICK = ("paper", "shielded:P_smooth")
 ALL = [
-    (game, shield + name, side)
-    for game in ("paper", "office", "team-3v1")
-    for name in [*zoo_names(), "pure-pursuit", "intercept", "flee", "flee-aware"]
-    for side in [side_of(name).name.lower()]
+    pytest.param(game, shield + name, marks=() if (game, shield + name) == QUICK else pytest.mark.slow)
+    for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
+    for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
-] + [("team-3v1", name, "pursuer") for name in ("voronoi-pursuit", "encirclement", "shielded:encirclement")]
+]
+"""In a map and in many arenas too."""
+DRAWN = 200
 
 
 def exportable(game, name, side=None):
-    return find_exportable(name, side_of(name, side), find_game(game))
+    game = find_game(game) if isinstance(game, str) else game
+    return find_exportable(name, side_of(name, side or ("evader" if name.endswith("random") else None)), game)
+
+
+def games_of(name):
+    """The game of this name, or the paper's in many arenas of one shape, so that one program plays in all."""
+    if name != "drawn":
+        return [find_game(name)]
+    arenas = together([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
+    arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(DRAWN)]  # noqa: B023
+    return [replace(find_game("paper"), arena=one) for one in arena]
 
 
 @needs_gcc
-@pytest.mark.parametrize(("game", "name", "side"), KINDS)
-def test_players_in_c_decide_as_the_packages(game, name, side, tmp_path):
-    written = write_c(exportable(game, name, side), tmp_path / "robot.c", states=200)
-    assert "checked in 200 states of games: the package's decisions" in written.about[1]
-
-
-@pytest.mark.slow
-@needs_gcc
-@pytest.mark.parametrize(("game", "name", "side"), ALL)
-def test_every_player_in_c_decides_as_the_packages(game, name, side, tmp_path):
+@pytest.mark.parametrize(("game", "name"), ALL)
+def test_players_in_c_decide_as_the_packages(game, name):
+    games, states = games_of(game), 200 if (game, name) == QUICK else 10_000
     try:
-        player = exportable(game, name, side)
+        player = exportable(games[0], name)
     except InvalidInput as refusal:
         pytest.skip(str(refusal))
-    write_c(player, tmp_path / "robot.c")
+    compiled, found = Compiled(program_of(player, "robot")), []
+    for one in games:
+        player = exportable(one, name)
+        cases = cases_of(player, states // len(games), seed=len(found))
+        found.append(compare(lambda *given: compiled(player.policy, player.game, *given)[:2], player, cases))  # noqa: B023
+    total = {word: sum(getattr(one, word) for one in found) for word in ("states", "ties", "errors")}
+    print(game, name, total, f"controls within {max(one.away for one in found):.0e}")
+    assert (total["states"], total["errors"]) == (states, 0)
 
 
 def test_one_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
