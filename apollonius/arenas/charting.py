@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt16
 from apollonius.game.arena import Arena
 from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
 from apollonius.game.game import Game
+from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
 from apollonius.io.cache import Memory
 
@@ -32,9 +33,9 @@ _FAR = 2**30 - 1
 _TOGETHER = 64
 """Stops from which paths are looked for at once."""
 _Leaves = tuple[np.ndarray, ...]
-"""Those of a chart in their order, without the axis of arenas."""
+"""The leaves of a chart in their order, without the axis of arenas."""
 _latest = Memory[_Leaves](4)
-"""Of 5 MB each: one game is asked for its chart by both its players."""
+"""The last charts, 5 MB each: both players of a game ask for its chart."""
 _Field = Float[Array, "corners corners"]
 _Stops = Int[Array, "rows columns"]
 _Lengths = Int[Array, "rows columns starts"]
@@ -107,11 +108,8 @@ def paths(
 
 def _look(field: _Field, x: Scalar, y: Scalar) -> Scalar:
     """Return the field between its corners; x and y in cells."""
-    x, y = (jnp.clip(length, 0.0, SIDE - 1e-3) for length in (x, y))
-    column, row = x.astype(jnp.int32), y.astype(jnp.int32)
-    right, up = x - jnp.floor(x), y - jnp.floor(y)
-    below = (1 - right) * field[row, column] + right * field[row, column + 1]
-    return (1 - up) * below + up * ((1 - right) * field[row + 1, column] + right * field[row + 1, column + 1])
+    across, upwards = between_nodes(x, SIDE + 1), between_nodes(y, SIDE + 1)
+    return bilinear(lambda row, column: field[row, column], across, upwards)
 
 
 def _is_clear(

@@ -23,7 +23,7 @@ from apollonius.export.statement import words
 from apollonius.io.errors import InvalidInput
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
-"""How a source is compiled."""
+"""Flags of the C compiler for a source."""
 _BY_VALUE = {"float32": ctypes.c_float, "int32": ctypes.c_int32, "uint32": ctypes.c_uint32, "bool": ctypes.c_uint8}
 _PER_LINE = 8
 

@@ -162,4 +162,4 @@ INDEXED: dict[str, Rule] = {
 }
 
 CONTROL = {"scan": scan, "while": while_loop, "cond": cond}
-"""Those with results of several kinds, by name."""
+"""Rules of the primitives with results of several kinds, by name."""

@@ -56,14 +56,6 @@ def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
     return jnp.issubdtype(action.dtype, jnp.floating)
 
 
-def nearest_action(action: Action) -> Int[Array, ""]:
-    """Return the discrete action with the nearest shares."""
-    if not is_continuous(action):
-        return action
-    gear_u1, gear_u2 = (jnp.round(gear).astype(jnp.int32) for gear in gears(action))
-    return 3 * (gear_u1 + 1) + gear_u2 + 1
-
-
 def together(*actions: Action) -> Int[Array, " robots"] | Float[Array, "robots 2"]:
     """Return the actions of several robots as one array: of shares, where one is continuous."""
     if any(is_continuous(action) for action in actions):

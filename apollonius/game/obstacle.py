@@ -1,4 +1,4 @@
-"""What every obstacle can say, how far away it is and whether a straight step touches it; and the walls around it."""
+"""The interface of obstacles (clearance, contact along a straight step), the walls, and interpolation on grids."""
 
 from abc import abstractmethod
 from collections.abc import Callable

@@ -124,7 +124,7 @@ def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points
             if not fits.any():
                 remedy = "fewer robots, a smaller starts.clearance or starts.separation, or a larger arena"
                 size = " v ".join(str(len(robots)) for robots in bodies)
-                require(False, "teams", size, f"of so many robots as the arena has room for; take {remedy}")
+                require(False, "teams", size, f"few enough robots to fit into the arena; take {remedy}")
             placed.append((side, float(body.radius), free[side][:, rng.choice(np.flatnonzero(fits))]))
 
 

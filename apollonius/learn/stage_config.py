@@ -107,8 +107,7 @@ class DistillationConfig(StageConfig):
     grid: tuple[int, ...] | None = None
     """Nodes along x, y, v and heading on which the game is solved; None for those of `apollonius solve game`."""
     clearance: float = 0.05
-    """Where actions leave less clearance than this [m], it counts more and the teacher's values less; 0 leaves that
-    out."""
+    """Clearance [m] below which labels weigh it against the teacher's values; 0 ignores clearance."""
     updates: int = 8
     """Updates in a round."""
 

@@ -1,4 +1,4 @@
-"""What changes while a stage is trained, and how it begins (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
+"""The state of a stage of training, and its first one (Algorithm 1, lines 1 to 3; Algorithm 2, lines 1 to 4)."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -22,7 +22,7 @@ class Whole:
     """The view itself, for players that follow a rule."""
 
     charted: ClassVar[bool] = False
-    """Whether it needs the arena's chart (`apollonius.arenas.charting`)."""
+    """True for an observation that needs the arena's chart (`apollonius.arenas.charting`)."""
 
     def __call__(self, view: View) -> Any:
         """Return the observation of a view."""

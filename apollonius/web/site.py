@@ -42,7 +42,7 @@ READS = ("paper", "encoded", *ANY_ARENA)
 ROBOTS = 6
 """Most robots of a side in the page, whose programs always have as many places for them."""
 OWN = ".wasm"
-"""How files of users' own players end (`apollonius.web.wasm.write_player`)."""
+"""Suffix of the files of users' own players (`apollonius.web.wasm.write_player`)."""
 _BEGINS_WITH = ("pursuer", "evader", "game", "difficulty", "seed", "level")
 _MADE = f"one that the page makes: {', '.join(READS)}; choose another player"
 

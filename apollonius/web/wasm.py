@@ -14,6 +14,7 @@ from apollonius.io.document import write_atomically
 from apollonius.io.errors import require
 from apollonius.web.programs import player_program
 
+_FLAGS = ("-target", "wasm32-wasi", "-std=c99", "-O2", "-msimd128", "-s")
 _STACK = 2**24
 """For the arrays of functions [bytes]; the paths of a chart have 5 MB."""
 OF_PAGE = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK},--export=__heap_base")
@@ -51,19 +52,8 @@ def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in files.items():
             Path(folder, name).write_text(text)
-        command = [
-            sys.executable,
-            "-m",
-            "ziglang",
-            "cc",
-            "-target",
-            "wasm32-wasi",
-            "-std=c99",
-            "-O2",
-            "-msimd128",
-            "-s",
-        ]
-        command += [*flags, *(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
+        command = [sys.executable, "-m", "ziglang", "cc", *_FLAGS, *flags]
+        command += [*(f"-Wl,--export={program.name}" for program in programs), "-o", "programs.wasm"]
         command += [*(name for name in files if name.endswith(".c")), "-lm"]
         subprocess.run(command, cwd=folder, check=True)
         return Path(folder, "programs.wasm").read_bytes()

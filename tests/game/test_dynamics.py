@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from apollonius.game.dynamics import Unicycle, gears, nearest_action, sinc, unit_vector, wrap_angle
+from apollonius.game.dynamics import Unicycle, gears, sinc, unit_vector, wrap_angle
 from apollonius.game.types import RobotState
 
 PI = np.float32(np.pi)
@@ -175,7 +175,6 @@ def test_shares_of_a_discrete_action_move_a_robot_to_the_same_bits():
     there = jax.vmap(RobotState)(*jnp.asarray(random_robots(np.random.default_rng(0), 900).T, jnp.float32))
     actions = jnp.tile(jnp.arange(9), 100)
     pairs = jnp.stack([actions // 3 - 1, actions % 3 - 1], axis=1).astype(jnp.float32)
-    np.testing.assert_array_equal(jax.vmap(nearest_action)(pairs), actions)
     act = jax.jit(jax.vmap(lambda robot, given: BODY.move(robot, *BODY.controls(given), 0.1)))
     np.testing.assert_array_equal(numbers(act(there, actions)), numbers(act(there, pairs)))
 

@@ -7,7 +7,7 @@ const THRUSTS = [5, 7];
 const [START, FACE] = [9, 0];
 
 /** Return the two levels that a controller asks for, -1, 0 or 1 each, or null for none. */
-export function gearsOf({ axes, buttons }) {
+function gearsOf({ axes, buttons }) {
   const pressed = (...indices) => indices.some((index) => buttons[index]?.pressed);
   const push = (axis) => (Math.abs(axes[axis] ?? 0) > DEAD ? Math.sign(axes[axis]) : 0);
   const thrust = pressed(CROSS_UP, ...THRUSTS) - pressed(CROSS_DOWN, ...BRAKES) || -push(1);

@@ -29,7 +29,7 @@ function ends(game, body, robot) {
 export const stoppable = (game, body, robot) => ACTIONS.map((action) => leavesRoom(game, body, robot, action));
 
 /** The time [s] that a body takes for a way [m] at full thrust from a speed. */
-export function timeFor(body, speed, way) {
+function timeFor(body, speed, way) {
   const v = Math.max(speed, 0);
   const thrust = Math.max(body.u1_max, 1e-6);
   const ramp = (body.v_max ** 2 - v ** 2) / (2 * thrust); // until it is at its top speed [m]

@@ -11,7 +11,7 @@ const REPLAY_TOLERANCE = 1e-4; // what states of the page and of the package com
 const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, v, heading }) => [x, y, v, heading]);
 
 /** Return the name of a side: each of its players once, a person first. */
-export const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
+const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
 
 /** Return the name of a side in words. */
 export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
