@@ -242,7 +242,7 @@ def with_less(words, options):
     changes = {"--games": "8"} if "games" in options and what != "show" and not options.get("record") else {}
     if what == "train":
         changes = {"--config": "tiny.toml"}
-        rest = [word for word in rest if word not in ("--preset", "quick")]
+        rest = [word for word in rest if word not in ("--preset", options["preset"])]
     if what == "regret":
         changes = {"--games": "8"} | ({} if options["tables"] else {"--grid": GRIDS["game"]})
     if what == "exploit":

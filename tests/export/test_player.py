@@ -36,6 +36,7 @@ ALL = [
     for shield in ("", "shielded:")
 ]
 """In a map and in many arenas too."""
+DRAWN = 200
 
 
 def exportable(game, name, side=None):
@@ -43,20 +44,20 @@ def exportable(game, name, side=None):
     return find_exportable(name, side_of(name, side or ("evader" if name.endswith("random") else None)), game)
 
 
-def games_of(name, drawn):
-    """The game of this name, or the paper's in as many arenas of one shape, so that one program plays in all."""
+def games_of(name):
+    """The game of this name, or the paper's in many arenas of one shape."""
     if name != "drawn":
         return [find_game(name)]
-    arenas = together([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:drawn]])
-    arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(drawn)]  # noqa: B023
+    arenas = together([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
+    arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(DRAWN)]  # noqa: B023
     return [replace(find_game("paper"), arena=one) for one in arena]
 
 
 @needs_gcc
+@pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name"), ALL)
 def test_players_in_c_decide_as_the_packages(game, name):
-    drawn = 20 if "shielded" in name else 200  # the index of a shield is as large as it needs: a program for each
-    games, states = games_of(game, drawn), 200 if (game, name) == QUICK else 10_000
+    games, states = games_of(game), 200 if (game, name) == QUICK else 10_000
     try:
         player = exportable(games[0], name)
     except InvalidInput as refusal:
@@ -64,7 +65,7 @@ def test_players_in_c_decide_as_the_packages(game, name):
     programs, found = {}, []
     for one in games:
         player = exportable(one, name)
-        shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
+        shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))  # a shield's index is as large as it needs
         compiled = programs.get(shape) or programs.setdefault(shape, Compiled(program_of(player, "robot")))
         cases = cases_of(player, states // len(games), seed=len(found))
         found.append(compare(lambda *given: compiled(player.policy, player.game, *given)[:2], player, cases))  # noqa: B023
