@@ -238,7 +238,7 @@ def test_mates_start_apart_in_free_space_and_opponents_further():
 
 
 def test_a_game_with_too_many_robots_for_its_arena_is_refused():
-    with pytest.raises(InvalidInput, match=r"teams = 9 v 9 is not possible: .* room"):
+    with pytest.raises(InvalidInput, match=r"teams = 9 v 9 is not possible: .* fit"):
         in_teams(Game(arena=Arena(x_max=2.5, y_max=2.5)), 9, 9)
     with pytest.raises(InvalidInput, match="pursuers = 17 is not possible"):
         make_game("team-17v1")
