@@ -73,12 +73,14 @@ class Backup(eqx.Module):
         """Return that clearance [m] by each of the manoeuvres."""
         return self._rooms(robot, self._near(robot))
 
+    @jax.jit
     def room_after(self, robot: RobotState, action: Action) -> Scalar:
         """Return the least clearance [m] on the best way to rest that begins with one step of an action."""
         near, after = self._near(robot), self._hold(robot, action)
         step = self._step(robot, after, near) - self.body.radius
         return jnp.minimum(step, jnp.max(self._rooms(after, near)))
 
+    @jax.jit
     def surely_stops(self, robot: RobotState, action: Action) -> Bool[Array, ""]:
         """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
 

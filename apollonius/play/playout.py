@@ -6,7 +6,9 @@ Between two calls, a few times in a second, progress is reported. One compilatio
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import chain, pairwise, zip_longest
 from typing import Any
 
 import equinox as eqx
@@ -19,6 +21,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
+from apollonius.io.jobs import available_cores
 from apollonius.play.rollout import Games, Transition, begin, random_bits_of, reset_where_done, step_games
 
 Report = Callable[[int, int], None]
@@ -84,7 +87,7 @@ def play_out(
 ) -> Results:
     """Play each of the given starts to its end, once.
 
-    At most `slots` games are under way at a time; the next start takes the place of a finished game. The random bits
+    On each core at most `slots` games are under way; the next start takes the place of a finished game. The random bits
     of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
 
     Args:
@@ -100,17 +103,51 @@ def play_out(
     rows = jax.tree.map(np.asarray, starts)
     total = len(rows.steps)
     width = 2 ** ((slots or _default_slots()) - 1).bit_length()
-    window = width * _WINDOW
     under_way = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
     results = _zeros(lambda: _no_results(watcher, total, starts))
-    begun, done, steps = 0, 0, 1
-    while done < total:
+    advance = partial(_advance, game, players, key, watcher)
+    shares = _divide(total, max(1, min(_parallel_calls(), total // width)))
+    plays = [_play_share(advance, rows, share, first, under_way, results) for share in shares]
+    done = 0
+    for new in chain.from_iterable(zip_longest(*plays, fillvalue=0)):
+        done += new
+        report(done, total)
+    return jax.device_put(results)
+
+
+def _divide(total: int, parts: int) -> list[range]:
+    """Return consecutive parts, of about the same length, of the numbers below a total."""
+    ends = [total * part // parts for part in range(parts + 1)]
+    return [range(*pair) for pair in pairwise(ends)]
+
+
+def _play_share(
+    advance: Callable[..., tuple[_Slots, Array, _Ended]],
+    rows: GameState,
+    share: range,
+    first: int,
+    under_way: _Slots,
+    results: Results,
+) -> Iterator[int]:
+    """Play some of the starts, fill in their results, and yield how many games have ended since the last time.
+
+    It yields while the compiled function runs, so that other shares are played at the same time.
+
+    Args:
+        advance: `_advance` with its first arguments.
+        share: the rows to play.
+        first: index of the game of the first row.
+        under_way: empty slots.
+    """
+    begun, done, new, steps = share.start, share.start, 0, 1
+    window = len(under_way.index) * _WINDOW
+    while done < share.stop:
         asked = time.perf_counter()
-        count = min(window, total - begun)
-        upcoming = _cut(rows, begun, window)
-        numbers = (*map(np.int32, (first + begun, count, steps)), np.bool_(begun + count < total))
-        under_way, taken, ended = _advance(game, players, key, watcher, under_way, upcoming, *numbers)
+        count = min(window, share.stop - begun)
+        numbers = (*map(np.int32, (first + begun, count, steps)), np.bool_(begun + count < share.stop))
+        under_way, taken, ended = advance(under_way, _cut(rows, begun, window), *numbers)
+        yield new
         begun += int(taken)
         new = int(ended.count)
         index = np.asarray(ended.index)[:new] - first
@@ -120,8 +157,7 @@ def play_out(
         # The first call compiles, so that the steps grow from the second one on.
         quick = time.perf_counter() - asked < _CHUNK_SECONDS
         steps = min(steps * 2, _MOST_STEPS) if quick else max(steps // 2, 1)
-        report(done, total)
-    return jax.device_put(results)
+    yield new
 
 
 def _empty(
@@ -205,6 +241,11 @@ def _advance(
 
 def _default_slots() -> int:
     return 64 if jax.default_backend() == "cpu" else 512
+
+
+def _parallel_calls() -> int:
+    """Return how many calls run at a time: one on each core of a CPU."""
+    return len(available_cores()) if jax.default_backend() == "cpu" else 1
 
 
 def _zeros(make: Callable[[], Any]) -> Any:
