@@ -101,14 +101,16 @@ def play_out(
         first: index of the first of these games.
     """
     rows = jax.tree.map(np.asarray, starts)
-    total = len(rows.steps)
-    width = 2 ** ((slots or _default_slots()) - 1).bit_length()
+    total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"
+    slots, cores = slots or (64 if on_cpu else 512), len(available_cores()) if on_cpu else 1
+    width = 2 ** (slots - 1).bit_length()
     under_way = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
     results = _zeros(lambda: _no_results(watcher, total, starts))
     advance = partial(_advance, game, players, key, watcher)
-    shares = _divide(total, max(1, min(_parallel_calls(), total // width)))
-    plays = [_play_share(advance, rows, share, first, under_way, results) for share in shares]
+    shares = max(1, min(cores, total // width))
+    ends = [total * share // shares for share in range(shares + 1)]
+    plays = [_play_share(advance, rows, *pair, first, under_way, results) for pair in pairwise(ends)]
     done = 0
     for new in chain.from_iterable(zip_longest(*plays, fillvalue=0)):
         done += new
@@ -116,16 +118,11 @@ def play_out(
     return jax.device_put(results)
 
 
-def _divide(total: int, parts: int) -> list[range]:
-    """Return consecutive parts, of about the same length, of the numbers below a total."""
-    ends = [total * part // parts for part in range(parts + 1)]
-    return [range(*pair) for pair in pairwise(ends)]
-
-
 def _play_share(
     advance: Callable[..., tuple[_Slots, Array, _Ended]],
     rows: GameState,
-    share: range,
+    begun: int,
+    end: int,
     first: int,
     under_way: _Slots,
     results: Results,
@@ -136,16 +133,16 @@ def _play_share(
 
     Args:
         advance: `_advance` with its first arguments.
-        share: the rows to play.
+        begun, end: the rows to play.
         first: index of the game of the first row.
         under_way: empty slots.
     """
-    begun, done, new, steps = share.start, share.start, 0, 1
+    done, new, steps = begun, 0, 1
     window = len(under_way.index) * _WINDOW
-    while done < share.stop:
+    while done < end:
         asked = time.perf_counter()
-        count = min(window, share.stop - begun)
-        numbers = (*map(np.int32, (first + begun, count, steps)), np.bool_(begun + count < share.stop))
+        count = min(window, end - begun)
+        numbers = (*map(np.int32, (first + begun, count, steps)), np.bool_(begun + count < end))
         under_way, taken, ended = advance(under_way, _cut(rows, begun, window), *numbers)
         yield new
         begun += int(taken)
@@ -237,15 +234,6 @@ def _advance(
         return under_way, taken + jnp.sum(fresh, dtype=jnp.int32), ended, step + 1
 
     return jax.lax.while_loop(goes_on, one_step, carry)[:3]
-
-
-def _default_slots() -> int:
-    return 64 if jax.default_backend() == "cpu" else 512
-
-
-def _parallel_calls() -> int:
-    """Return how many calls run at a time: one on each core of a CPU."""
-    return len(available_cores()) if jax.default_backend() == "cpu" else 1
 
 
 def _zeros(make: Callable[[], Any]) -> Any:

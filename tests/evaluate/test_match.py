@@ -27,6 +27,7 @@ from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import find_observation
+from apollonius.play import playout
 from apollonius.play.playout import Results
 from apollonius.solve.viability import doomed_start_rate, solve_viability
 from tests.matches import a_match
@@ -66,8 +67,10 @@ def test_every_game_is_counted_once(random_match):
     assert 1 < random_match.mean_steps < 150
 
 
-def test_one_seed_gives_one_result_however_many_games_are_under_way(random_match):
-    assert play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0), slots=17) == random_match
+@pytest.mark.parametrize(("cores", "slots"), [(1, 17), (3, 17), (2, GAMES)])
+def test_one_seed_gives_one_result_however_many_games_are_under_way(cores, slots, random_match, monkeypatch):
+    monkeypatch.setattr(playout, "available_cores", lambda: range(cores))
+    assert play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0), slots=slots) == random_match
 
 
 def test_other_players_meet_the_same_starts(starts):
