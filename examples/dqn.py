@@ -74,8 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
         new_seen, reward, terminated, truncated, infos = envs.step(action)
         led_to = infos.get("final_obs", new_seen)
         rows = np.arange(step * GAMES, (step + 1) * GAMES) % REPLAY
-        for kept, told in zip(replay, (seen, action, reward, led_to, terminated), strict=True):
-            kept[rows] = told
+        for column, new in zip(replay, (seen, action, reward, led_to, terminated), strict=True):
+            column[rows] = new
         seen = new_seen
         if infos:
             ended += int((terminated | truncated).sum())
@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
         stored = (step + 1) * GAMES
         if stored >= STARTS:
             chosen = rng.integers(min(stored, REPLAY), size=BATCH)
-            batch = [kept[chosen] for kept in replay]
+            batch = [column[chosen] for column in replay]
             batch[1] = batch[1].astype(np.int32)
             network, moments, loss = update(network, target, moments, *batch)
             losses.append(float(loss))

@@ -17,7 +17,7 @@ from apollonius.web.wasm import OF_PAGE, compiled, digest, sources
 COMPILED = PAGE / "compiled.js"
 IN_REPORTS = Path(apollonius.show.__file__).with_name("compiled.js")
 """Its counterpart in reports, with the programs that draw a game."""
-_OF_REPORTS = ("step", "move", "clearance", "clearance_along", "room_after", "chart", "places")
+_OF_REPORTS = ("step", "move", "clearance", "clearance_along", "clearance_after", "chart", "cell_weights")
 
 
 def _layouts(programs: Iterable[Program]) -> dict[str, Any]:

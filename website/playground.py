@@ -32,8 +32,8 @@ def write_playground(folder: Path) -> None:
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if path.suffix in _DATA and name != "package.json":
-            told = json.dumps([name, base64.b64encode(path.read_bytes()).decode()])
-            (folder / "offline" / f"{name.replace('/', '-')}.js").write_text(f"apolloniusFile(...{told});\n")
+            arguments = json.dumps([name, base64.b64encode(path.read_bytes()).decode()])
+            (folder / "offline" / f"{name.replace('/', '-')}.js").write_text(f"apolloniusFile(...{arguments});\n")
     (folder / "offline" / "modules.js").write_text(f"apolloniusModules({json.dumps(in_order(folder, entry))});\n")
     for script in _SCRIPTS.glob("*.js"):
         shutil.copy(script, folder / script.name)

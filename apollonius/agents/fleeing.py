@@ -16,7 +16,7 @@ from apollonius.observe.view import Robot, View
 _HORIZON = 4.0
 """How far ahead [s] a fleeing robot looks: the paper's takes as long to stop from its top speed."""
 
-_Way = tuple[RobotState, Scalar, Scalar]
+_Reached = tuple[RobotState, Scalar, Scalar]
 """State that a robot has reached, least clearance on its way [m], and number of steps with clearance enough."""
 
 
@@ -34,12 +34,12 @@ class FleeAware(AbstractClassical):
     """Moves to where it will be furthest from the pursuer, among the ways that touch neither wall nor obstacle.
 
     The dynamic window approach (Fox, Burgard and Thrun, 1997): each action is tried for 4 s ahead, and judged by the
-    distance from the pursuer there, which is taken to go straight on, and by the room it keeps on its way.
+    distance from the pursuer there, which is taken to go straight on, and by its least clearance on the way.
 
     Attributes:
         steps: how many steps it looks ahead.
-        margin: room that it will not do without [m].
-        caution: what a metre of room is worth, in metres of distance; room beyond 1 m is worth nothing.
+        margin: least clearance of a way [m].
+        caution: value of a metre of clearance, in metres of distance; beyond 1 m it has none.
     """
 
     steps: int | Array = eqx.field(static=True, default=40)
@@ -56,16 +56,16 @@ class FleeAware(AbstractClassical):
         pursuer = seen.opponent.body.move(seen.opponent.state, coast, coast, self.steps * self.dt)
 
         def value(action: Int[Array, ""]) -> Scalar:
-            def one_step(_: Int[Array, ""], way: _Way) -> _Way:
-                robot, room, clear = way
+            def one_step(_: Int[Array, ""], reached: _Reached) -> _Reached:
+                robot, clearance, clear = reached
                 after = self.hold(Robot(body, robot), action)
-                room = jnp.minimum(room, seen.arena.clearance_along(robot, after) - body.radius)
-                return after, room, clear + (room > self.margin).astype(jnp.float32)
+                clearance = jnp.minimum(clearance, seen.arena.clearance_along(robot, after) - body.radius)
+                return after, clearance, clear + (clearance > self.margin).astype(jnp.float32)
 
             start = seen.own.state, jnp.asarray(jnp.inf, jnp.float32), jnp.zeros(())
-            end, room, clear = jax.lax.fori_loop(0, self.steps, one_step, start)
-            lasts = separation(end, pursuer) + self.caution * jnp.minimum(room, 1.0)
+            end, clearance, clear = jax.lax.fori_loop(0, self.steps, one_step, start)
+            lasts = separation(end, pursuer) + self.caution * jnp.minimum(clearance, 1.0)
             runs_out = clear - self.steps
-            return jnp.where(room > self.margin, lasts, runs_out)
+            return jnp.where(clearance > self.margin, lasts, runs_out)
 
         return jax.vmap(value)(jnp.arange(NUM_ACTIONS))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from apollonius.game.chart import Chart
-from apollonius.game.dynamics import gears
+from apollonius.game.dynamics import action_levels
 from apollonius.game.types import NUM_ACTIONS, Action, Scalar
 from apollonius.observe.observation import WHOLE, Whole
 from apollonius.observe.view import View
@@ -112,11 +112,11 @@ class AbstractContinuous(AbstractPolicy):
 
     def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed discrete action whose levels are nearest to the player's own."""
-        own = gears(weighed)
+        own = action_levels(weighed)
 
         def away(action: Int[Array, ""]) -> Scalar:
-            gear_u1, gear_u2 = gears(action)
-            return (gear_u1 - own[0]) ** 2 + (gear_u2 - own[1]) ** 2
+            level_u1, level_u2 = action_levels(action)
+            return (level_u1 - own[0]) ** 2 + (level_u2 - own[1]) ** 2
 
         return jnp.argmin(jnp.where(allowed, jax.vmap(away)(jnp.arange(NUM_ACTIONS)), jnp.inf)).astype(jnp.int32)
 

@@ -107,7 +107,7 @@ class Pool(AbstractPlayers):
         return jax.tree.map(theirs, jax.vmap(of_member, axis_size=self.size)(self.members))
 
 
-class Seated(AbstractPlayers):
+class Assigned(AbstractPlayers):
     """One player for most games of a batch, and others who each have a few games of their own, in a row.
 
     A batch meets many players and takes no more arithmetic than with one. Member 0 is the player at large, members 1,
@@ -115,14 +115,14 @@ class Seated(AbstractPlayers):
 
     Attributes:
         at_large: the player of all games that belong to no other.
-        seated: the others; array leaves have a leading axis.
+        assigned: the others; array leaves have a leading axis.
         count: their number.
         first: the first game that belongs to one.
         games: how many games belong to each.
     """
 
     at_large: AbstractPolicy
-    seated: AbstractPolicy
+    assigned: AbstractPolicy
     count: int = eqx.field(static=True)
     first: int = eqx.field(static=True)
     games: int = eqx.field(static=True)
@@ -143,12 +143,12 @@ class Seated(AbstractPlayers):
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
         end, given = self.first + self.count * self.games, (rows, memory, bits)
-        seated = jax.tree.map(
+        assigned = jax.tree.map(
             lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]), given
         )
-        beside = jax.tree.map(lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), given)
-        others = jax.vmap(lambda policy, *given: act_in_rows(policy, read, *given))(self.seated, *seated)
-        own = act_in_rows(self.at_large, read, *beside)
+        at_large = jax.tree.map(lambda leaf: jnp.concatenate([leaf[: self.first], leaf[end:]]), given)
+        others = jax.vmap(lambda policy, *given: act_in_rows(policy, read, *given))(self.assigned, *assigned)
+        own = act_in_rows(self.at_large, read, *at_large)
 
         def in_order(own: Array, others: Array) -> Array:
             return jnp.concatenate([own[: self.first], others.reshape(-1, *others.shape[2:]), own[self.first :]])

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 from apollonius.agents.batching import batched_by, spread
 from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle, gears, unit_vector
+from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
 from apollonius.game.nearby import Edges, Surroundings, surroundings
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
@@ -61,46 +61,46 @@ class Backup(eqx.Module):
         """Return the manoeuvres of the robot that sees this."""
         return replace(self, arena=view.arena, body=view.own.body) if self.anywhere else self
 
-    def room(self, robot: RobotState) -> Scalar:
-        """Return the least clearance [m] on the best way to rest, the body's radius taken off.
+    def clearance(self, robot: RobotState) -> Scalar:
+        """Return the least clearance [m] on the best manoeuvre to rest, the body's radius taken off.
 
         Polygons that are out of reach by the `surroundings` are left out: where that makes a difference, there is more
-        room than `MARGIN` without them and with them.
+        clearance than `MARGIN` without them and with them.
         """
-        return jnp.max(self.rooms(robot))
+        return jnp.max(self.clearances(robot))
 
-    def rooms(self, robot: RobotState) -> Float[Array, " manoeuvres"]:
+    def clearances(self, robot: RobotState) -> Float[Array, " manoeuvres"]:
         """Return that clearance [m] by each of the manoeuvres."""
-        return self._rooms(robot, self._near(robot))
+        return self._clearances(robot, self._near(robot))
 
     @jax.jit
-    def room_after(self, robot: RobotState, action: Action) -> Scalar:
-        """Return the least clearance [m] on the best way to rest that begins with one step of an action."""
+    def clearance_after(self, robot: RobotState, action: Action) -> Scalar:
+        """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action."""
         near, after = self._near(robot), self._hold(robot, action)
         step = self._step(robot, after, near) - self.body.radius
-        return jnp.minimum(step, jnp.max(self._rooms(after, near)))
+        return jnp.minimum(step, jnp.max(self._clearances(after, near)))
 
     @jax.jit
     def surely_stops(self, robot: RobotState, action: Action) -> Bool[Array, ""]:
         """Return whether more than `MARGIN` is left if it brakes straight ahead after one step of an action.
 
-        That way is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
+        That path is one segment, so this takes little arithmetic; rounding gets another `MARGIN`.
         """
         if self.arena.map is not None:  # whose clearance along a segment depends on where it is cut
-            return replace(self, manoeuvres=(Brake(1),)).room_after(robot, action) > MARGIN
+            return replace(self, manoeuvres=(Brake(1),)).clearance_after(robot, action) > MARGIN
         near, after = self._near(robot), self._hold(robot, action)
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * self.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
         least = jnp.minimum(self._step(robot, after, near), self._along(after, rest, near))
         return least - self.body.radius > 2 * MARGIN
 
-    def _rooms(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
+    def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
         def one_step(before: list[RobotState], _: None) -> tuple[list[RobotState], list[RobotState]]:
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
             return after, after
 
-        _, ways = jax.lax.scan(one_step, [robot] * len(self.manoeuvres), length=self.steps)
-        after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *ways)
+        _, paths = jax.lax.scan(one_step, [robot] * len(self.manoeuvres), length=self.steps)
+        after = jax.tree.map(lambda *leaves: jnp.stack(leaves), *paths)
         before = jax.tree.map(
             lambda first, later: jnp.concatenate([jnp.broadcast_to(first, (len(later), 1)), later[:, :-1]], axis=1),
             robot, after,
@@ -137,8 +137,8 @@ class Backup(eqx.Module):
 class Shielded(AbstractWrapper):
     """Another player, held back from actions after which the robot could not brake to rest without touching anything.
 
-    An action is allowed where, after it, one of the backup manoeuvres comes to rest with room to spare. The rest of
-    that manoeuvre is then allowed in the next step, and so on; so from rest, or from any state from which one of the
+    An action is allowed where, after it, one of the backup manoeuvres comes to rest with clearance to spare. The rest
+    of that manoeuvre is then allowed in the next step, and so on; so from rest, or from any state from which one of the
     manoeuvres is free, the robot never fails. This is a safety filter with backup manoeuvres (Hobbs et al., "Runtime
     assurance for safety-critical systems", 2023): what it calls safe is a part of the viability kernel.
 
@@ -169,14 +169,14 @@ class Shielded(AbstractWrapper):
 
     def go_on(self, seen: View, weighed: Any, search: "_Search") -> "_Search":
         """Return the search after its action was tried: if that is not allowed, with the best of those untried."""
-        room = self.backup.of(seen).room_after(seen.own.state, search.action)
-        allowed = room > MARGIN
-        rooms = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, room, search.rooms)
-        untried = jnp.isinf(rooms)
+        clearance = self.backup.of(seen).clearance_after(seen.own.state, search.action)
+        allowed = clearance > MARGIN
+        clearances = jnp.where(jnp.arange(NUM_ACTIONS) == search.number, clearance, search.clearances)
+        untried = jnp.isinf(clearances)
         left = jnp.any(untried)
-        number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(rooms)).astype(jnp.int32)
-        action = jnp.stack(gears(number)) if self.policy.continuous else number
-        return _Search(jnp.where(allowed, search.action, action), number, rooms, ~allowed & left)
+        number = jnp.where(left, self.policy.choose(weighed, untried), jnp.argmax(clearances)).astype(jnp.int32)
+        action = jnp.stack(action_levels(number)) if self.policy.continuous else number
+        return _Search(jnp.where(allowed, search.action, action), number, clearances, ~allowed & left)
 
 
 class _Search(eqx.Module):
@@ -185,13 +185,13 @@ class _Search(eqx.Module):
     Attributes:
         action: the one to be tried or, at the end, to be taken.
         number: its number; of a player's own that is continuous, one more than there are.
-        rooms: what each of the nine leaves [m], infinite until it is tried.
+        clearances: what each of the nine leaves [m], infinite until it is tried.
         open: whether it has not ended.
     """
 
     action: Action
     number: Int[Array, ""]
-    rooms: Float[Array, "9"]
+    clearances: Float[Array, "9"]
     open: Bool[Array, ""]
 
 

@@ -1,7 +1,7 @@
 """Pursuers that surround the evader as a team: by the area that is left to it, and by their bearings around it.
 
-Each decides for itself, by what it sees of its mates. Ways and places are those of the arena's chart, so that obstacles
-count; without a chart they are straight lines.
+Each decides for itself, by what it sees of its mates. Path lengths and cells are those of the arena's chart, so that
+obstacles count; without a chart paths are straight lines.
 """
 
 from abc import abstractmethod
@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractClassical, AbstractSteering, direction, facing_speed, separation
-from apollonius.game.chart import NO_WAY, STOPS
+from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.game import Game
 from apollonius.game.types import Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
@@ -25,9 +25,9 @@ _DIRECTIONS = 16
 _SHARPNESS = 8
 """How much the best direction counts more than the others."""
 _STRIDE = 2
-"""Sampling stride over the chart's stops, along rows and columns."""
-_BESIDE = 0.2
-"""Weight of the way to the evader beside the area [m]: it decides where nothing can be done about the area."""
+"""Sampling stride over the chart's coarse cells, along rows and columns."""
+_PATH_WEIGHT = 0.2
+"""Weight of the path length to the evader next to the area [m]: it decides where nothing can be done about the area."""
 
 Cost = Callable[[Scalar, Scalar], Scalar]
 
@@ -37,7 +37,7 @@ class AbstractSurrounding(AbstractSteering):
 
     Attributes:
         ahead: how far ahead it looks [m].
-        near: length of the way to the evader [m] from which on it heads straight for it.
+        near: path length to the evader [m] from which on it heads straight for it.
     """
 
     ahead: Real = 0.75
@@ -75,7 +75,7 @@ class AbstractSurrounding(AbstractSteering):
         worst, best = jnp.max(costs), jnp.min(costs)
         weights = ((worst - costs) / jnp.maximum(worst - best, 1e-6)) ** _SHARPNESS
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
-        close = way_to(seen, opponent)(own.x, own.y) < self.near
+        close = path_length_to(seen, opponent)(own.x, own.y) < self.near
         heading = jnp.where(close, direction(own, opponent), downwards)
         return heading, jnp.where(close, arc_speed(body, own, opponent), facing_speed(body, own, heading))
 
@@ -91,27 +91,27 @@ class VoronoiPursuit(AbstractSurrounding):
     robots that is straight to the middle of the edge between its cell and the evader's, and the evader cannot but be
     caught (Huang, Zhang, Ding, Stipanovic and Tomlin, "Guaranteed decentralized pursuit-evasion in the plane with
     multiple pursuers", CDC 2011). A pursuer whose cell is not beside the evader's goes to it (Pierson, Wang and
-    Schwager, "Intercepting rogue robots", RA-L 2017). Here cells are of the shortest ways, over the robots' top speeds.
+    Schwager, "Intercepting rogue robots", RA-L 2017). Here cells are by shortest paths, over the robots' top speeds.
     """
 
     def cost(self, seen: View) -> Cost:
         """Return the area [m^2], and a little of the path to the evader [m]."""
         evader, mates = seen.opponent, seen.mates
         theirs = to_all(seen, evader)
-        there = theirs < NO_WAY / 100
-        cell = (_side(seen) * _STRIDE / STOPS) ** 2
+        there = theirs < NO_PATH / 100
+        cell = (_side(seen) * _STRIDE / COARSE) ** 2
         blur = jnp.sqrt(cell) / seen.own.body.v_max
         deadline = jnp.full(theirs.shape, jnp.inf)
         for mate in mates:
             deadline = jnp.minimum(deadline, jnp.where(mate.active, to_all(seen, mate) / mate.body.v_max, jnp.inf))
-        way = way_to(seen, evader.state)
+        path_length = path_length_to(seen, evader.state)
 
         def cost(x: Scalar, y: Scalar) -> Scalar:
             state = seen.own.state
             own = Robot(seen.own.body, RobotState(x, y, state.v, state.heading))
             first = jnp.minimum(deadline, to_all(seen, own) / own.body.v_max) - theirs / evader.body.v_max
             area = cell * jnp.sum(jnp.where(there, jax.nn.sigmoid(first / blur), 0.0))
-            return area + _BESIDE * way(x, y)
+            return area + _PATH_WEIGHT * path_length(x, y)
 
         return cost
 
@@ -142,7 +142,7 @@ class Encirclement(AbstractSurrounding):
         arena = seen.arena
         x = jnp.clip(evader.x + radius * jnp.cos(bearing), arena.x_min, arena.x_max)
         y = jnp.clip(evader.y + radius * jnp.sin(bearing), arena.y_min, arena.y_max)
-        return way_to(seen, RobotState(x, y, evader.v, evader.heading))
+        return path_length_to(seen, RobotState(x, y, evader.v, evader.heading))
 
 
 def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robots"]) -> Float[Array, " robots"]:
@@ -155,25 +155,25 @@ def even_bearings(bearings: Float[Array, " robots"], active: Bool[Array, " robot
     return slots + jnp.arctan2(sin, cos)
 
 
-def way_to(seen: View, end: RobotState) -> Cost:
+def path_length_to(seen: View, end: RobotState) -> Cost:
     """Return the length [m] of the path from a point to a robot."""
     if (chart := seen.arena.chart) is None:
         return lambda x, y: jnp.hypot(end.x - x, end.y - y)
-    there = chart.places(end.x, end.y)
-    return lambda x, y: chart.path_length(chart.places(x, y), there)
+    there = chart.cell_weights(end.x, end.y)
+    return lambda x, y: chart.path_length(chart.cell_weights(x, y), there)
 
 
 def to_all(seen: View, robot: Robot) -> Float[Array, " places"]:
     """Return the lengths [m] of the paths from a robot to points all over the arena, huge where it cannot be."""
-    state, numbers = robot.state, jnp.arange(0, STOPS, _STRIDE)
+    state, numbers = robot.state, jnp.arange(0, COARSE, _STRIDE)
     if (chart := seen.arena.chart) is not None:
-        stops, weights = chart.places(state.x, state.y)
-        places = (numbers[:, None] * STOPS + numbers[None, :]).ravel()
-        return weights @ (chart.ways[chart.member, stops[:, None], places[None, :]].astype(jnp.float32) / 100)
-    arena, middles = seen.arena, (numbers.astype(jnp.float32) + 0.5) * (_side(seen) / STOPS)
+        cells, weights = chart.cell_weights(state.x, state.y)
+        places = (numbers[:, None] * COARSE + numbers[None, :]).ravel()
+        return weights @ (chart.lengths[chart.member, cells[:, None], places[None, :]].astype(jnp.float32) / 100)
+    arena, middles = seen.arena, (numbers.astype(jnp.float32) + 0.5) * (_side(seen) / COARSE)
     x, y = (jnp.ravel(one) for one in jnp.meshgrid(arena.x_min + middles, arena.y_min + middles))
     free = jax.vmap(arena.clearance)(x, y) > robot.body.radius
-    return jnp.where(free, jnp.hypot(x - state.x, y - state.y), NO_WAY / 100)
+    return jnp.where(free, jnp.hypot(x - state.x, y - state.y), NO_PATH / 100)
 
 
 def _side(seen: View) -> Scalar:

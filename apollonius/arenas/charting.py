@@ -14,30 +14,30 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from apollonius.game.arena import Arena
-from apollonius.game.chart import NO_WAY, SIDE, STOP_BITS, STOPS, Chart
+from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, Chart
 from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
 from apollonius.io.cache import Memory
 
 _STEPS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-2, 1), (1, 2), (-1, 2))
-"""From each stop to those beside it, columns and rows: eight directions, and as many between them both ways."""
+"""From each coarse cell to those beside it, columns and rows: eight directions, and as many between them both ways."""
 _LOOKS = 16
 """Points of a line at which the clearance is looked up."""
 _SLACK = 1e-4
 """By how much a body may be too large [m], so that where it just fits no rounding decides."""
 _UNIT = 2**19
-"""Lengths are whole numbers, so that sums are exact: of a step from a stop to the next one."""
+"""Lengths are whole numbers, so that sums are exact: of a step from a coarse cell to the next one."""
 _FAR = 2**30 - 1
 """A length that no path has, and of which twice is a number."""
 _TOGETHER = 64
-"""Stops from which paths are looked for at once."""
+"""Coarse cells from which paths are looked for at once."""
 _Leaves = tuple[np.ndarray, ...]
 """The leaves of a chart in their order, without the axis of arenas."""
 _latest = Memory[_Leaves](4)
 """The last charts, 5 MB each: both players of a game ask for its chart."""
 _Field = Float[Array, "corners corners"]
-_Stops = Int[Array, "rows columns"]
+_Cells = Int[Array, "rows columns"]
 _Lengths = Int[Array, "rows columns starts"]
 
 
@@ -74,8 +74,8 @@ def _drawn(arena: Arena, radius: float) -> _Leaves:
     side = max(float(arena.x_max) - x, float(arena.y_max) - y)
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
-    ways, beside = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
-    return *map(np.asarray, (field, ways, beside)), *np.array([x, y, side], np.float32)[:, None]
+    lengths, visible = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
+    return *map(np.asarray, (field, lengths, visible)), *np.array([x, y, side], np.float32)[:, None]
 
 
 @eqx.filter_jit
@@ -87,8 +87,8 @@ def clearances(arena: Arena, x: Float[Array, " corners"], y: Float[Array, " corn
 @jax.jit
 def paths(
     field: _Field, side: Scalar, radius: Scalar
-) -> tuple[UInt16[Array, "stops stops"], UInt16[Array, "cells cells"]]:
-    """Return `Chart.ways` and `Chart.beside` of a field of clearances.
+) -> tuple[UInt16[Array, "coarse coarse"], UInt16[Array, "cells cells"]]:
+    """Return `Chart.lengths` and `Chart.visible` of a field of clearances.
 
     Args:
         side: length of the arena's longer side [m].
@@ -96,14 +96,14 @@ def paths(
     """
     links = _links(field, radius)
 
-    def ways_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts stops"]:
+    def lengths_from(starts: Int[Array, " starts"]) -> UInt16[Array, "starts coarse"]:
         found = _paths_from(links, starts)
-        centimetres = jnp.round(found.astype(jnp.float32) / _UNIT * (100 * side / STOPS))
-        return jnp.where(found >= _FAR, NO_WAY, jnp.minimum(centimetres, NO_WAY)).astype(jnp.uint16).T
+        centimetres = jnp.round(found.astype(jnp.float32) / _UNIT * (100 * side / COARSE))
+        return jnp.where(found >= _FAR, NO_PATH, jnp.minimum(centimetres, NO_PATH)).astype(jnp.uint16).T
 
     is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
-    ways = jax.lax.map(ways_from, jnp.arange(STOPS**2).reshape(-1, _TOGETHER)).reshape(STOPS**2, STOPS**2)
-    return ways, _beside(field, is_linked.reshape(STOPS**2))
+    lengths = jax.lax.map(lengths_from, jnp.arange(COARSE**2).reshape(-1, _TOGETHER)).reshape(COARSE**2, COARSE**2)
+    return lengths, _visible(field, is_linked.reshape(COARSE**2))
 
 
 def _look(field: _Field, x: Scalar, y: Scalar) -> Scalar:
@@ -124,19 +124,19 @@ def _is_clear(
     return jax.lax.fori_loop(0, _LOOKS, look, jnp.asarray(True))
 
 
-def _middle(stop: Any) -> Any:
-    """Return where the stop of a column or row is, in cells."""
-    return (stop + 0.5) * (SIDE / STOPS)
+def _middle(cell: Any) -> Any:
+    """Return the middle of the coarse cell of a column or row, in cells of the field."""
+    return (cell + 0.5) * (SIDE / COARSE)
 
 
 def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
-    """Return the lengths of steps that lead to each stop: of `_STEPS`, and with the arena turned half round."""
-    numbers = jnp.arange(STOPS, dtype=jnp.float32)
+    """Return the lengths of steps that lead to each coarse cell: of `_STEPS`, and with the arena turned half round."""
+    numbers = jnp.arange(COARSE, dtype=jnp.float32)
 
     def link(step: Float[Array, "2"], row: Scalar, column: Scalar) -> Int[Array, ""]:
         from_column, from_row = column - step[0], row - step[1]
-        is_inside = (from_column >= 0) & (from_column < STOPS) & (from_row >= 0) & (from_row < STOPS)
-        x, y, from_x, from_y = (_middle(stop) for stop in (column, row, from_column, from_row))
+        is_inside = (from_column >= 0) & (from_column < COARSE) & (from_row >= 0) & (from_row < COARSE)
+        x, y, from_x, from_y = (_middle(cell) for cell in (column, row, from_column, from_row))
         length = jnp.round(_UNIT * jnp.hypot(step[0], step[1])).astype(jnp.int32)
         return jnp.where(is_inside & _is_clear(field, x, y, from_x, from_y, radius - _SLACK), length, _FAR)
 
@@ -148,8 +148,10 @@ def _links(field: _Field, radius: Scalar) -> Int[Array, "2 steps rows columns"]:
     return jnp.stack([there, jnp.flip(back, (1, 2))])
 
 
-def _paths_from(links: Int[Array, "2 steps rows columns"], starts: Int[Array, " starts"]) -> Int[Array, "stops starts"]:
-    """Return the lengths of the shortest paths from some stops to all.
+def _paths_from(
+    links: Int[Array, "2 steps rows columns"], starts: Int[Array, " starts"]
+) -> Int[Array, "coarse starts"]:
+    """Return the lengths of the shortest paths from some coarse cells to all.
 
     Sweeps go over the rows from below, and from above as the arena is turned by half a turn after each, until two in a
     row have changed nothing.
@@ -164,9 +166,9 @@ def _paths_from(links: Int[Array, "2 steps rows columns"], starts: Int[Array, " 
         return jnp.flip(after, (0, 1)), 1 - turned, unchanged
 
     none = jnp.asarray(0)
-    first = jnp.where(jnp.arange(STOPS**2)[:, None] == starts[None], 0, _FAR).reshape(STOPS, STOPS, -1)
+    first = jnp.where(jnp.arange(COARSE**2)[:, None] == starts[None], 0, _FAR).reshape(COARSE, COARSE, -1)
     lengths, turned, _ = jax.lax.while_loop(lambda carry: carry[2] < 2, sweep, (first, none, none))
-    return jnp.where(turned == 1, jnp.flip(lengths, (0, 1)), lengths).reshape(STOPS**2, -1)
+    return jnp.where(turned == 1, jnp.flip(lengths, (0, 1)), lengths).reshape(COARSE**2, -1)
 
 
 def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengths:
@@ -180,7 +182,7 @@ def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengt
         row, links = here
         for number, (right, up) in enumerate(_STEPS[1:], 1):
             padded = jnp.pad(before[up - 1], ((2, 2), (0, 0)), constant_values=_FAR)
-            row = jnp.minimum(row, padded[2 - right : 2 - right + STOPS] + links[number, :, None])
+            row = jnp.minimum(row, padded[2 - right : 2 - right + COARSE] + links[number, :, None])
         _, row = jax.lax.scan(rightwards, jnp.full_like(row[0], _FAR), (row, links[0]))
         return (row, before[0]), row
 
@@ -188,23 +190,23 @@ def _swept(lengths: _Lengths, links: Int[Array, "steps rows columns"]) -> _Lengt
     return jax.lax.scan(upwards, (blank, blank), (lengths, jnp.moveaxis(links, 1, 0)))[1]
 
 
-def _beside(field: _Field, is_linked: Bool[Array, " stops"]) -> UInt16[Array, "cells cells"]:
-    """Return what `Chart.beside` says."""
+def _visible(field: _Field, is_linked: Bool[Array, " coarse"]) -> UInt16[Array, "cells cells"]:
+    """Return what `Chart.visible` says."""
 
     def of_cell(row: Scalar, column: Scalar) -> tuple[Int[Array, ""], Int[Array, ""]]:
         x, y = column + 0.5, row + 0.5
-        left, low = (jnp.clip(jnp.floor(length / SIDE * STOPS - 0.5), 0, STOPS - 2) for length in (x, y))
+        left, low = (jnp.clip(jnp.floor(length / SIDE * COARSE - 0.5), 0, COARSE - 2) for length in (x, y))
 
         def look(bit: Int[Array, ""], before: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             seen, nearest, shortest = before
-            stop_column, stop_row = (at + side.astype(jnp.float32) for at, side in ((left, bit % 2), (low, bit // 2)))
-            stop = (stop_row * STOPS + stop_column).astype(jnp.int32)
-            to_x, to_y = _middle(stop_column), _middle(stop_row)
-            is_seen = is_linked[stop] & _is_clear(field, x, y, to_x, to_y, 0.0)
+            to_column, to_row = (at + side.astype(jnp.float32) for at, side in ((left, bit % 2), (low, bit // 2)))
+            cell = (to_row * COARSE + to_column).astype(jnp.int32)
+            to_x, to_y = _middle(to_column), _middle(to_row)
+            is_seen = is_linked[cell] & _is_clear(field, x, y, to_x, to_y, 0.0)
             away = jnp.hypot(x - to_x, y - to_y)
             is_nearer = is_seen & (away < shortest)
-            seen = seen | (is_seen.astype(jnp.int32) << (STOP_BITS + bit))
-            return seen, jnp.where(is_nearer, stop, nearest), jnp.where(is_nearer, away, shortest)
+            seen = seen | (is_seen.astype(jnp.int32) << (COARSE_BITS + bit))
+            return seen, jnp.where(is_nearer, cell, nearest), jnp.where(is_nearer, away, shortest)
 
         return jax.lax.fori_loop(0, 4, look, (jnp.asarray(0), jnp.asarray(-1), jnp.asarray(jnp.inf)))[:2]
 
@@ -215,14 +217,14 @@ def _beside(field: _Field, is_linked: Bool[Array, " stops"]) -> UInt16[Array, "c
     return (seen | jnp.maximum(nearest, 0)).astype(jnp.uint16)
 
 
-def _spread(nearest: _Stops, may: Bool[Array, "rows columns"]) -> _Stops:
-    """Return stops of cells where those that may and have none, -1, take that of a cell beside them that has one."""
+def _spread(nearest: _Cells, may: Bool[Array, "rows columns"]) -> _Cells:
+    """Return coarse cells where the cells that may and have none, -1, take that of a neighbour which has one."""
 
-    def widened(carry: tuple[_Stops, Bool[Array, ""]]) -> tuple[_Stops, Bool[Array, ""]]:
-        stops, _ = carry
-        wide = jnp.pad(stops, 1, constant_values=-1)
+    def widened(carry: tuple[_Cells, Bool[Array, ""]]) -> tuple[_Cells, Bool[Array, ""]]:
+        cells, _ = carry
+        wide = jnp.pad(cells, 1, constant_values=-1)
         across, along = jnp.maximum(wide[1:-1, 2:], wide[1:-1, :-2]), jnp.maximum(wide[2:, 1:-1], wide[:-2, 1:-1])
-        after = jnp.where((stops < 0) & may, jnp.maximum(across, along), stops)
-        return after, jnp.any(after != stops)
+        after = jnp.where((cells < 0) & may, jnp.maximum(across, along), cells)
+        return after, jnp.any(after != cells)
 
     return jax.lax.while_loop(lambda carry: carry[1], widened, (nearest, jnp.asarray(True)))[0]

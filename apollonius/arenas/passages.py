@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from apollonius.arenas.charting import charted, largest_radius
 from apollonius.arenas.survey import clearances_at, places
-from apollonius.game.chart import NO_WAY, SIDE, STOPS
+from apollonius.game.chart import COARSE, NO_PATH, SIDE
 from apollonius.game.game import Game
 
 _LONGER = 1.1
@@ -36,10 +36,10 @@ class MissedPassage:
     detour: float
 
     def __str__(self) -> str:
-        way = "know no other way" if np.isinf(self.detour) else f"know a way that is {self.detour:.1f} m longer"
+        detour = "know no other way" if np.isinf(self.detour) else f"know a way that is {self.detour:.1f} m longer"
         return (
             f"the passage at ({self.x:.2f}, {self.y:.2f}) is none to players that read a chart, as P_any and E_any, "
-            f"which {way}: this arena's chart resolves {self.resolves:.2f} m, so widen it to that."
+            f"which {detour}: this arena's chart resolves {self.resolves:.2f} m, so widen it to that."
         )
 
 
@@ -51,38 +51,38 @@ def missed_passage(game: Game) -> MissedPassage | None:
     """
     arena, radius, chart = game.arena, largest_radius(game), charted(game).arena.chart
     assert chart is not None, "which a charted game has"
-    ways = np.asarray(chart.ways)[0]
+    lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
     x, y, cell = places(arena)
-    room = clearances_at(arena, x, y).min(axis=0) - radius
-    graph, start, end, length = _links(room, cell)
-    others = np.where(np.eye(len(ways), dtype=bool), NO_WAY, ways)
-    stops = np.flatnonzero(others.min(axis=1) < NO_WAY)
-    rows, columns = (((np.array(index) + 0.5) * side / STOPS / cell).astype(int) for index in np.divmod(stops, STOPS))
-    inside = (rows < room.shape[0]) & (columns < room.shape[1])
-    seeds, stops = (rows * room.shape[1] + columns)[inside], stops[inside]
+    clearance = clearances_at(arena, x, y).min(axis=0) - radius
+    graph, start, end, length = _links(clearance, cell)
+    others = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
+    cells = np.flatnonzero(others.min(axis=1) < NO_PATH)
+    rows, columns = (((np.array(index) + 0.5) * side / COARSE / cell).astype(int) for index in np.divmod(cells, COARSE))
+    inside = (rows < clearance.shape[0]) & (columns < clearance.shape[1])
+    seeds, cells = (rows * clearance.shape[1] + columns)[inside], cells[inside]
     if not len(seeds):
         return None
     away, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
-    stop_at = np.zeros(room.size, int)
-    stop_at[seeds] = stops
+    cell_at = np.zeros(clearance.size, int)
+    cell_at[seeds] = cells
     meet = np.flatnonzero((source[start] != source[end]) & np.isfinite(away[start] + away[end]))
     if not len(meet):
         return None
     start, end = start[meet], end[meet]
     real = away[start] + length[meet] + away[end]
-    way = ways[stop_at[source[start]], stop_at[source[end]]]
-    detour = np.where(way == NO_WAY, np.inf, way / 100 - _LONGER * real)
+    charted_length = lengths[cell_at[source[start]], cell_at[source[end]]]
+    detour = np.where(charted_length == NO_PATH, np.inf, charted_length / 100 - _LONGER * real)
     worst = np.argmax(detour)
-    if detour[worst] <= _DETOUR * side / STOPS:
+    if detour[worst] <= _DETOUR * side / COARSE:
         return None
     at = start[worst]
-    resolves = 2 * radius + side / STOPS + side / SIDE
+    resolves = 2 * radius + side / COARSE + side / SIDE
     return MissedPassage(float(x.ravel()[at]), float(y.ravel()[at]), resolves, float(detour[worst]))
 
 
 def _links(
-    room: Float[np.ndarray, "rows columns"], cell: float
+    clearance: Float[np.ndarray, "rows columns"], cell: float
 ) -> tuple[csr_array, Int[np.ndarray, " links"], Int[np.ndarray, " links"], Float[np.ndarray, " links"]]:
     """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
 
@@ -90,15 +90,15 @@ def _links(
         room: clearance of the body [m] in the middle of each cell, of side `cell` [m]. A line between two middles is
             free if it is no longer than the sum of their clearances.
     """
-    number = np.arange(room.size).reshape(room.shape)
+    number = np.arange(clearance.size).reshape(clearance.shape)
     starts, ends, lengths = [], [], []
     for up, right in _STEPS:
-        here = np.s_[: room.shape[0] - up, max(0, -right) : room.shape[1] - max(0, right)]
-        there = np.s_[up:, max(0, right) : room.shape[1] + min(0, right)]
+        here = np.s_[: clearance.shape[0] - up, max(0, -right) : clearance.shape[1] - max(0, right)]
+        there = np.s_[up:, max(0, right) : clearance.shape[1] + min(0, right)]
         length = cell * np.hypot(up, right)
-        free = (room[here] >= 0) & (room[there] >= 0) & (room[here] + room[there] >= length)
+        free = (clearance[here] >= 0) & (clearance[there] >= 0) & (clearance[here] + clearance[there] >= length)
         starts.append(number[here][free])
         ends.append(number[there][free])
         lengths.append(np.full(int(free.sum()), length))
     start, end, length = (np.concatenate(parts) for parts in (starts, ends, lengths))
-    return csr_array((length, (start, end)), shape=(room.size, room.size)), start, end, length
+    return csr_array((length, (start, end)), shape=(clearance.size, clearance.size)), start, end, length

@@ -23,7 +23,7 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.scenario import RobotKinds, Scenario, together
+from apollonius.game.scenario import RobotKinds, Scenario, stack_arenas
 from apollonius.game.starts import Starts
 from apollonius.io.document import parse_toml
 from apollonius.io.errors import require
@@ -148,7 +148,7 @@ def find_scenario(name: Any) -> Scenario:
         InvalidInput: for an unknown name, and as `suite_arena`.
     """
     arenas = _arenas(name)
-    return Scenario(together(arenas), len(arenas), draw_robot_kinds() if name.endswith("/train") else None, name)
+    return Scenario(stack_arenas(arenas), len(arenas), draw_robot_kinds() if name.endswith("/train") else None, name)
 
 
 def each_alone(game: Game) -> list[Game]:

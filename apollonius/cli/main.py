@@ -76,8 +76,8 @@ def main(arguments: list[str] | None = None) -> int:
         if "Unable to initialize backend" not in str(error):
             raise
         wish = shown(os.environ.get("JAX_PLATFORMS", ""))
-        told = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
-        print(f"apollonius {options.command}: {told}", file=sys.stderr)
+        message = f"JAX_PLATFORMS = {wish} is not possible: it must be a kind of device that is here; unset it"
+        print(f"apollonius {options.command}: {message}", file=sys.stderr)
         return 2
     except OSError as error:
         where = f" '{shown(error.filename)}'" if error.filename else ""

@@ -36,9 +36,9 @@ SOLVING = ("solving the game for the pursuer", "solving the game for the evader"
 def solved_game(
     display: "Display", game: "Game", counts: Sequence[int] | None, folder: Path | None
 ) -> "BySide[SaddlePolicy]":
-    """Return the players of both sides by the solved game; arguments and errors as of `kept_tables`."""
+    """Return the players of both sides by the solved game; arguments and errors as of `cached_tables`."""
     from apollonius.cli.terminal import sweeps_on
-    from apollonius.solve.solving import kept_tables
+    from apollonius.solve.solving import cached_tables
 
     shows: dict[Role, Callable[[Sweep], None]] = {}
 
@@ -49,7 +49,7 @@ def solved_game(
         shows[role](sweep)
 
     display.begin(SOLVING[0], compiles=True)
-    return kept_tables(game, counts, folder, report)
+    return cached_tables(game, counts, folder, report)
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:

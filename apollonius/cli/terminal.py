@@ -76,12 +76,14 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     if result.robots is not None:
         for side, counts in (("pursuers", result.robots.pursuers), ("evaders", result.robots.evaders)):
             total = sum(counts.values())
-            told = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
-            lines.append(f"  {side:<{width}}  {total:>7,}  {told}")
+            share = ", ".join(
+                f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count
+            )
+            lines.append(f"  {side:<{width}}  {total:>7,}  {share}")
     if result.arenas is not None:
         arenas, (low, high) = result.arenas, result.arenas.interval
-        told = f"mean of {len(arenas.wins)}, 95 % interval {low:.2%} to {high:.2%}"
-        lines.append(f"  {'pursuer, by arenas':<{width}}  {arenas.mean:>7.2%}  {told}")
+        share = f"mean of {len(arenas.wins)}, 95 % interval {low:.2%} to {high:.2%}"
+        lines.append(f"  {'pursuer, by arenas':<{width}}  {arenas.mean:>7.2%}  {share}")
         lines.append(f"  {'in the worst tenth':<{width}}  {arenas.worst:>7.2%}  in the worst of all {arenas.least:.0%}")
     return "\n".join(lines)
 

@@ -72,7 +72,7 @@ class LiveGame:
         # The game is a constant of both functions.
         self._begin = Compiled(_begin, game, observation)
         self._step = Compiled(_step, game, observation, inside, self.idle.shape)
-        self._told: Array | None = None
+        self._row: Array | None = None
         self._first = {role: [player.memory] * len(game.bodies[role]) for role, player in inside.items()}
         self._memory = self._first
         self._read = np.zeros(0, np.float32)
@@ -80,7 +80,7 @@ class LiveGame:
 
     @property
     def begun(self) -> bool:
-        return self._told is not None
+        return self._row is not None
 
     def reset(self, bits: np.uint32) -> None:
         """Begin a new game; random bits decide where."""
@@ -101,11 +101,11 @@ class LiveGame:
         checked = [as_actions(action, self._space) for action in actions]
         given = np.empty(1 + self.idle.size * len(checked), checked[0].dtype)
         given[0], given[1:] = self._steps, np.ravel(checked)
-        told, self._memory = self._step(self._told, given, bits, self._memory)
-        self._take(told, self._steps + 1)
+        row, self._memory = self._step(self._row, given, bits, self._memory)
+        self._take(row, self._steps + 1)
 
-    def _take(self, told: Array, steps: int) -> None:
-        self._told, self._read, self._steps = told, np.asarray(told), steps
+    def _take(self, row: Array, steps: int) -> None:
+        self._row, self._read, self._steps = row, np.asarray(row), steps
 
     def observation(self, robot: int) -> Float[np.ndarray, " size"]:
         """Return the observation of a robot by its number among the game's robots."""
@@ -145,21 +145,21 @@ class LiveGame:
         return self._read[: 4 * len(self.places)].tolist()
 
 
-def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array, " told"]:
+def _begin(game: Game, observation: str, bits: UInt32[Array, ""]) -> Float[Array, " row"]:
     state = game.reset(jax.random.key(bits))
     nothing = jnp.zeros(())
-    return _tell(game, observation, state, state.robots.map(lambda side: (nothing,) * len(side)), [nothing] * 3)
+    return _packed(game, observation, state, state.robots.map(lambda side: (nothing,) * len(side)), [nothing] * 3)
 
 
 def _step(
     game: Game, observation: str, players: dict[Role, AbstractPolicy], shape: tuple[int, ...],
-    told: Float[Array, " told"], given: Int[Array, " numbers"] | Float[Array, " numbers"], bits: UInt32[Array, ""],
+    row: Float[Array, " row"], given: Int[Array, " numbers"] | Float[Array, " numbers"], bits: UInt32[Array, ""],
     memory: dict[Role, list[Memory]],
-) -> tuple[Float[Array, " told"], dict[Role, list[Memory]]]:  # fmt: skip
+) -> tuple[Float[Array, " row"], dict[Role, list[Memory]]]:  # fmt: skip
     counts = game.bodies.map(len)
-    state, robots = as_state(told[: 4 * sum(counts)], given[0].astype(jnp.int32), counts.pursuer), sum(counts)
+    state, robots = as_state(row[: 4 * sum(counts)], given[0].astype(jnp.int32), counts.pursuer), sum(counts)
     if state.status is not None:
-        statuses = tuple(told[4 * robots : 5 * robots].astype(jnp.int32))
+        statuses = tuple(row[4 * robots : 5 * robots].astype(jnp.int32))
         state = replace(state, status=BySide(statuses[: counts.pursuer], statuses[counts.pursuer :]))
     asked = list(given[1:].reshape(robots, *shape))
     actions: dict[Role, list[Action]] = {Role.PURSUER: asked[: counts.pursuer], Role.EVADER: asked[counts.pursuer :]}
@@ -171,12 +171,12 @@ def _step(
         memory = {**memory, role: [after for _, after in acted]}
     after: Timestep = game.step(state, actions[Role.PURSUER], actions[Role.EVADER])
     ends = [after.terminated, after.truncated, after.outcome]
-    return _tell(game, observation, after.state, after.rewards, ends), memory
+    return _packed(game, observation, after.state, after.rewards, ends), memory
 
 
-def _tell(
+def _packed(
     game: Game, observation: str, state: GameState, rewards: BySide[tuple[Array, ...]], rest: list[Array]
-) -> Float[Array, " told"]:
+) -> Float[Array, " row"]:
     sees = find_observation(observation)
     seen = [sees(look(game, state, role, number)) for role in Role for number in range(len(state.robots[role]))]
     status = [] if state.status is None else [one for side in state.status for one in side]

@@ -99,7 +99,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         over = live.terminated or live.truncated
         stays = dict(zip(self.possible_agents, live.active, strict=True))
         rewards = dict(zip(self.possible_agents, live.rewards, strict=True))
-        told = (
+        result = (
             self._observations(),
             {agent: rewards[agent] for agent in self.agents},
             {agent: live.terminated or not stays[agent] for agent in self.agents},
@@ -107,7 +107,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
             self._infos(),
         )
         self.agents = [] if over else [agent for agent in self.agents if stays[agent]]
-        return told
+        return result
 
     def render(self) -> np.ndarray | None:
         """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""

@@ -16,7 +16,7 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
 from apollonius.envs.compiled import Compiled, require_unforked
-from apollonius.envs.sitting import SPARE, Sitting, Standing, renew, sample_starts, step_games
+from apollonius.envs.one_side import SPARE, OneSideSetup, Standing, renew, sample_starts, step_games
 from apollonius.envs.spaces import action_space, as_actions, observation_space, team_action_space
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -90,10 +90,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         game = charted(game) if reads.charted or player.charted else game
         self._mode = mode
         # The game is a constant of what is compiled.
-        sitting = Sitting(game, role, reads, player, num_envs, mode)
+        setup = OneSideSetup(game, role, reads, player, num_envs, mode)
         self._draw, self._step, self._renew = (
-            Compiled(sample_starts, sitting),
-            Compiled(step_games, sitting),
+            Compiled(sample_starts, setup),
+            Compiled(step_games, setup),
             Compiled(renew),
         )
         self._now: Standing | None = None
@@ -147,20 +147,24 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded(f"{ended} games have ended; reset(options={{'reset_mask': ended}})")
         actions = as_actions(actions, self._actions, self._acting)
         self._provide()
-        now, told = self._step(self._now, self._ended, self._starts, self._used, actions, self._bits())
-        self._now, seen, reward = now, np.array(now.seen), np.array(told.reward)
-        terminated, truncated, outcome = np.array(told.terminated), np.array(told.truncated), np.array(told.outcome)
+        now, result = self._step(self._now, self._ended, self._starts, self._used, actions, self._bits())
+        self._now, seen, reward = now, np.array(now.seen), np.array(result.reward)
+        terminated, truncated, outcome = (
+            np.array(result.terminated),
+            np.array(result.truncated),
+            np.array(result.outcome),
+        )
         over = terminated | truncated
         if self._mode == AutoresetMode.SAME_STEP:
             self._left -= int(over.sum())
-            infos = _final(np.array(told.led_to), outcome, over) if over.any() else {}
+            infos = _final(np.array(result.led_to), outcome, over) if over.any() else {}
         else:
             if self._mode == AutoresetMode.NEXT_STEP:
                 self._left -= int(self._ended.sum())
             self._ended = over
             infos = self._of_all(outcome=outcome)
-        if told.rewards is not None:
-            infos |= self._of_all(rewards=np.array(told.rewards), status=np.array(told.status))
+        if result.rewards is not None:
+            infos |= self._of_all(rewards=np.array(result.rewards), status=np.array(result.status))
         return seen, reward, terminated, truncated, infos
 
     def _of_all(self, **values: np.ndarray) -> dict[str, Any]:

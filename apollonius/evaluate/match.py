@@ -18,7 +18,7 @@ from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
 from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import gears
+from apollonius.game.dynamics import action_levels
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
@@ -35,7 +35,7 @@ class Course(eqx.Module):
     Rows are the pursuer and the evader, columns u1 and u2, as shares of their largest values.
     """
 
-    gears: Float[Array, "2 2"]
+    levels: Float[Array, "2 2"]
     changes: Float[Array, "2 2"]
     steps: Int[Array, ""]
 
@@ -47,8 +47,8 @@ class Changes(AbstractWatcher):
         return Course(jnp.zeros((2, 2)), jnp.zeros((2, 2)), jnp.zeros((), jnp.int32))
 
     def follow(self, known: Course, transition: Transition) -> Course:
-        now = jnp.stack([jnp.stack(gears(side.action)) for side in transition.sides])
-        change = jnp.where(known.steps > 0, jnp.abs(now - known.gears), 0.0)
+        now = jnp.stack([jnp.stack(action_levels(side.action)) for side in transition.sides])
+        change = jnp.where(known.steps > 0, jnp.abs(now - known.levels), 0.0)
         return Course(now, known.changes + change, known.steps + 1)
 
 

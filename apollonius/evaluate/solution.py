@@ -46,12 +46,14 @@ def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
         kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
         return {"moving starts lost, by the table": float(np.mean(np.asarray(kept) < 0))}
     backup = steered_brakes(game, role, grid, solution.table)  # the shield's own manoeuvres come first
-    judged = jax.jit(jax.vmap(lambda robot: (grid.interpolate(solution.table, robot), backup.rooms(robot))))(robots)
-    kept, rooms = map(np.asarray, judged)
+    judged = jax.jit(jax.vmap(lambda robot: (grid.interpolate(solution.table, robot), backup.clearances(robot))))(
+        robots
+    )
+    kept, clearances = map(np.asarray, judged)
     return {
         "moving starts lost, by the table": float(np.mean(kept < 0)),
-        "moving starts lost, if it brakes as the table steers": float(np.mean(rooms.max(axis=1) < 0)),
-        "moving starts lost, if it brakes": float(np.mean(rooms[:, : len(BRAKING)].max(axis=1) < 0)),
+        "moving starts lost, if it brakes as the table steers": float(np.mean(clearances.max(axis=1) < 0)),
+        "moving starts lost, if it brakes": float(np.mean(clearances[:, : len(BRAKING)].max(axis=1) < 0)),
     }
 
 

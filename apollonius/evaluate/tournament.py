@@ -16,7 +16,7 @@ from apollonius.evaluate.ratings import Equilibrium, Ratings, equilibrium, rate
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.io.cache import content, digest, entry, kept
+from apollonius.io.cache import cached, content, digest, entry
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require
 from apollonius.play.playout import Report
@@ -46,11 +46,11 @@ def cached_match(folder: Path, match: Match, report: Report = lambda done, total
 
     def load(path: Path) -> MatchResult:
         fields = parse_json(read_bytes(path, "a result that was kept", "remove it"), f"'{path}' is no such result")
-        data, told = fields.get("result"), fields.get("sha256")
-        require(isinstance(data, dict) and told == digest(data), "sha256", told, "that of the result")
+        data, stated = fields.get("result"), fields.get("sha256")
+        require(isinstance(data, dict) and stated == digest(data), "sha256", stated, "that of the result")
         return from_dict(MatchResult, fields["result"], str(path))
 
-    return kept(entry(folder, name, key), lambda: play_match(match, report=report), save, load)
+    return cached(entry(folder, name, key), lambda: play_match(match, report=report), save, load)
 
 
 Points = Float[np.ndarray, " players"]

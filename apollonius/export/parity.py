@@ -162,7 +162,7 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     sides = player.game.bodies.map(len)
     view = look(player.game, state_of(jnp.asarray(state), active, player.role, sides), player.role)
     if isinstance(policy, Shielded):
-        left = policy.backup.of(view).room_after(view.own.state, jnp.int32(action))
+        left = policy.backup.of(view).clearance_after(view.own.state, jnp.int32(action))
         if left <= MARGIN - BREADTH:
             return False
         policy = policy.policy

@@ -142,7 +142,7 @@ def _about(program: Program, player: Player) -> list[str]:
     (body, *mates), opponents, arena = game.bodies[role], game.bodies[role.other], game.arena
     others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"
     files = " and ".join(f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names)
-    gears = "shares of the largest controls, in [-1, 1]"
+    levels = "shares of the largest controls, in [-1, 1]"
     nine = "3 * (level of u1) + (level of u2), a level being 0, 1, 2 for -max, 0, +max"
     said = {
         files: "the structs below as a little-endian machine has them: read them into memory",
@@ -150,7 +150,7 @@ def _about(program: Program, player: Player) -> list[str]:
         "active": "of the same robots, whether each is in play",
         "memory": "where a game begins that of the file, later what the last call returned",
         "bits": "32 random bits, fresh for every call",
-        "action": gears if player.policy.continuous else nine,
+        "action": levels if player.policy.continuous else nine,
         "controls": f"acceleration u1 [m/s^2] and turn rate u2 [rad/s], to be held for {game.dt:g} s",
     }
     limits = (

@@ -13,18 +13,18 @@ from apollonius.game.types import Scalar
 
 SIDE = 192
 """Cells of the field of clearances along the arena's longer side."""
-STOPS = 40
+COARSE = 40
 """Cells of the coarse grid along the longer side, between whose middles path lengths are known."""
-STOP_BITS = 11
+COARSE_BITS = 11
 """Bits of the number of a coarse cell."""
-NO_WAY = 2**16 - 1
+NO_PATH = 2**16 - 1
 """Length of a missing path [cm]."""
 GLANCES = 12
 """Steps of a ray: each is as long as the clearance at the end of the one before."""
 FARTHEST = 12.0
 """Length of rays that meet nothing [m]."""
 
-Places = tuple[Int[Array, "4"], Float[Array, "4"]]
+CellWeights = tuple[Int[Array, "4"], Float[Array, "4"]]
 """The four coarse cells around a point, and their weights."""
 
 
@@ -34,9 +34,9 @@ class Chart(eqx.Module):
     Attributes:
         field: distance [m] from walls and obstacles at the corners of `SIDE` by `SIDE` cells, the first row at the
             bottom; negative beyond them.
-        ways: lengths [cm] of the shortest paths between the middles of `STOPS` by `STOPS` coarse cells; the number of
-            a coarse cell is `row * STOPS + column`.
-        beside: for each cell of the field the coarse cell with the shortest path to it (the lower `STOP_BITS` bits),
+        lengths: of the shortest paths between the middles of `COARSE` by `COARSE` coarse cells [cm]; the number of a
+            coarse cell is `row * COARSE + column`.
+        visible: for each cell of the field the coarse cell with the shortest path to it (the lower `COARSE_BITS` bits),
             and which of the four around its middle can be seen from there: the next bits stand for those at its lower
             left, lower right, upper left and upper right.
         x, y: the lower left corners [m].
@@ -45,8 +45,8 @@ class Chart(eqx.Module):
     """
 
     field: Float[Array, "arenas corners corners"]
-    ways: UInt16[Array, "arenas stops stops"]
-    beside: UInt16[Array, "arenas cells cells"]
+    lengths: UInt16[Array, "arenas coarse coarse"]
+    visible: UInt16[Array, "arenas cells cells"]
     x: Float[Array, " arenas"]
     y: Float[Array, " arenas"]
     side: Float[Array, " arenas"]
@@ -70,7 +70,7 @@ class Chart(eqx.Module):
 
         return jax.lax.fori_loop(0, GLANCES, on, jnp.zeros_like(x))
 
-    def places(self, x: Scalar, y: Scalar) -> Places:
+    def cell_weights(self, x: Scalar, y: Scalar) -> CellWeights:
         """Return the coarse cells around a point that can be seen from there, with bilinear weights.
 
         Where none can be seen it is the nearest one alone.
@@ -82,28 +82,28 @@ class Chart(eqx.Module):
         (left, right), (low, up) = (
             _between((cell + 0.5) / SIDE, share) for cell, share in zip(cells, shares, strict=True)
         )
-        first = low * STOPS + left
-        stops = jnp.stack([first, first + 1, first + STOPS, first + STOPS + 1])
+        first = low * COARSE + left
+        around = jnp.stack([first, first + 1, first + COARSE, first + COARSE + 1])
         weights = jnp.stack([(1 - right) * (1 - up), right * (1 - up), (1 - right) * up, right * up])
-        known = self.beside[member, row, column].astype(jnp.int32)
-        seen = (known >> (STOP_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
+        known = self.visible[member, row, column].astype(jnp.int32)
+        seen = (known >> (COARSE_BITS + jnp.arange(4, dtype=jnp.int32))) & 1
         weights = (weights + 1e-3) * seen.astype(jnp.float32)
         total = jnp.sum(weights)
-        nearest = known & (2**STOP_BITS - 1)
+        nearest = known & (2**COARSE_BITS - 1)
         alone = jnp.array([1.0, 0.0, 0.0, 0.0])
         blind = total == 0
-        return jnp.where(blind, nearest, stops), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
+        return jnp.where(blind, nearest, around), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
 
-    def path_length(self, start: Places, end: Places) -> Scalar:
+    def path_length(self, start: CellWeights, end: CellWeights) -> Scalar:
         """Return the length [m] of the shortest path between two points, to about half a coarse cell."""
         (starts, start_weights), (ends, end_weights) = start, end
-        lengths = self.ways[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
+        lengths = self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
 
-    def path_length_from(self, stop: Int[Array, ""], end: Places) -> Scalar:
+    def path_length_from(self, cell: Int[Array, ""], end: CellWeights) -> Scalar:
         """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
-        stops, weights = end
-        return jnp.sum(self.ways[self.member, stop, stops].astype(jnp.float32) * weights) / 100
+        cells, weights = end
+        return jnp.sum(self.lengths[self.member, cell, cells].astype(jnp.float32) * weights) / 100
 
 
 def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
@@ -112,5 +112,5 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     Args:
         middle, share: of the cell's middle and of the point, as shares of the side.
     """
-    before = jnp.clip(jnp.floor(middle * STOPS - 0.5), 0.0, STOPS - 2.0)
-    return before.astype(jnp.int32), jnp.clip(share * STOPS - 0.5 - before, 0.0, 1.0)
+    before = jnp.clip(jnp.floor(middle * COARSE - 0.5), 0.0, COARSE - 2.0)
+    return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)

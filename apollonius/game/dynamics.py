@@ -43,7 +43,7 @@ def _horner(x: Scalar, *coefficients: float) -> Scalar:
     return value
 
 
-def gears(action: Action) -> tuple[Scalar, Scalar]:
+def action_levels(action: Action) -> tuple[Scalar, Scalar]:
     """Return the shares of u1_max and u2_max: -1, 0 or 1 each for a discrete action; others are clipped to [-1, 1]."""
     if is_continuous(action):
         share_u1, share_u2 = jnp.clip(action, -1.0, 1.0)
@@ -56,10 +56,10 @@ def is_continuous(action: Shaped[Array, "..."] | jax.ShapeDtypeStruct) -> bool:
     return jnp.issubdtype(action.dtype, jnp.floating)
 
 
-def together(*actions: Action) -> Int[Array, " robots"] | Float[Array, "robots 2"]:
+def stack_actions(*actions: Action) -> Int[Array, " robots"] | Float[Array, "robots 2"]:
     """Return the actions of several robots as one array: of shares, where one is continuous."""
     if any(is_continuous(action) for action in actions):
-        return jnp.stack([jnp.stack(gears(action)) for action in actions])
+        return jnp.stack([jnp.stack(action_levels(action)) for action in actions])
     return jnp.stack(actions)
 
 
@@ -99,8 +99,8 @@ class Unicycle(eqx.Module):
 
     def controls(self, action: Action) -> tuple[Scalar, Scalar]:
         """Return an action's acceleration u1 [m/s^2] and turn rate u2 [rad/s] (Eq. 4, 5)."""
-        gear_u1, gear_u2 = gears(action)
-        return gear_u1 * self.u1_max, gear_u2 * self.u2_max
+        level_u1, level_u2 = action_levels(action)
+        return level_u1 * self.u1_max, level_u2 * self.u2_max
 
     def move(self, robot: RobotState, u1: Scalar, u2: Scalar, dt: Real) -> RobotState:
         """Return the robot after holding its controls for `dt` (Eq. 1).

@@ -169,8 +169,8 @@ class Game(eqx.Module):
             ends = tuple(body.move(robot, *held, self.dt) for body, robot, held in robots)
             if state.status is None:
                 return ends
-            ways = zip(state.active[role], ends, state.robots[role], strict=True)
-            return tuple(_moved_or_still(active, end, start) for active, end, start in ways)
+            moves = zip(state.active[role], ends, state.robots[role], strict=True)
+            return tuple(_moved_or_still(active, end, start) for active, end, start in moves)
 
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, status = judge(game, state, after)

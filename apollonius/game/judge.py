@@ -91,8 +91,8 @@ def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array,
 
     reached = None
     if game.arena.territory:
-        ways = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
-        reached = _any(robot.stays & game.arena.reaches_territory(start, end) for start, end, robot in ways)
+        moves = zip(before.robots.evader, after.robots.evader, events.evader, strict=True)
+        reached = _any(robot.stays & game.arena.reaches_territory(start, end) for start, end, robot in moves)
     outcome = decide(
         captured=beaten.evader & _any(robot.captured for robot in events.evader),
         pursuer_hit=last(Role.PURSUER, "hit", "collided"),
@@ -127,20 +127,20 @@ def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | No
 
 def _events(game: Judged, before: GameState, after: GameState, role: Role) -> tuple[_Events, ...]:
     active, bodies = before.active, game.bodies[role]
-    ways = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
-    hunters = list(zip(ways.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
+    moves = ROLES.map(lambda side: list(zip(before.robots[side], after.robots[side], strict=True)))
+    hunters = list(zip(moves.pursuer, active.pursuer, strict=True)) if role == Role.EVADER else []
     collide = bool(game.teams and game.teams.mates_collide)
 
     def events(number: int) -> _Events:
-        way, body, there = ways[role][number], bodies[number], active[role][number]
-        catches = [hunts & come_within(other, way, game.capture_distance) for other, hunts in hunters]
+        move, body, there = moves[role][number], bodies[number], active[role][number]
+        catches = [hunts & come_within(other, move, game.capture_distance) for other, hunts in hunters]
         captured = there & _any(catches)
         fails = there & ~captured
-        hit = fails & game.arena.hits_obstacle(*way, body.radius)
-        out = fails & game.arena.is_out_of_range(way[1], body.radius)
+        hit = fails & game.arena.hits_obstacle(*move, body.radius)
+        out = fails & game.arena.is_out_of_range(move[1], body.radius)
         mates = [other for other in range(len(bodies)) if collide and other != number]
         touched = [
-            active[role][other] & come_within(ways[role][other], way, body.radius + bodies[other].radius)
+            active[role][other] & come_within(moves[role][other], move, body.radius + bodies[other].radius)
             for other in mates
         ]
         return _Events(there, captured, hit, out, collided=fails & _any(touched) & ~hit & ~out)

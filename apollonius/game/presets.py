@@ -8,7 +8,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
-from apollonius.game.scenario import Scenario, together
+from apollonius.game.scenario import Scenario, stack_arenas
 from apollonius.game.teams import Teams
 from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
@@ -103,4 +103,4 @@ def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     first, *others = (replace(game, arena=arena, scenario=None) for arena in arenas)
     if not others:
         return first
-    return replace(first, scenario=Scenario(together(arenas), len(arenas)))
+    return replace(first, scenario=Scenario(stack_arenas(arenas), len(arenas)))

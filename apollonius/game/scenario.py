@@ -76,7 +76,7 @@ class Scenario(eqx.Module):
         return arena if chart is None else replace(arena, chart=replace(chart, member=number))
 
 
-def together(arenas: Sequence[Arena]) -> Arena:
+def stack_arenas(arenas: Sequence[Arena]) -> Arena:
     """Return arenas as one, leaves `[arenas]`: those with fewer obstacles or smaller maps than others are `padded`.
 
     Raises:

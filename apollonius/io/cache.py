@@ -37,7 +37,7 @@ def cache_folder(kind: str) -> Path | None:
     return user_cache_path("apollonius") / kind
 
 
-def kept(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
+def cached(path: Path | None, make: Callable[[], T], save: Callable[[T, Path], None], load: Callable[[Path], T]) -> T:
     """Return what a file holds, or make it and write the file.
 
     Args:

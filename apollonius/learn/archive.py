@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import Seated
+from apollonius.agents.pool import Assigned
 from apollonius.agents.trained import greedy
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role
@@ -140,11 +140,11 @@ def record(
     )
 
 
-def players(archive: Archive, config: OpponentConfig, role: Role, learner: AbstractPolicy, games: int) -> Seated:
+def players(archive: Archive, config: OpponentConfig, role: Role, learner: AbstractPolicy, games: int) -> Assigned:
     """Return the players of one side of a batch of games: its learner and, in the slots, earlier versions."""
-    return Seated(
+    return Assigned(
         at_large=learner,
-        seated=greedy(archive.in_slots),
+        assigned=greedy(archive.in_slots),
         count=config.slots,
         first=config.first_game(role, games),
         games=config.slot_games(games),

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.pool import PersistentNoise, Pool, Seated
+from apollonius.agents.pool import Assigned, PersistentNoise, Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
@@ -124,7 +124,9 @@ def iterated(
     )
 
 
-def _playing(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Pool | Seated | PersistentNoise:
+def _playing(
+    plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]
+) -> Pool | Assigned | PersistentNoise:
     """Return the players of one side: of one that learns they explore, by soft actor-critic with noise that lasts."""
     match plan.learner:
         case DQNConfig() as dqn_config:

@@ -21,7 +21,7 @@ from apollonius.solve.grid import Grid, make_grid
 from apollonius.solve.motion import Motion, last, motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.safety import solve_safety
-from apollonius.solve.solving import kept_tables, reference_grid
+from apollonius.solve.solving import cached_tables, reference_grid
 
 TABLES = "tables"
 """Folder of the solved game in that of a run."""
@@ -139,7 +139,7 @@ def make_settings(config: RunConfig, game: Game, folder: Path | None) -> list[Se
         players = {each: find_player(*each, here) for each in named if each[0] != TABLE}
         values = stage.teacher == TABLE or isinstance(players[stage.teacher, role].policy, AbstractActionValuePolicy)
         require(values, "teacher", stage.teacher, "one that values the nine actions: table, or an agent trained by DQN")
-        tables = kept_tables(one, stage.grid, folder, played=here)
+        tables = cached_tables(one, stage.grid, folder, played=here)
         players |= {(TABLE, side): Named(TABLE, tables[side]) for side in Role}
         found = players[stage.teacher, role]
         assert isinstance(found.policy, AbstractActionValuePolicy)

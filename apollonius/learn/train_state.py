@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.pool import Pool, Seated, solo
+from apollonius.agents.pool import Assigned, Pool, solo
 from apollonius.agents.trained import exploring
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
@@ -101,7 +101,7 @@ def players(
     fixed: Mapping[Role, Pool],
     archives: BySide[archive.Archive] | None,
     amount: Scalar,
-) -> Pool | Seated:
+) -> Pool | Assigned:
     """Return the players of one side: the fixed ones, or its learner and, in the slots, its earlier versions.
 
     Args:

@@ -29,16 +29,16 @@ class Egocentric(AbstractObservation):
     """The robots, and of the arena rays and path lengths.
 
     Robots (23). Of the robot itself its speed, v_max, v_min, u1_max, u2_max and radius in units of the paper's robots,
-    and the room where it stands and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
+    and its clearance here and where it would come to rest if it braked straight ahead, clipped to [-1, 1] (8).
     Of the opponent cosine and sine of its bearing, its distance d as 1 / (1 + d) and log(1 + d) / 2, what is left of it
     before a capture, clipped to 3 m, cosine and sine of its heading, all as the robot sees it; its speed and limits
-    without v_min, and its room (14). And the capture distance (1).
+    without v_min, and its clearance (14). And the capture distance (1).
 
     Rays (32): reciprocals 1 / (1 + r) of how far the robot's body could go [m] (IPAPRec: Zhang et al., "Learning to
     navigate with IPAPRec", 2021).
 
-    Ways (37): whether the opponent can be seen; the length w of the shortest way to it as 1 / (1 + w) and
-    log(1 + w) / 2; in sixteen directions how much farther that way would be from 1.5 m ahead, over 1.5 m; where those
+    Paths (37): whether the opponent can be seen; the path length w to it as 1 / (1 + w) and
+    log(1 + w) / 2; in sixteen directions how much longer that path would be from 1.5 m ahead, over 1.5 m; where those
     point where it gets shorter (2); and who would be first 5 m ahead, as the difference of the times that both robots
     would take at their top speeds over their sum (16).
     """
@@ -67,7 +67,7 @@ class Egocentric(AbstractObservation):
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
         some = ranges[::every], directions[0][::every], directions[1][::every]
-        return jnp.concatenate([robots, rays, _ways(view, chart, (dx, dy), distance, *some)])
+        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, *some)])
 
 
 @fusion_barrier
@@ -87,7 +87,7 @@ def _robots(
     numbers: list[Real] = [
         *_motion(view.own),
         view.own.body.v_min / _SPEED,
-        *_rooms(chart, view.own, cos, sin),
+        *_clearances(chart, view.own, cos, sin),
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
         *on_two_scales(distance),
@@ -95,7 +95,7 @@ def _robots(
         cos * their_cos + sin * their_sin,
         cos * their_sin - sin * their_cos,
         *_motion(other),
-        *_rooms(chart, other, their_cos, their_sin),
+        *_clearances(chart, other, their_cos, their_sin),
         view.capture_distance / _LENGTH,
     ]
     return jnp.stack([jnp.asarray(number, jnp.float32) for number in numbers])
@@ -106,12 +106,12 @@ def _motion(robot: Robot) -> list[Real]:
     return [robot.state.v / _SPEED, body.v_max / _SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
 
 
-def _rooms(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
+def _clearances(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
     """Return the clearance of the body here, and at the point where braking straight ahead would stop it."""
     body, state = robot.body, robot.state
     braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
     here, there = chart.clearance(state.x, state.y), chart.clearance(state.x + braking * cos, state.y + braking * sin)
-    return [jnp.clip(room - body.radius, -1.0, 1.0) for room in (here, there)]
+    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
 
 
 def on_two_scales(length: Scalar) -> list[Scalar]:
@@ -119,7 +119,7 @@ def on_two_scales(length: Scalar) -> list[Scalar]:
     return [1 / (1 + length), jnp.log1p(length) / 2]
 
 
-def _ways(
+def _paths(
     view: View,
     chart: Chart,
     away: tuple[Scalar, Scalar],
@@ -132,16 +132,16 @@ def _ways(
     own, opponent = view.own.state, view.opponent.state
     far = jnp.maximum(distance, 1e-6)
     is_seen = chart.range(own.x, own.y, away[0] / far, away[1] / far) >= jnp.minimum(distance, FARTHEST)
-    there, here = chart.places(opponent.x, opponent.y), chart.places(own.x, own.y)
-    from_stop = jax.vmap(chart.path_length_from, in_axes=(None, 0))
-    stop = there[0][jnp.argmax(there[1])]
-    whole = chart.path_length_from(stop, here)
+    there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
+    from_cell = jax.vmap(chart.path_length_from, in_axes=(None, 0))
+    cell = there[0][jnp.argmax(there[1])]
+    whole = chart.path_length_from(cell, here)
 
     def from_ahead(reach: float) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
         """Return the distances of the points ahead, and the opponent's path lengths to them."""
         along = jnp.clip(ranges - _BEFORE, 0.0, reach)
-        places = jax.vmap(chart.places)(own.x + along * cos, own.y + along * sin)
-        return along, from_stop(stop, places)
+        cell_weights = jax.vmap(chart.cell_weights)(own.x + along * cos, own.y + along * sin)
+        return along, from_cell(cell, cell_weights)
 
     _, near = from_ahead(NEAR)
     longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)

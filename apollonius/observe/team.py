@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.game.chart import Chart, Places
+from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.teams import by_distance, distance_squared
 from apollonius.game.types import RobotState, Scalar
 from apollonius.observe.egocentric import EGOCENTRIC, on_two_scales, turned
@@ -26,7 +26,7 @@ class Team(AbstractObservation):
 
     Of each (13): that it is there; cosine and sine of its bearing, and its distance d as 1 / (1 + d) and
     log(1 + d) / 2; its velocity ahead and to the left; cosine and sine of the angle at the nearest opponent between the
-    robot and it; the length w of the shortest way to it as log(1 + w) / 2, and that of its way to the nearest opponent
+    robot and it; the path length w to it as log(1 + w) / 2, and its own to the nearest opponent
     as 1 / (1 + w) and log(1 + w) / 2; and whether that opponent is between them: 0 where the way from one to the other
     leads through it, 1 where one is on the other's way to it (their Gromov product there, over its largest value). All
     are 0 of one that is not there, so that a network reads teams of every size, and one for `egocentric` can be
@@ -47,11 +47,11 @@ class Team(AbstractObservation):
         first = EGOCENTRIC(view)
         chart, own, opponent = view.arena.chart, view.own.state, view.opponent.state
         assert chart is not None
-        ends = chart.places(own.x, own.y), chart.places(opponent.x, opponent.y)
-        own_way = _way(chart, (own, ends[0]), (opponent, ends[1]))
+        ends = chart.cell_weights(own.x, own.y), chart.cell_weights(opponent.x, opponent.y)
+        own_length = _path_length(chart, (own, ends[0]), (opponent, ends[1]))
 
         def of(robots: Sequence[Robot], slots: int) -> Float[Array, " numbers"]:
-            numbers = [_of_a_robot(chart, view, ends, own_way, robot) for robot in robots[:slots]]
+            numbers = [_of_a_robot(chart, view, ends, own_length, robot) for robot in robots[:slots]]
             return jnp.concatenate([*numbers, jnp.zeros((slots - len(numbers)) * OF_A_ROBOT, jnp.float32)])
 
         mates, opponents = (_in_order(own, robots) for robots in (view.mates, view.opponents))
@@ -63,20 +63,20 @@ def _in_order(own: RobotState, robots: Sequence[Robot]) -> Sequence[Robot]:
     return by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
 
 
-def _way(chart: Chart, start: tuple[RobotState, Places], end: tuple[RobotState, Places]) -> Scalar:
+def _path_length(chart: Chart, start: tuple[RobotState, CellWeights], end: tuple[RobotState, CellWeights]) -> Scalar:
     """Return the path length [m] between two robots, at least their distance."""
     away = jnp.sqrt(distance_squared(start[0], end[0]))
     return jnp.maximum(chart.path_length(start[1], end[1]), away)
 
 
 def _of_a_robot(
-    chart: Chart, view: View, ends: tuple[Places, Places], own_way: Scalar, robot: Robot
+    chart: Chart, view: View, ends: tuple[CellWeights, CellWeights], own_length: Scalar, robot: Robot
 ) -> Float[Array, "13"]:
     """Return the numbers of a robot besides the nearest opponent.
 
     Args:
-        ends: the places of the robot that looks and of that opponent.
-        own_way: length of the way between the two [m].
+        ends: the cell weights of the robot that looks and of that opponent.
+        own_length: path length between the two [m].
     """
     own, opponent, other = view.own.state, view.opponent.state, robot.state
     cos, sin = turned(own.heading)
@@ -86,10 +86,10 @@ def _of_a_robot(
     far = jnp.maximum(distance, 1e-6)
     away, across = (own.x - opponent.x, own.y - opponent.y), (other.x - opponent.x, other.y - opponent.y)
     spread = jnp.maximum(jnp.hypot(*away) * jnp.hypot(*across), 1e-6)
-    there = other, chart.places(other.x, other.y)
-    apart = _way(chart, (own, ends[0]), there)
-    theirs = _way(chart, there, (opponent, ends[1]))
-    joint = (own_way + theirs - apart) / jnp.maximum(2 * jnp.minimum(own_way, theirs), 1e-6)
+    there = other, chart.cell_weights(other.x, other.y)
+    apart = _path_length(chart, (own, ends[0]), there)
+    theirs = _path_length(chart, there, (opponent, ends[1]))
+    joint = (own_length + theirs - apart) / jnp.maximum(2 * jnp.minimum(own_length, theirs), 1e-6)
     numbers = [
         jnp.ones((), jnp.float32),
         (cos * dx + sin * dy) / far,

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
 from apollonius.agents.pool import Pool
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import together
+from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
@@ -60,7 +60,7 @@ class _Recorder(AbstractWatcher):
     ) -> tuple[Int[Array, ""], AllActions]:
         step, actions = known
         sides = [list(side.action) if side.reward.ndim else [side.action] for side in transition.sides]
-        return step + 1, actions.at[step].set(together(*sides[Role.PURSUER], *sides[Role.EVADER]))
+        return step + 1, actions.at[step].set(stack_actions(*sides[Role.PURSUER], *sides[Role.EVADER]))
 
 
 def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:

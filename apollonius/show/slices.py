@@ -31,7 +31,7 @@ _SIGNS = 16
 """Signs for the acceleration along each side of the arena."""
 _TURNS = {"right": "#f6d68a", "straight": "#f4f4ef", "left": "#c9bfe6"}
 """Pale colours of the three turns, by action level: neither side's."""
-_GEARS = {"brake": "_", "hold": ".", "speed up": "+"}
+_LEVELS = {"brake": "_", "hold": ".", "speed up": "+"}
 """Signs of the three accelerations, by action level."""
 
 
@@ -162,11 +162,11 @@ def _draw_actions(axes: Axes, found: Slice) -> None:
     every = max(1, len(found.x) // _SIGNS)
     chosen = slice(every // 2, None, every)
     columns, rows = np.meshgrid(found.x[chosen], found.y[chosen])
-    for gear, sign in enumerate(_GEARS.values()):
-        here = (action[chosen, chosen] // 3 == gear) & free[chosen, chosen]
+    for level, sign in enumerate(_LEVELS.values()):
+        here = (action[chosen, chosen] // 3 == level) & free[chosen, chosen]
         axes.plot(columns[here], rows[here], sign, color=palette.INK, markersize=4, markeredgewidth=0.9)
     keys = [Patch(facecolor=colour, edgecolor=palette.OBSTACLE, label=name) for name, colour in _TURNS.items()]
-    keys += [Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name) for name, sign in _GEARS.items()]
+    keys += [Line2D([], [], color=palette.INK, marker=sign, ls="none", label=name) for name, sign in _LEVELS.items()]
     axes.legend(handles=keys, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, title="turn and acceleration")
 
 

@@ -13,7 +13,7 @@ from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import together
+from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
@@ -142,7 +142,7 @@ def _choose(
     actions = moves.sides.map(lambda side: side.action)
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
     choice = Choice(
-        actions=jax.vmap(together)(*actions),
+        actions=jax.vmap(stack_actions)(*actions),
         controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
         ideal=jnp.stack(jax.tree.leaves(ideal.state.robots), axis=-1),
     )

@@ -143,13 +143,13 @@ def evade(adjacency: Adjacency, chase: Chase) -> Evasion:
 
         def nearness(moved: Team, before: State = before, evader: int = evader) -> tuple[float, ...]:
             near, first = apart[evader, list(moved)], int(np.argmin(apart[evader, list(moved)]))
-            room = float(np.sum(apart[evader] < apart[list(moved)].min(axis=0)))
-            return near[first], -apart[before[0][first], moved[first]], room, near.sum()
+            reach = float(np.sum(apart[evader] < apart[list(moved)].min(axis=0)))
+            return near[first], -apart[before[0][first], moved[first]], reach, near.sum()
 
         moved = min(itertools.product(*(chase.around[node].tolist() for node in team)), key=nearness)
         safe = [there for there in chase.around[evader].tolist() if not chase.caught[(there, *moved)]]
-        room = {there: (min(apart[there, list(moved)]), apart[before[1], there]) for there in safe}
-        before, state = state, (moved, max(room, key=room.__getitem__))
+        reach = {there: (min(apart[there, list(moved)]), apart[before[1], there]) for there in safe}
+        before, state = state, (moved, max(reach, key=reach.__getitem__))
     passed = [after for _, after in seen][seen[before, state] :]
     # A round begins where the nearest pursuer is farthest.
     begin = max(range(len(passed)), key=lambda number: min(apart[passed[number][1], list(passed[number][0])]))

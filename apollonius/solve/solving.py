@@ -12,7 +12,7 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Role
-from apollonius.io.cache import entry, kept
+from apollonius.io.cache import cached, entry
 from apollonius.io.errors import InvalidInput, require
 from apollonius.solve.grid import Grid, Sweep, make_grid, silent
 from apollonius.solve.joint import make_duel, solve_duel
@@ -160,7 +160,7 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
     return Solution(problem, solved.sweeps, solved.residual, solved.table)
 
 
-def kept_tables(
+def cached_tables(
     game: Game,
     counts: Sequence[int] | None,
     folder: Path | None,
@@ -184,7 +184,7 @@ def kept_tables(
         problem = joint_problem(game, role, counts)
         physics = {part: problem.game.get(part) for part in PHYSICS}
         path = folder and entry(folder, f"{problem.role}.safetensors", asdict(problem) | {"game": physics})
-        solution = kept(
+        solution = cached(
             path,
             lambda: solve_problem(problem, game, lambda sweep: report(role, sweep)),
             save_solution,

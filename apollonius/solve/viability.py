@@ -30,7 +30,7 @@ class TableClearance(eqx.Module):
     grid: Grid
     table: Table
 
-    def room(self, robot: RobotState) -> Scalar:
+    def clearance(self, robot: RobotState) -> Scalar:
         """Interpolate, so only as exactly as the grid."""
         return self.grid.interpolate(self.table, robot)
 
@@ -48,7 +48,7 @@ class Viability(eqx.Module):
     def __call__(self, state: GameState) -> Bool[Array, ""]:
         """Return whether every robot can stay clear."""
         sides = zip((self.pursuer, self.evader), state.robots, strict=True)
-        kept = [judge.room(robot) >= 0 for judge, robots in sides for robot in robots]
+        kept = [judge.clearance(robot) >= 0 for judge, robots in sides for robot in robots]
         return functools.reduce(jnp.logical_and, kept)
 
 

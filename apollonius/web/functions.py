@@ -23,7 +23,7 @@ from apollonius.web.site import ROBOTS
 
 UNITS = 64
 """Units of a layer whose weights lie together in memory."""
-Gears = Float[Array, "2"]
+Levels = Float[Array, "2"]
 
 
 # ---- rules
@@ -33,7 +33,7 @@ def step(
     robots: Robots,
     floor: Floor,
     field: Field,
-    gears: Float[Array, "robots 2"],
+    levels: Float[Array, "robots 2"],
     capture_distance: Scalar,
     dt: Scalar,
     left: Int[Array, ""],
@@ -53,16 +53,16 @@ def step(
         return BySide(robots.side(values, False), robots.side(values, True))
 
     before = GameState(both(robots.states), jnp.zeros((), jnp.int32), status=both(robots.status))
-    after = game.step(before, list(gears[:ROBOTS]), list(gears[ROBOTS:]))
+    after = game.step(before, list(levels[:ROBOTS]), list(levels[ROBOTS:]))
     states = jax.tree.map(lambda *leaves: jnp.stack(leaves), *after.state.robots.pursuer, *after.state.robots.evader)
     assert after.state.status is not None
     status = jnp.stack([*after.state.status.pursuer, *after.state.status.evader])
     return {"states": states, "status": status, "outcome": after.outcome}
 
 
-def move(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar) -> RobotState:
+def move(body: Unicycle, robot: RobotState, levels: Levels, dt: Scalar) -> RobotState:
     """Return a robot after it has held an action."""
-    return body.move(robot, *body.controls(gears), dt)
+    return body.move(robot, *body.controls(levels), dt)
 
 
 def clearance(floor: Floor, field: Field, x: Scalar, y: Scalar) -> Scalar:
@@ -113,18 +113,20 @@ def network(
     return jax.lax.fori_loop(0, count, layer, (jnp.zeros((), jnp.int32), inputs))[1][:UNITS]
 
 
-def room_after(body: Unicycle, robot: RobotState, gears: Gears, dt: Scalar, floor: Floor, field: Field) -> Scalar:
+def clearance_after(
+    body: Unicycle, robot: RobotState, levels: Levels, dt: Scalar, floor: Floor, field: Field
+) -> Scalar:
     """Return the least clearance during an action and the best manoeuvre to rest after it [m].
 
     It is less, but more than `MARGIN`, where nothing is within reach of any manoeuvre to rest.
     """
     arena = floor.arena(field)
     backup = AnyBackup(arena, body, dt, jnp.ceil(body.v_max / (body.u1_max * dt)).astype(jnp.int32))
-    after = move(body, robot, gears, dt)
+    after = move(body, robot, levels, dt)
     longest = after.v**2 / (2 * body.u1_max) + after.v * dt
     least = jnp.minimum(arena.clearance_along(robot, after), arena.clearance(after.x, after.y) - longest) - body.radius
     is_enough = (least > MARGIN) & (body.v_min >= 0) & (floor.counts[3] == 0)
-    return jax.lax.cond(is_enough, lambda: least, lambda: backup.room_after(robot, gears))
+    return jax.lax.cond(is_enough, lambda: least, lambda: backup.clearance_after(robot, levels))
 
 
 def chart(
@@ -138,12 +140,12 @@ def chart(
         radius: of the body that follows its paths [m].
     """
     found = clearances(floor.arena(field), corners[0], corners[1])
-    ways, beside = paths(found, side, radius)
+    lengths, visible = paths(found, side, radius)
     x, y = corners[:, :1]
-    return {"chart": Chart(found[None], ways[None], beside[None], x, y, side[None], jnp.zeros((), jnp.int32))}
+    return {"chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], jnp.zeros((), jnp.int32))}
 
 
-def places(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:
-    """Return the stops around a point and their weights."""
-    stops, weights = chart.places(x, y)
-    return {"stops": stops, "weights": weights}
+def cell_weights(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:
+    """Return the coarse cells around a point and their weights."""
+    cells, weights = chart.cell_weights(x, y)
+    return {"cells": cells, "weights": weights}

@@ -18,13 +18,22 @@ from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.export.c import Program
 from apollonius.export.translate import translated
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
-from apollonius.game.chart import SIDE, STOPS, Chart
+from apollonius.game.chart import COARSE, SIDE, Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.polygon import Edge
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
-from apollonius.web.functions import chart, clearance, clearance_along, move, network, places, room_after, step
+from apollonius.web.functions import (
+    cell_weights,
+    chart,
+    clearance,
+    clearance_after,
+    clearance_along,
+    move,
+    network,
+    step,
+)
 from apollonius.web.handed import Field, Floor, Robots
 from apollonius.web.site import READS, ROBOTS
 
@@ -99,15 +108,15 @@ def page_programs() -> Iterator[Program]:
         shapes[name] for name in ("body", "robot", "robots", "floor", "field", "chart")
     )
     real, whole, pair = (shapes[name] for name in ("real", "whole", "pair"))
-    stepping = robots, floor, field, shapes["gears"], real, real, whole
+    stepping = robots, floor, field, shapes["levels"], real, real, whole
     yield _made(step, *stepping)
     yield _made(functools.partial(step, mates_collide=True), *stepping, name="step_of_bodies")
     yield _made(move, body, robot, pair, real)
     yield _made(clearance, floor, field, real, real)
     yield _made(clearance_along, floor, field, robot, robot)
-    yield _made(room_after, body, robot, pair, real, floor, field)
+    yield _made(clearance_after, body, robot, pair, real, floor, field)
     yield _made(chart, floor, field, shapes["corners"], real, real)
-    yield _made(places, drawn, real, real)
+    yield _made(cell_weights, drawn, real, real)
     yield _made(network, shapes["weights"], shapes["sizes"], whole, shapes["inputs"])
     for name in READS:
         yield _made(_observation(name), robots, floor, field, drawn, real, name=f"see_{name}")
@@ -130,16 +139,16 @@ def _examples() -> dict[str, Any]:
     number, many = real(), 2 * ROBOTS
     body, robot = Unicycle(number, number, number, number, number), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
-    lengths, beside = jnp.zeros((1, STOPS**2, STOPS**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
+    lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
     return {
         "body": body,
         "robot": robot,
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
-        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, beside, real(1), real(1), real(1), whole()),
+        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), whole()),
         "corners": real(2, SIDE + 1),
-        "gears": real(many, 2),
+        "levels": real(many, 2),
         "weights": real(_ENDLESS),
         "sizes": whole(MOST_LAYERS + 2),
         "inputs": real(MOST_WIDTH),

@@ -60,20 +60,20 @@ def same_direction(first, second, within=1e-4):
     return abs((first - second + pi) % (2 * pi) - pi) < within
 
 
-def test_gears_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
+def test_actions_bring_heading_and_speed_as_close_to_the_course_as_one_step_can():
     player = PurePursuit.for_side(OPEN, Role.PURSUER)
     judge = jax.jit(player.values)
     body, dt = OPEN.pursuer, OPEN.dt
     for own, opponent in random_pairs(0, 20):
         heading, speed = course_of(player, own, opponent)
-        v = [min(max(own[2] + gear * body.u1_max * dt, 0), body.v_max) for gear in (-1, 0, 1)]
-        turned = [own[3] + gear * body.u2_max * dt for gear in (-1, 0, 1)]
+        v = [min(max(own[2] + level * body.u1_max * dt, 0), body.v_max) for level in (-1, 0, 1)]
+        turned = [own[3] + level * body.u2_max * dt for level in (-1, 0, 1)]
         thrust = int(np.argmin([abs(speed - value) for value in v]))
         turn = int(np.argmin([abs((heading - value + pi) % (2 * pi) - pi) for value in turned]))
         assert int(jnp.argmax(judge(view(OPEN, Role.PURSUER, robot(*own), robot(*opponent))))) == 3 * thrust + turn
 
 
-def test_a_course_that_is_held_is_held_without_any_gear():
+def test_a_course_that_is_held_is_held_without_any_control():
     player = Flee.for_side(OPEN, Role.EVADER)
     assert int(jnp.argmax(player.values(view(OPEN, Role.EVADER, robot(10, 10, 1.0, 0.02), robot(5, 10))))) == 4
 

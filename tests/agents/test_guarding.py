@@ -21,7 +21,7 @@ def place(evader, pursuer, ratio, goal):
                                                      jnp.float32(ratio), tuple(map(jnp.float32, goal)))])  # fmt: skip
 
 
-def situations(seed, count):
+def states(seed, count):
     rng = np.random.default_rng(seed)
     for _ in range(count):
         evader, pursuer, goal = rng.uniform(0, 10, (3, 2))
@@ -35,7 +35,7 @@ def test_it_is_the_nearest_of_all_places_that_the_evader_is_first_at(ratio):
     axis = np.linspace(-20, 30, 1001)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1)
     reached = []
-    for evader, pursuer, goal in situations(0, 14):
+    for evader, pursuer, goal in states(0, 14):
         to_evader, to_pursuer, to_goal = (np.linalg.norm(grid - one, axis=-1) for one in (evader, pursuer, goal))
         first = to_evader < ratio * to_pursuer
         x, y = place(evader, pursuer, ratio, goal)

@@ -19,7 +19,7 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
-from apollonius.game.dynamics import Unicycle, gears
+from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
@@ -41,13 +41,13 @@ def robot(x, y, v=0.0, heading=0.0):
 
 
 @jax.jit
-def rooms_after_all(own):
-    return jax.vmap(lambda action: brakes(Game(), Role.PURSUER).room_after(own, action))(jnp.arange(9))
+def clearances_after_all(own):
+    return jax.vmap(lambda action: brakes(Game(), Role.PURSUER).clearance_after(own, action))(jnp.arange(9))
 
 
-def rooms_after(own):
+def clearances_after(own):
     """Room [m] after each action, of the pursuer in an arena without discs."""
-    return np.asarray(rooms_after_all(own))
+    return np.asarray(clearances_after_all(own))
 
 
 class Reckless(AbstractPolicy):
@@ -93,7 +93,7 @@ def test_what_replaces_a_forbidden_action_is_the_best_of_the_allowed():
     own = robot(10 - 1.25, 5.0, 1.2)
     state = Game().reset(jax.random.key(0))
     seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
-    allowed = rooms_after(own) > MARGIN
+    allowed = clearances_after(own) > MARGIN
     assert list(np.flatnonzero(allowed)) == [0, 2]
     chosen, acts = set(), eqx.filter_jit(lambda player, seen: act(player, seen, jnp.uint32(0)))
     for seed in range(12):
@@ -108,19 +108,19 @@ def test_room_is_what_the_best_way_to_brake_leaves():
     """From 1.2 m/s it takes 4 s; against a SciPy integration of Eq. 1, turning all the while."""
     own = robot(10 - 2.0, 5.0, 1.2)
     reach = quad(lambda t: (1.2 - 0.3 * t) * np.cos(0.8 * t), 0, np.pi / 1.6)[0]
-    assert rooms_after(own)[0] == pytest.approx(2.0 - reach, abs=2e-3)
+    assert clearances_after(own)[0] == pytest.approx(2.0 - reach, abs=2e-3)
     along = robot(5.0, 0.02, 1.2)  # beside a wall, with open space on the left
-    assert rooms_after(along)[4] == pytest.approx(0.02, abs=1e-4)
+    assert clearances_after(along)[4] == pytest.approx(0.02, abs=1e-4)
 
 
 def test_a_robot_that_is_lost_does_what_leaves_most_room():
     guarded = shielded(Greedy(NETWORK), Game(), Role.PURSUER)
     own = robot(9.5, 5.0, 1.2)
-    room = list(rooms_after(own))
-    assert max(room) < 0
+    clearance = list(clearances_after(own))
+    assert max(clearance) < 0
     state = Game().reset(jax.random.key(0))
     seen = look(Game(), type(state).of_two(own, robot(1.0, 1.0), state.steps), Role.PURSUER)
-    assert room[int(act(guarded, seen, jnp.uint32(0)))] == max(room)
+    assert clearance[int(act(guarded, seen, jnp.uint32(0)))] == max(clearance)
 
 
 LEFT, LOWER = -20.0, -4.0
@@ -149,7 +149,7 @@ def test_among_many_polygons_only_those_within_reach_are_looked_at_and_nothing_c
     robots = jax.vmap(RobotState)(LEFT + 18 * x, LOWER + 18 * y, 1.2 * v, 6 * heading - 3)
     actions = jnp.arange(800) % 9
     near, all_over = (
-        np.asarray(jax.jit(jax.vmap(tried.room_after))(robots, actions))
+        np.asarray(jax.jit(jax.vmap(tried.clearance_after))(robots, actions))
         for tried in (backup, replace(backup, surroundings=None))
     )
     lost = all_over <= 2 * MARGIN
@@ -178,7 +178,7 @@ class Swerves(AbstractContinuous):
         return jnp.stack([jnp.float32(0.7), (bits >> 16).astype(jnp.float32) / 32768 - 1]), memory
 
 
-NINE = jnp.stack([jnp.stack(gears(action)) for action in jnp.arange(9)])
+NINE = jnp.stack([jnp.stack(action_levels(action)) for action in jnp.arange(9)])
 
 
 @pytest.mark.parametrize("game", [PAPER, yard(), RUGGED], ids=["discs", "polygons", "map"])
@@ -188,8 +188,10 @@ def test_what_surely_stops_does_and_mostly_it_is_known(game):
     width, height = arena.x_max - arena.x_min, arena.y_max - arena.y_min
     robots = jax.vmap(RobotState)(arena.x_min + width * x, arena.y_min + height * y, 1.2 * v, 6 * heading - 3)
     actions = jnp.arange(600) % 9
-    sure, room = (np.asarray(jax.jit(jax.vmap(f))(robots, actions)) for f in (backup.surely_stops, backup.room_after))
-    stops = room > MARGIN
+    sure, clearance = (
+        np.asarray(jax.jit(jax.vmap(f))(robots, actions)) for f in (backup.surely_stops, backup.clearance_after)
+    )
+    stops = clearance > MARGIN
     assert not (sure & ~stops).any()
     assert 0.6 < sure.sum() / stops.sum() < 1
     assert 0.1 < stops.mean() < 0.95
@@ -217,13 +219,15 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(game, 
         def alone(given):
             view, bits = look(game, given[0], role), given[1]
             weighed = policy.weigh(policy.observation(view), (), bits)[0]
-            tried = jnp.concatenate([NINE, jnp.stack(gears(weighed))[None]]) if policy.continuous else jnp.arange(9)
-            room = jax.lax.map(lambda action: player.backup.room_after(view.own.state, action), tried)
-            best = policy.choose(weighed, room[:9] > MARGIN)
+            tried = (
+                jnp.concatenate([NINE, jnp.stack(action_levels(weighed))[None]]) if policy.continuous else jnp.arange(9)
+            )
+            clearance = jax.lax.map(lambda action: player.backup.clearance_after(view.own.state, action), tried)
+            best = policy.choose(weighed, clearance[:9] > MARGIN)
             if not policy.continuous:
-                return jnp.where(jnp.any(room > MARGIN), best, jnp.argmax(room))
-            held = jnp.where(jnp.any(room[:9] > MARGIN), best, jnp.argmax(room[:9]))
-            return jnp.where(room[9] > MARGIN, weighed, NINE[held])
+                return jnp.where(jnp.any(clearance > MARGIN), best, jnp.argmax(clearance))
+            held = jnp.where(jnp.any(clearance[:9] > MARGIN), best, jnp.argmax(clearance[:9]))
+            return jnp.where(clearance[9] > MARGIN, weighed, NINE[held])
 
         return jax.lax.map(alone, (states, bits))
 

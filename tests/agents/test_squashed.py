@@ -11,7 +11,7 @@ from scipy.stats import kstest, norm
 
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractContinuous
-from apollonius.agents.pool import PersistentNoise, Seated, solo, stack
+from apollonius.agents.pool import Assigned, PersistentNoise, solo, stack
 from apollonius.agents.shield import MARGIN, brakes, shielded
 from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
 from apollonius.agents.store import describe, save_agent
@@ -31,14 +31,14 @@ SEEN = jnp.linspace(-1, 1, 8)
 
 
 class Wants(AbstractContinuous):
-    """Always the same gears."""
+    """Always the same action levels."""
 
-    gears: tuple[float, float] = eqx.field(static=True)
+    levels: tuple[float, float] = eqx.field(static=True)
 
     observation = PAPER
 
     def __call__(self, observation, memory, bits):
-        return jnp.array(self.gears), memory
+        return jnp.array(self.levels), memory
 
 
 def test_the_numbers_of_a_word_are_two_independent_standard_normal_ones():
@@ -82,12 +82,12 @@ def test_deviations_stay_within_their_bounds():
 
 
 @pytest.mark.parametrize(
-    ("gears", "allowed", "action"),
+    ("levels", "allowed", "action"),
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
-def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_gears(gears, allowed, action):
+def test_where_only_some_actions_are_allowed_it_takes_that_nearest_in_levels(levels, allowed, action):
     mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
-    assert Wants(gears).choose(act(Wants(gears), SEEN, WORDS[0]), mask) == action
+    assert Wants(levels).choose(act(Wants(levels), SEEN, WORDS[0]), mask) == action
 
 
 @pytest.mark.parametrize(
@@ -103,25 +103,25 @@ def robot(x, y, v=0.0, heading=0.0):
     return RobotState(*map(jnp.float32, (x, y, v, heading)))
 
 
-def guarded_action(own, gears):
+def guarded_action(own, levels):
     state = GameState.of_two(own, robot(1.0, 1.0), jnp.asarray(0))
-    player = shielded(Wants(gears), Game(), Role.PURSUER)
+    player = shielded(Wants(levels), Game(), Role.PURSUER)
     return eqx.filter_jit(act)(player, player.observation(look(Game(), state, Role.PURSUER)), WORDS[0])
 
 
-def test_behind_a_shield_it_keeps_its_gears_where_they_are_safe():
+def test_behind_a_shield_it_keeps_its_action_where_they_are_safe():
     np.testing.assert_array_equal(guarded_action(robot(5.0, 5.0, 0.6), (0.3, -0.7)), np.float32([0.3, -0.7]))
 
 
-def test_behind_a_shield_unsafe_gears_become_the_nearest_discrete_ones_that_are_safe():
+def test_behind_a_shield_unsafe_actions_become_the_nearest_discrete_ones_that_are_safe():
     """At full speed 1.25 m before a wall only braking and turning at once will do: actions 0 and 2."""
     own = robot(10 - 1.25, 5.0, 1.2)
     for turn, action in ((0.3, [-1, 1]), (-0.3, [-1, -1])):
-        assert brakes(Game(), Role.PURSUER).room_after(own, jnp.array([0.5, turn])) < MARGIN
+        assert brakes(Game(), Role.PURSUER).clearance_after(own, jnp.array([0.5, turn])) < MARGIN
         np.testing.assert_array_equal(guarded_action(own, (0.5, turn)), action)
 
 
-def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
+def test_pools_hand_each_game_the_action_of_its_own_player():
     members = [Wants((number / 10, -number / 10)) for number in range(3)]
     actors = [make_actor("paper", 8, 1, jax.random.key(seed)) for seed in range(3)]
     pool = stack([exploring(actor, jnp.asarray(0.0)) for actor in actors])
@@ -130,10 +130,10 @@ def test_pools_and_seats_hand_each_game_the_gears_of_its_own_player():
     expected = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in member.tolist()]
     np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(expected), atol=1e-6)
     assert act_in_rows(solo(members[1]), jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
-    seated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
-    seats = Seated(SquashedMean(actors[2]), seated, count=2, first=1, games=1)
-    by_seat = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
-    np.testing.assert_allclose(act_in_rows(seats, member, seen, bits), jnp.stack(by_seat), atol=1e-6)
+    assigned = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
+    pool = Assigned(SquashedMean(actors[2]), assigned, count=2, first=1, games=1)
+    by_game = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
+    np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(by_game), atol=1e-6)
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():

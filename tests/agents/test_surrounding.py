@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, to_all, way_to
+from apollonius.agents.surrounding import Encirclement, VoronoiPursuit, even_bearings, path_length_to, to_all
 from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
 from apollonius.game.arena import Arena
@@ -131,7 +131,7 @@ def test_behind_a_wall_ways_are_those_around_it():
     seen = view([(4, 2), (9, 9)], (6, 2), out=(1,), game=game)
     there = seen.opponent.state
     around = hypot(0.8, 6) + 0.4 + hypot(0.8, 6)
-    assert float(way_to(seen, there)(*map(jnp.float32, (4, 2)))) == pytest.approx(around, rel=0.1)
+    assert float(path_length_to(seen, there)(*map(jnp.float32, (4, 2)))) == pytest.approx(around, rel=0.1)
     own, evader = (np.asarray(to_all(seen, robot)) for robot in seen.robots)
     free = evader < 100
     assert 0.9 < free.mean() < 1

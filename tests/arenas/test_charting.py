@@ -9,7 +9,7 @@ import pytest
 
 from apollonius.arenas.charting import charted, paths
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.chart import FARTHEST, GLANCES, NO_WAY, SIDE, STOP_BITS, STOPS, Chart
+from apollonius.game.chart import COARSE, COARSE_BITS, FARTHEST, GLANCES, NO_PATH, SIDE, Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -74,8 +74,8 @@ def test_a_ray_is_followed_in_twelve_steps():
 
 def test_a_ray_ends_where_the_first_thing_is(wide):
     """From (0, 4) the disc is 1.3 m ahead, the walls are 1, 2 and 2 m away, and sideways past the disc 5 m."""
-    ways = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
-    found = jax.jit(jax.vmap(wide.range))(*jnp.asarray(ways, jnp.float32).T)
+    rays = [(0.0, 4.0, 1.0, 0.0), (0.0, 4.0, -1.0, 0.0), (0.0, 4.0, 0.0, 1.0), (0.0, 5.4, 1.0, 0.0)]
+    found = jax.jit(jax.vmap(wide.range))(*jnp.asarray(rays, jnp.float32).T)
     np.testing.assert_allclose(found[:3], [1.3, 1.0, 2.0], atol=0.02)
     assert 2.0 < float(found[3]) <= 5.02, "past the disc the steps get short"
 
@@ -96,63 +96,65 @@ def test_no_ray_goes_through_anything(room):
 
 @jax.jit
 def way_between(chart, start, end):
-    return chart.path_length(chart.places(*start), chart.places(*end))
+    return chart.path_length(chart.cell_weights(*start), chart.cell_weights(*end))
 
 
-def way(chart, start, end):
+def path_length(chart, start, end):
     return float(way_between(chart, *(jnp.asarray(place, jnp.float32) for place in (start, end))))
 
 
 def test_ways_lead_through_the_door(room):
     """Beside the wall, a metre from it on either side and 5 m below the door's middle: round the wall's end."""
-    assert way(room, (1.0, 1.0), (1.0, 7.0)) == pytest.approx(6.0, rel=0.05)
-    assert way(room, (6.0, 1.0), (7.5, 1.0)) == pytest.approx(1.5, abs=0.15)
+    assert path_length(room, (1.0, 1.0), (1.0, 7.0)) == pytest.approx(6.0, rel=0.05)
+    assert path_length(room, (6.0, 1.0), (7.5, 1.0)) == pytest.approx(1.5, abs=0.15)
     around = np.hypot(1.0, 5.0) + 0.2 + np.hypot(1.0, 5.0)
-    assert way(room, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(around, rel=0.05)
-    assert way(room, (5.2, 1.0), (3.0, 1.0)) == pytest.approx(way(room, (3.0, 1.0), (5.2, 1.0)), rel=1e-3)
-    beside = way(room, (3.9, 3.0), (4.3, 3.0))
-    assert beside == pytest.approx(6.3, rel=0.1), "a few centimetres from the wall nothing is seen through it"
+    assert path_length(room, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(around, rel=0.05)
+    assert path_length(room, (5.2, 1.0), (3.0, 1.0)) == pytest.approx(
+        path_length(room, (3.0, 1.0), (5.2, 1.0)), rel=1e-3
+    )
+    next_to = path_length(room, (3.9, 3.0), (4.3, 3.0))
+    assert next_to == pytest.approx(6.3, rel=0.1), "a few centimetres from the wall nothing is seen through it"
 
 
 def test_in_an_empty_square_stops_are_as_far_apart_as_points():
     """To all within two columns and rows; the lowest and leftmost stop is that of the corner."""
     chart = chart_of(Arena(0.0, 8.0, 0.0, 8.0), pursuer=Unicycle(radius=0.05), evader=Unicycle(radius=0.05))
-    lengths = np.asarray(chart.ways[0, 20 * STOPS + 20]).reshape(STOPS, STOPS)[18:23, 18:23]
+    lengths = np.asarray(chart.lengths[0, 20 * COARSE + 20]).reshape(COARSE, COARSE)[18:23, 18:23]
     away = np.arange(-2, 3)
     np.testing.assert_array_equal(lengths, np.round(20 * np.hypot(away[:, None], away)))
-    assert int(chart.beside[0, 0, 0]) % 2**STOP_BITS == 0
+    assert int(chart.visible[0, 0, 0]) % 2**COARSE_BITS == 0
 
 
 def test_where_a_body_fits_nowhere_there_are_no_paths_and_the_first_stop_is_the_nearest():
-    ways, beside = paths(jnp.full((SIDE + 1, SIDE + 1), 0.3), jnp.float32(8.0), jnp.float32(0.4))
-    np.testing.assert_array_equal(ways, np.where(np.eye(STOPS**2, dtype=bool), 0, NO_WAY))
-    assert not np.any(beside)
+    lengths, visible = paths(jnp.full((SIDE + 1, SIDE + 1), 0.3), jnp.float32(8.0), jnp.float32(0.4))
+    np.testing.assert_array_equal(lengths, np.where(np.eye(COARSE**2, dtype=bool), 0, NO_PATH))
+    assert not np.any(visible)
 
 
 def test_where_a_body_just_fits_no_rounding_decides():
     """Stops beside the walls are 0.2 m from them, to the last bits of single precision; the chart is too coarse for
     the four in the corners."""
     body = Unicycle(radius=0.2)
-    ways = np.asarray(chart_of(Arena(0.0, 16.0, 0.0, 16.0), pursuer=body, evader=body).ways[0])
-    assert np.sum(np.sum(ways < NO_WAY, axis=1) == 1) == 4
+    lengths = np.asarray(chart_of(Arena(0.0, 16.0, 0.0, 16.0), pursuer=body, evader=body).lengths[0])
+    assert np.sum(np.sum(lengths < NO_PATH, axis=1) == 1) == 4
 
 
 def test_a_body_that_does_not_fit_through_has_no_way():
     door = Polygon(((4.0, 6.5), (4.2, 6.5), (4.2, 8.0), (4.0, 8.0)))
     narrow = replace(ROOM, polygons=(WALL, door))
     slim, stout = (chart_of(narrow, pursuer=Unicycle(radius=radius)) for radius in (0.1, 0.4))
-    assert way(slim, (3.0, 1.0), (5.2, 1.0)) < 20
-    assert way(stout, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(NO_WAY / 100, rel=1e-3)
+    assert path_length(slim, (3.0, 1.0), (5.2, 1.0)) < 20
+    assert path_length(stout, (3.0, 1.0), (5.2, 1.0)) == pytest.approx(NO_PATH / 100, rel=1e-3)
 
 
 def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one(wide):
     x, y = points(OPEN, 500)
-    stops, weights = jax.vmap(wide.places)(x, y)
+    cells, weights = jax.vmap(wide.cell_weights)(x, y)
     np.testing.assert_allclose(jnp.sum(weights, axis=1), 1.0, atol=1e-5)
     free = np.asarray(jax.vmap(OPEN.clearance)(x, y)) > 0.3
-    pitch = 6.0 / STOPS
-    middle_x = (np.asarray(stops) % STOPS + 0.5) * pitch - 1.0
-    middle_y = (np.asarray(stops) // STOPS + 0.5) * pitch + 2.0
+    pitch = 6.0 / COARSE
+    middle_x = (np.asarray(cells) % COARSE + 0.5) * pitch - 1.0
+    middle_y = (np.asarray(cells) // COARSE + 0.5) * pitch + 2.0
     np.testing.assert_allclose(np.sum(weights * middle_x, axis=1)[free], x[free], atol=0.02)
     np.testing.assert_allclose(np.sum(weights * middle_y, axis=1)[free], y[free], atol=0.02)
 
@@ -164,11 +166,11 @@ def test_each_of_several_arenas_has_its_own_chart():
         alone = chart_of(arena)
         x, y = points(arena, 200)
         np.testing.assert_allclose(jax.vmap(chart.clearance)(x, y), jax.vmap(alone.clearance)(x, y), atol=1e-5)
-        ways = [np.asarray(one.ways[member]) for one, member in ((chart, number), (alone, 0))]
-        assert np.mean(ways[0] != ways[1]) < 1e-3
+        lengths = [np.asarray(one.lengths[member]) for one, member in ((chart, number), (alone, 0))]
+        assert np.mean(lengths[0] != lengths[1]) < 1e-3
 
 
 def test_a_chart_is_drawn_once():
     game = charted(Game(arena=ROOM))
     assert charted(game) is game
-    assert charted(Game(arena=ROOM)).arena.chart.ways is not None
+    assert charted(Game(arena=ROOM)).arena.chart.lengths is not None

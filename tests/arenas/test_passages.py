@@ -17,7 +17,7 @@ from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.options import warn
 from apollonius.game.arena import Arena
-from apollonius.game.chart import NO_WAY, STOPS
+from apollonius.game.chart import COARSE, NO_PATH
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
@@ -50,8 +50,8 @@ def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
     assert alone.detour == np.inf
     assert 8.0 < beside.detour < 13.0
     assert "m longer: this arena's chart resolves" in str(beside)
-    west, east = 20 * STOPS + 5, 20 * STOPS + 35
-    assert np.asarray(charted(floor(0.55)).arena.chart.ways)[0, west, east] == NO_WAY
+    west, east = 20 * COARSE + 5, 20 * COARSE + 35
+    assert np.asarray(charted(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from apollonius.game.types import Role
 
 MAKE = {
     "one side": lambda: OneSide(Role.PURSUER, opponent="random", render_mode="rgb_array"),
-    "one side, shielded opponent, gears": lambda: OneSide(
+    "one side, shielded opponent, continuous": lambda: OneSide(
         Role.EVADER, opponent="shielded:random", game="territory", actions="continuous"
     ),
     "both sides": lambda: apollonius.parallel_env(render_mode="rgb_array"),

@@ -212,7 +212,7 @@ class Always(AbstractPolicy):
         return jnp.asarray(self.action, jnp.int32), memory
 
 
-def as_gears(actions):
+def as_levels(actions):
     """Gears of discrete actions; others are their own."""
     return actions if actions.ndim == 3 else np.stack([actions // 3 - 1, actions % 3 - 1], axis=-1)
 
@@ -225,14 +225,14 @@ def test_changes_are_those_of_the_games_step_by_step(evader):
     results = play_games(match, slots=2)
     total, changes = np.zeros((2, 2)), 0
     for index in range(games):
-        gears = as_gears(np.asarray(replay_game(match, index).actions))
-        total += np.abs(np.diff(gears, axis=0)).sum(axis=0)
-        changes += len(gears) - 1
+        levels = as_levels(np.asarray(replay_game(match, index).actions))
+        total += np.abs(np.diff(levels, axis=0)).sum(axis=0)
+        changes += len(levels) - 1
     np.testing.assert_allclose(mean_change(results), total / changes, rtol=1e-4)
 
 
 def test_random_actions_change_as_chance_would_have_it_and_constant_ones_never():
-    """Two of the gears -1, 0, 1 are on average 8 / 9 apart."""
+    """Two of the levels -1, 0, 1 are on average 8 / 9 apart."""
     match = play_match(a_match(GAME, Uniform(), Always(7), 200, seed=0))
     assert match.pursuer_change == pytest.approx((8 / 9, 8 / 9), abs=0.02)
     assert match.evader_change == (0.0, 0.0)

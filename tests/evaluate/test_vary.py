@@ -146,13 +146,13 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
     places = np.random.default_rng(0).uniform((1, 1, -3), (9, 9, 3), (200, 3)).astype(np.float32)
 
     @jax.jit
-    def rooms(backup, places):
-        return jax.vmap(lambda at: backup.rooms(RobotState(at[0], at[1], jnp.float32(0.6), at[2])))(places)
+    def clearances(backup, places):
+        return jax.vmap(lambda at: backup.clearances(RobotState(at[0], at[1], jnp.float32(0.6), at[2])))(places)
 
     for old, new in zip(before, after, strict=True):
-        found = np.asarray(rooms(old.backup, places))
+        found = np.asarray(clearances(old.backup, places))
         assert found.shape == (200, len(BRAKING))
-        np.testing.assert_allclose(rooms(new.backup, places), found, atol=1e-5)
+        np.testing.assert_allclose(clearances(new.backup, places), found, atol=1e-5)
 
 
 def test_players_without_a_shield_are_left_as_they_are():

@@ -22,7 +22,7 @@ from apollonius.export.player import find_exportable, home_of, side_of
 from apollonius.export.translate import translated
 from apollonius.export.writing import check, program_of, write_c
 from apollonius.game.game import reset_batch
-from apollonius.game.scenario import together
+from apollonius.game.scenario import stack_arenas
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from tests.export.test_translate import needs_gcc
@@ -48,7 +48,7 @@ def games_of(name):
     """The game of this name, or the paper's in many arenas of one shape."""
     if name != "drawn":
         return [find_game(name)]
-    arenas = together([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
+    arenas = stack_arenas([suite_arena("suite-v1", one) for one in suite_names("suite-v1", "train")[:DRAWN]])
     arena = [jax.tree.map(lambda leaf: leaf[place], arenas) for place in range(DRAWN)]  # noqa: B023
     return [replace(find_game("paper"), arena=one) for one in arena]
 

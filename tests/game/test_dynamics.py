@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from apollonius.game.dynamics import Unicycle, gears, sinc, unit_vector, wrap_angle
+from apollonius.game.dynamics import Unicycle, action_levels, sinc, unit_vector, wrap_angle
 from apollonius.game.types import RobotState
 
 PI = np.float32(np.pi)
@@ -164,9 +164,9 @@ def test_sinc_is_the_sine_over_the_angle(reach, error):
     np.testing.assert_allclose(jax.vmap(sinc)(angles), np.sinc(angles.astype(float) / np.pi), atol=error)
 
 
-def test_an_action_is_three_times_the_acceleration_gear_plus_the_turning_gear():
+def test_an_action_is_three_times_the_acceleration_level_plus_the_turning_level():
     u1, u2 = jax.vmap(BODY.controls)(jnp.arange(9))
-    expected = [(gear_u1 * 0.3, gear_u2 * 0.8) for gear_u1 in (-1, 0, 1) for gear_u2 in (-1, 0, 1)]
+    expected = [(level_u1 * 0.3, level_u2 * 0.8) for level_u1 in (-1, 0, 1) for level_u2 in (-1, 0, 1)]
     np.testing.assert_allclose(np.stack([u1, u2], axis=-1), expected, rtol=1e-6)
 
 
@@ -179,8 +179,8 @@ def test_shares_of_a_discrete_action_move_a_robot_to_the_same_bits():
     np.testing.assert_array_equal(numbers(act(there, actions)), numbers(act(there, pairs)))
 
 
-def test_gears_are_shares_of_the_largest_controls_and_clipped():
+def test_levels_are_shares_of_the_largest_controls_and_clipped():
     body = Unicycle(u1_max=0.5, u2_max=2.0)
     np.testing.assert_allclose(body.controls(jnp.array([0.5, -0.25])), (0.25, -0.5))
     np.testing.assert_allclose(body.controls(jnp.array([3.0, -1.5])), (0.5, -2.0))
-    np.testing.assert_allclose(gears(jnp.asarray(5)), (0, 1))
+    np.testing.assert_allclose(action_levels(jnp.asarray(5)), (0, 1))

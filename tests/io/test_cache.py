@@ -20,11 +20,11 @@ from apollonius.io.cache import (
     Entries,
     Memory,
     cache_folder,
+    cached,
     content,
     entry,
     environment,
     keep_compilations,
-    kept,
     make_room,
 )
 from apollonius.io.document import write_atomically
@@ -41,9 +41,9 @@ def load(path):
 
 
 def asked(path):
-    """What `kept` returns, and whether it was made."""
+    """What `cached` returns, and whether it was made."""
     made = []
-    found = kept(path, lambda: made.append(1) or b"sound", lambda value, path: write_atomically(path, value), load)
+    found = cached(path, lambda: made.append(1) or b"sound", lambda value, path: write_atomically(path, value), load)
     return found, bool(made)
 
 
@@ -86,13 +86,13 @@ def test_shapes_and_number_types_are_content():
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from apollonius.io.cache import kept
+from apollonius.io.cache import cached
 from apollonius.io.cache import Entries
 from apollonius.io.document import write_atomically
 
 os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
 path = Path(sys.argv[1])
-Entries(path.parent).put(path.name, b"new") if len(sys.argv) > 2 else kept(
+Entries(path.parent).put(path.name, b"new") if len(sys.argv) > 2 else cached(
     path, lambda: b"new", lambda value, path: write_atomically(path, value), lambda path: None
 )
 """
@@ -144,7 +144,9 @@ def age(path, seconds):
 def table(home, name, size=100):
     folder = cache_folder("tables")
     assert folder == home / "tables"
-    return kept(folder / name, lambda: bytes(size), lambda value, path: write_atomically(path, value), Path.read_bytes)
+    return cached(
+        folder / name, lambda: bytes(size), lambda value, path: write_atomically(path, value), Path.read_bytes
+    )
 
 
 def names(folder):
@@ -235,10 +237,10 @@ def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_pa
     assert first["cache_hits"] == 0 < first["cache_misses"]
     assert compiled(tmp_path) == {"cache_hits": first["cache_misses"], "cache_misses": 0}
 
-    kept = entries(tmp_path)
-    assert {path.parent.name for path in kept} == {environment()}
-    whole = kept[0].read_bytes()
-    kept[0].write_bytes(whole[: len(whole) // 2])
+    found = entries(tmp_path)
+    assert {path.parent.name for path in found} == {environment()}
+    whole = found[0].read_bytes()
+    found[0].write_bytes(whole[: len(whole) // 2])
     mended = compiled(tmp_path)
     assert mended == {"cache_hits": first["cache_misses"] - 1, "cache_misses": 1}
     assert compiled(tmp_path)["cache_misses"] == 0

@@ -64,15 +64,15 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
     )
     state, _ = play_and_learn(plan, GAME, state, {})
     chased, fled = (np.asarray(side.buffer.rows.action).reshape(8, 16, 64, 2) for side in state.learners.values())
-    for gears in (chased, fled):
-        assert (gears == gears[:, :1]).all()
-        assert np.unique(gears[:, 0, :, 0]).size == 8 * 64
+    for levels in (chased, fled):
+        assert (levels == levels[:, :1]).all()
+        assert np.unique(levels[:, 0, :, 0]).size == 8 * 64
     assert (chased != fled).all()
 
 
 @pytest.mark.slow
 def test_a_pursuer_learns_to_catch_a_standing_evader():
-    """In an arena without discs, within 300,000 env steps, more often than random gears do by chance."""
+    """In an arena without discs, within 300,000 env steps, more often than random actions do by chance."""
     config = SACConfig(width=64, depth=2, games=64, env_steps_per_update=64, learning_starts=10_000, n_step=8)
     plan = Plan(config, StageConfig(env_steps=300_000))
     game = make_game("paper")

@@ -78,9 +78,9 @@ def teacher_of(values, room=None):
 
 
 def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(visited):
-    worths = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).values(GAME, visited, Role.EVADER)
+    values = teacher_of([5, 4, 3, 2, 1, 0, -1, -10, 4.5]).values(GAME, visited, Role.EVADER)
     expected = 5 - 10 * np.minimum(np.array([0, 1, 2, 3, 4, 5, 6, 15, 0.5]) / 10, DEEPEST)
-    np.testing.assert_allclose(worths, np.tile(expected, (400, 1)), atol=1e-6)
+    np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
 
 class Cramped(Clearance):
@@ -107,18 +107,18 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     left = np.asarray(of_views(lambda view: room.after(view.own.state), GAME, moving, Role.EVADER))
     most = left.max(axis=1, keepdims=True)
     wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
-    worths = np.asarray(teacher_of(wanted, room).values(GAME, moving, Role.EVADER))
+    values = np.asarray(teacher_of(wanted, room).values(GAME, moving, Role.EVADER))
     clear, doomed = left.min(axis=1) > 0.1, most[:, 0] < 0
     assert 0.2 < clear.mean() < 0.9
     assert 0 < doomed.mean() < 0.5
     unheeding = np.asarray(teacher_of(wanted).values(GAME, moving, Role.EVADER))
-    np.testing.assert_allclose(worths[clear], unheeding[clear], atol=1e-6)
+    np.testing.assert_allclose(values[clear], unheeding[clear], atol=1e-6)
     price = 10 * np.minimum(STEEPNESS * (np.minimum(most, 0.1) - np.minimum(left, 0.1)), COSTLIEST)
-    np.testing.assert_allclose(worths[doomed], 4 - price[doomed], atol=1e-4)
-    np.testing.assert_allclose(worths.max(axis=1), 4, atol=1e-5)
+    np.testing.assert_allclose(values[doomed], 4 - price[doomed], atol=1e-4)
+    np.testing.assert_allclose(values.max(axis=1), 4, atol=1e-5)
     short = (most[:, 0] < 0.05) & (most[:, 0] - left[:, -1] > 0.02)
     assert short.any()
-    assert np.all(worths[short, -1] < 4), "whatever the player says, not on towards the wall"
+    assert np.all(values[short, -1] < 4), "whatever the player says, not on towards the wall"
 
 
 @pytest.fixture(scope="module")
@@ -155,12 +155,12 @@ def test_a_run_leaves_an_agent_that_has_learned_what_the_table_says(uninterrupte
     losses = [line["losses"]["evader"] for line in metrics(uninterrupted)]
     assert losses[-1] < losses[0] / 2
     asked = jax.jit(query_states)(GAME, visited, jax.random.key(5))
-    worths = np.asarray(setting.teacher.values(GAME, asked, Role.EVADER))
+    values = np.asarray(setting.teacher.values(GAME, asked, Role.EVADER))
 
     def lost(network):
         """What the best action by a network costs by what the teacher says."""
         chosen = np.argmax(network.batch(of_views(network.observation, GAME, asked, Role.EVADER)), axis=1)
-        return np.mean(worths.max(axis=1) - worths[np.arange(len(worths)), chosen])
+        return np.mean(values.max(axis=1) - values[np.arange(len(values)), chosen])
 
     assert lost(agent.network) < 0.6 * lost(make_network("encoded", 32, 1, jax.random.key(0)))
 

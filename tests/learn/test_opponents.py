@@ -11,7 +11,7 @@ from scipy.stats import chisquare
 
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import Seated, solo, stack
+from apollonius.agents.pool import Assigned, solo, stack
 from apollonius.game.types import Outcome, Role
 from apollonius.learn import archive as archives
 from apollonius.learn.loop import play_and_learn, renew_opponents
@@ -50,7 +50,7 @@ def same(one, other):
 
 def test_everyone_plays_their_own_games():
     at_large, *others = networks(4)
-    players = Seated(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
+    players = Assigned(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
     bits = jnp.zeros(30, jnp.uint32)
     member = players.sample(bits)
     assert member.tolist() == [0] * 4 + [1] * 5 + [2] * 5 + [3] * 5 + [0] * 11

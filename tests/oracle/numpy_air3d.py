@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from tests.oracle.numpy_game import GEARS
+from tests.oracle.numpy_game import LEVELS
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ def least_distance(cars, size, places, headings, seconds):
         for number in range(headings):
             psi = math.tau * number / headings
             answered = []
-            for evading in GEARS:
+            for evading in LEVELS:
                 action_values = []
-                for pursuing in GEARS:
+                for pursuing in LEVELS:
                     seen = moved(cars, (x, y, psi), pursuing, evading, dt)
                     cells = [(place + size) * (places - 1) / (2 * size) for place in seen]
                     table = values[(number + pursuing - evading) % headings]

@@ -7,7 +7,7 @@ never its methods, so that a mistake must be made twice to go unseen.
 import math
 from dataclasses import dataclass
 
-GEARS = (-1, 0, 1)
+LEVELS = (-1, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def step(game, state, pursuer_action, evader_action):
 
 
 def controls(body, action):
-    return GEARS[action // 3] * body.u1_max, GEARS[action % 3] * body.u2_max
+    return LEVELS[action // 3] * body.u1_max, LEVELS[action % 3] * body.u2_max
 
 
 def move(body, robot, inputs, dt):

@@ -63,7 +63,7 @@ def clearance(game, robot):
     return min(gaps(game.arena, game.pursuer.radius, robot, robot))
 
 
-def room(game, states):
+def clearance_along(game, states):
     """Least clearance along a course; the walls bound a convex region, so their ends tell all."""
     steps = pairwise(states)
     along = [min(gaps(game.arena, game.pursuer.radius, before, after)) for before, after in steps]
@@ -74,7 +74,9 @@ def safety(game, counts, steps, sweeps):
     grid = axes(game, counts)
     states = nodes(grid)
     courses = {index: [course(game, states[index], action, steps) for action in range(9)] for index in states}
-    holds = {index: [(room(game, one), corners(grid, one[-1])) for one in many] for index, many in courses.items()}
+    holds = {
+        index: [(clearance_along(game, one), corners(grid, one[-1])) for one in many] for index, many in courses.items()
+    }
     table = {index: clearance(game, state) for index, state in states.items()}
     for _ in range(sweeps):
         table = {index: max(min(least, value_of(table, end)) for least, end in holds[index]) for index in states}
@@ -92,7 +94,7 @@ def reach(game, counts, steps, sweeps, target, horizon):
                 return math.exp(-number * game.dt / horizon)
             if min(gaps(game.arena, game.pursuer.radius, before, after)) < 0:
                 return 0.0
-        return None if room(game, states) >= 0 else 0.0
+        return None if clearance_along(game, states) >= 0 else 0.0
 
     courses = {index: [course(game, states[index], action, steps) for action in range(9)] for index in states}
     holds = {index: [(event(one), corners(grid, one[-1])) for one in many] for index, many in courses.items()}

@@ -71,9 +71,11 @@ def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
     grid = make_grid(SMALL.arena, BODY, counts)
     motion = motion_of(SMALL, Role.PURSUER, hold)
     transitions = transition_map_of(motion, grid)
-    room, solved = clearances(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
+    clearance, solved = clearances(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
     backup = jax.jit(
-        lambda table: transitions.backup(table, lambda index, action, later: jnp.minimum(room[index, action], later))
+        lambda table: transitions.backup(
+            table, lambda index, action, later: jnp.minimum(clearance[index, action], later)
+        )
     )
     table = solved.table
     for _ in range(2 * solved.sweeps):
@@ -84,7 +86,7 @@ def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
 @pytest.mark.slow
 def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
     """Braking in one direction is one way to stay clear, so the room that can be kept is no less."""
-    braking = np.asarray(jax.vmap(brakes(SMALL, Role.PURSUER).room)(robots))
+    braking = np.asarray(jax.vmap(brakes(SMALL, Role.PURSUER).clearance)(robots))
     near = np.abs(kept) < 0.3
     assert np.min((kept - braking)[near]) > -GRID.spacing[0]
     assert np.mean((braking > 0) & (kept < 0)) < 0.003
@@ -94,24 +96,24 @@ def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
 def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, robots, kept):
     """By trying every way to steer while braking, with a choice every 0.5 s."""
     motion = motion_of(SMALL, Role.PURSUER, HOLD)
-    ways = jnp.array(list(product(range(3), repeat=4)))
+    manoeuvres = jnp.array(list(product(range(3), repeat=4)))
 
     def best(robot):
-        def along(way):
+        def along(manoeuvre):
             def one_hold(carry, action):
                 course = motion.hold(carry, action)
                 return last(course), motion.clearance(course)
 
-            return jnp.min(jax.lax.scan(one_hold, robot, way)[1])
+            return jnp.min(jax.lax.scan(one_hold, robot, manoeuvre)[1])
 
-        return jnp.max(jax.vmap(along)(ways))
+        return jnp.max(jax.vmap(along)(manoeuvres))
 
-    room = np.asarray(jax.jit(jax.vmap(best))(robots))
-    assert np.mean(room < 0) > 0.02
-    assert np.mean((room > 0) & (kept < 0)) < 0.002
-    assert np.mean((room < 0) & (kept > 0)) < 0.004
-    steered = np.asarray(jax.vmap(steered_brakes(SMALL, Role.PURSUER, GRID, solved.table).room)(robots))
-    assert np.mean(steered < 0) == pytest.approx(np.mean(room < 0), abs=0.001)
+    clearance = np.asarray(jax.jit(jax.vmap(best))(robots))
+    assert np.mean(clearance < 0) > 0.02
+    assert np.mean((clearance > 0) & (kept < 0)) < 0.002
+    assert np.mean((clearance < 0) & (kept > 0)) < 0.004
+    steered = np.asarray(jax.vmap(steered_brakes(SMALL, Role.PURSUER, GRID, solved.table).clearance)(robots))
+    assert np.mean(steered < 0) == pytest.approx(np.mean(clearance < 0), abs=0.001)
 
 
 @pytest.mark.slow

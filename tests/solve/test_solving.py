@@ -16,7 +16,7 @@ from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.solving import joint_problem, kept_tables, zero_sum_game_of
+from apollonius.solve.solving import cached_tables, joint_problem, zero_sum_game_of
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from tests.solve.small import CRAMPED, FEW, SMALL
 
@@ -125,7 +125,7 @@ def solved(monkeypatch):
 
 def test_what_lies_in_the_folder_is_not_solved_again(solved, tmp_path):
     """Time limit and rewards are nothing to a table, the capture distance is; a damaged file is solved again."""
-    first, again = (kept_tables(CRAMPED, FEW, tmp_path) for _ in range(2))
+    first, again = (cached_tables(CRAMPED, FEW, tmp_path) for _ in range(2))
     assert solved == [joint_problem(CRAMPED, role, FEW) for role in Role]
     assert sorted(path.name.split("-")[0] for path in tmp_path.iterdir()) == ["evader", "pursuer"]
     for role in Role:
@@ -133,13 +133,13 @@ def test_what_lies_in_the_folder_is_not_solved_again(solved, tmp_path):
         assert first[role].zero_sum_game == again[role].zero_sum_game == zero_sum_game_of(problem, CRAMPED)
         np.testing.assert_array_equal(first[role].table, again[role].table)
     longer = replace(CRAMPED, max_steps=7, reward=replace(CRAMPED.reward, progress=1.0))
-    assert kept_tables(longer, FEW, tmp_path).pursuer.zero_sum_game.game == longer
+    assert cached_tables(longer, FEW, tmp_path).pursuer.zero_sum_game.game == longer
     assert len(solved) == 2
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:-1])
-    kept_tables(CRAMPED, FEW, tmp_path)
+    cached_tables(CRAMPED, FEW, tmp_path)
     assert len(solved) == 4
-    kept_tables(replace(CRAMPED, capture_distance=0.2), FEW, tmp_path)
+    cached_tables(replace(CRAMPED, capture_distance=0.2), FEW, tmp_path)
     assert len(solved) == 6
-    kept_tables(CRAMPED, FEW, None)
+    cached_tables(CRAMPED, FEW, None)
     assert len(solved) == 8

@@ -42,7 +42,7 @@ def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
         np.testing.assert_allclose(transitions.backup(table, only), expected.reshape(grid.shape), atol=1e-4)
 
 
-def test_room_is_the_least_clearance_along_the_hold():
+def test_it_is_the_least_clearance_along_the_hold():
     """Among discs and polygons, for every 31st node and action."""
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
     game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
@@ -53,7 +53,7 @@ def test_room_is_the_least_clearance_along_the_hold():
     pairs = []
     for number in range(0, 9 * len(nodes), 31):
         (x, y, v, heading), state = nodes[number // 9]
-        expected = oracle.room(game, oracle.course(game, state, number % 9, 5))
+        expected = oracle.clearance_along(game, oracle.course(game, state, number % 9, 5))
         pairs.append((found[v, heading, number % 9, x, y], expected))
     ours, theirs = np.array(pairs).T
     free = theirs > 1e-4

@@ -120,21 +120,21 @@ const answers = {
   }),
   chart(rules) {
     calls.pathsFrom(rules, { x: rules.arena.x_min + 1, y: rules.arena.y_min + 1 });
-    const { field, beside, ways } = programs.given.chart();
-    return { field: [...field], beside: [...beside], ways: Buffer.from(ways.buffer, ways.byteOffset, ways.byteLength).toString("base64") };
+    const { field, visible, lengths } = programs.given.chart();
+    return { field: [...field], visible: [...visible], lengths: Buffer.from(lengths.buffer, lengths.byteOffset, lengths.byteLength).toString("base64") };
   },
   agent({ path, game: rules, role, observations, rows }) {
     const network = read(path);
     const chosen = (player) => rows.map((row) => game.gears(player(rules, asState(rules, row), { role, number: 0 })[0]));
     const outputs = observations.map((observation) => [...agents.outputs(network, observation)]);
-    return { outputs, gears: chosen(agents.atBest(network)), shielded: chosen(agents.shielded(agents.atBest(network))) };
+    return { outputs, levels: chosen(agents.atBest(network)), shielded: chosen(agents.shielded(agents.atBest(network))) };
   },
   views({ game: rules, role, number, statuses, rows, observations }) {
     const seen = rows.map((row, index) => [rules, asState(rules, row, statuses[index]), { role, number }]);
     const each = (pairs) => Object.fromEntries(pairs.map(([name, ask]) => [name, seen.map((one) => ask(...one))]));
     const fitting = Object.entries(calls.CLASSICAL[role]).filter(([name]) => calls.fits(name, rules, game.countsOf(rules)[0]));
     const room = ([, state, who]) => game.ACTIONS.map((action) => calls.roomAfter(rules, game.bodyOf(rules, who), game.robotOf(state, who), action));
-    return { seen: each(observations.map((name) => [name, (...one) => calls.observe(name, ...one)])), values: each(fitting), rooms: seen.map(room) };
+    return { seen: each(observations.map((name) => [name, (...one) => calls.observe(name, ...one)])), values: each(fitting), clearances: seen.map(room) };
   },
   /** Replays of the first games of a match, or their outcomes alone. */
   match({ count = 1, outcomes = false, ...sides }) {

@@ -23,8 +23,8 @@ from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.chart import NO_WAY
-from apollonius.game.dynamics import Unicycle, gears
+from apollonius.game.chart import NO_PATH
+from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
@@ -133,7 +133,7 @@ def any_actions(random, size):
     return random.integers(9, size=size, dtype=np.int32)
 
 
-def any_gears(random, size):
+def any_levels(random, size):
     """Gears of some robots, a third of them beyond 1, where they are clipped."""
     return random.uniform(-1.5, 1.5, size=(*size, 2)).astype(np.float32)
 
@@ -152,9 +152,9 @@ def drawn(game, clearance, count):
     ("name", "draw"),
     [
         ("polygons", any_actions),
-        ("map", any_gears),
+        ("map", any_levels),
         ("crowd", any_actions),
-        *(slow(name, any_gears) for name in ("paper", "territory", "polygons", "crowd", "team-3v2/office")),
+        *(slow(name, any_levels) for name in ("paper", "territory", "polygons", "crowd", "team-3v2/office")),
     ],
 )
 def test_games_come_out_the_same(name, draw):
@@ -181,7 +181,7 @@ def test_games_come_out_the_same(name, draw):
     assert len({int(outcome[length - 1]) for outcome, length in zip(outcomes, lengths, strict=True)}) > 2
 
 
-def test_gears_however_small_move_a_robot_at_its_top_speed_alike():
+def test_action_levels_however_small_move_a_robot_at_its_top_speed_alike():
     """In single precision the top speed, 1.2 m/s, is more than 1.2."""
     game = make_game("paper")
     start = jnp.asarray([2.0, 5.0, 1.2, 0.4, 8.0, 5.0, 1.2, -0.4], jnp.float32)
@@ -231,9 +231,9 @@ def test_robots_see_and_do_the_same(name, role, number, tmp_path):
     def expected(one):
         seen = {name: find_observation(name)(one) for name in READS}
         values = {rule: policy.for_side(game, role).values(one) for rule, policy in rules.items()}
-        return seen, values, jax.vmap(backup.of(one).room_after, (None, 0))(one.own.state, actions)
+        return seen, values, jax.vmap(backup.of(one).clearance_after, (None, 0))(one.own.state, actions)
 
-    all_seen, all_values, rooms = jax.tree.map(np.asarray, expected(views))
+    all_seen, all_values, clearances = jax.tree.map(np.asarray, expected(views))
     for observation, seen in all_seen.items():
         is_apart = np.abs(np.asarray(found["seen"][observation]) - seen).max(axis=1) > 1e-3
         assert np.mean(is_apart) <= MOST_FLIPPED, observation
@@ -242,9 +242,9 @@ def test_robots_see_and_do_the_same(name, role, number, tmp_path):
         loss = values.max(axis=1) - np.take_along_axis(values, chosen[:, None], axis=1)[:, 0]
         assert np.mean(loss > LEVEL) <= MOST_FLIPPED, rule
         assert len(np.unique(chosen)) > 1, rule
-    rooms, theirs = (np.minimum(room, MARGIN) for room in (rooms, np.asarray(found["rooms"])))
-    np.testing.assert_allclose(theirs, rooms, atol=1e-4)
-    assert 0 < np.mean(rooms < MARGIN) < 1
+    clearances, theirs = (np.minimum(room, MARGIN) for room in (clearances, np.asarray(found["clearances"])))
+    np.testing.assert_allclose(theirs, clearances, atol=1e-4)
+    assert 0 < np.mean(clearances < MARGIN) < 1
 
 
 @pytest.fixture
@@ -257,7 +257,7 @@ def plain(tmp_path):
 
 @pytest.fixture
 def smooth(tmp_path):
-    """The file of an untrained pursuer with continuous actions; gears of all sizes, as its weights are large."""
+    """The file of an untrained pursuer with continuous actions; levels of all sizes, as its weights are large."""
     network = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
     save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "smooth.safetensors")
     return tmp_path / "smooth.safetensors"
@@ -275,7 +275,7 @@ def test_networks_and_shields_choose_the_same_actions(name, request):
         view = look(game, as_state(row, jnp.asarray(0)), role)
         seen = agent.observation(view)
         own, behind_shield = (
-            jnp.stack(gears(player(player.observation(view), player.memory, jnp.uint32(0))[0]))
+            jnp.stack(action_levels(player(player.observation(view), player.memory, jnp.uint32(0))[0]))
             for player in (agent, guarded)
         )
         return seen, apply(agent.network.layers, seen), own, behind_shield
@@ -284,7 +284,7 @@ def test_networks_and_shields_choose_the_same_actions(name, request):
     asked = {"path": str(path), "game": to_dict(game), "role": role.name.lower()}
     answer = ask(agent=asked | {"observations": seen.tolist(), "rows": rows.tolist()})
     np.testing.assert_allclose(answer["outputs"], outputs, atol=1e-4)
-    np.testing.assert_allclose(answer["gears"], own, atol=1e-5)
+    np.testing.assert_allclose(answer["levels"], own, atol=1e-5)
     np.testing.assert_allclose(answer["shielded"], behind_shield, atol=1e-5)
     assert 50 < np.any(own != behind_shield, axis=1).sum() < len(rows)
 
@@ -355,13 +355,13 @@ def test_charts_are_alike(name):
     """Rounding decides which of two stops that are equally far is the nearest, and on whole centimetres."""
     game = GAMES[name]()
     found, chart = ask(chart=as_on_the_page(game)), charted(game).arena.chart
-    field, ways, beside = (np.asarray(leaf).ravel() for leaf in (chart.field, chart.ways, chart.beside))
+    field, lengths, visible = (np.asarray(leaf).ravel() for leaf in (chart.field, chart.lengths, chart.visible))
     np.testing.assert_allclose(found["field"], field, atol=1e-5)
-    assert np.mean(np.asarray(found["beside"]) != beside) < 1e-3
-    theirs = np.frombuffer(base64.b64decode(found["ways"]), np.uint16)
-    np.testing.assert_array_equal(theirs == NO_WAY, ways == NO_WAY)
-    np.testing.assert_allclose(theirs, ways.astype(int), atol=1)
-    assert 0.2 < np.mean(ways < NO_WAY) < 1
+    assert np.mean(np.asarray(found["visible"]) != visible) < 1e-3
+    theirs = np.frombuffer(base64.b64decode(found["lengths"]), np.uint16)
+    np.testing.assert_array_equal(theirs == NO_PATH, lengths == NO_PATH)
+    np.testing.assert_allclose(theirs, lengths.astype(int), atol=1)
+    assert 0.2 < np.mean(lengths < NO_PATH) < 1
 
 
 # ---- arenas that are drawn

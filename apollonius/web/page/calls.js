@@ -6,8 +6,8 @@ import { EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, bodiesOf, gears, isActive, 
 import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
-const CELLS = Math.sqrt(given.chart().beside.length); // of a chart along the arena's longer side
-export const STOPS = Math.sqrt(Math.sqrt(given.chart().ways.length)); // of a chart along it, between which paths are known
+const CELLS = Math.sqrt(given.chart().visible.length); // of a chart along the arena's longer side
+export const STOPS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // of a chart along it, between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
 const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own"]; // what reads a chart
 const BODY = ["v_min", "v_max", "u1_max", "u2_max", "radius"];
@@ -47,7 +47,7 @@ function writeRobot(body, robot, action) {
   const [limits, state] = [given.body(), given.robot()];
   for (const key of BODY) limits[key][0] = body[key];
   for (const key of ROBOT) state[key][0] = robot[key];
-  given.gears().set(gears(action));
+  given.levels().set(gears(action));
 }
 
 /** Write the robots of a state: those of the first of two roles first, and the one of a number before its team mates. */
@@ -96,7 +96,7 @@ export function step(game, state, actions) {
   writeArena(game.arena);
   writeRobots(game, state, ROLES);
   ROLES.forEach((role, side) => {
-    state[role].forEach((robot, index) => given.gears().set(isActive(robot) ? gears(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
+    state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? gears(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
   });
   const judged = game.teams?.mates_collide ? run.step_of_bodies : run.step;
   const found = judged(game.capture_distance, game.dt, game.max_steps - state.steps);
@@ -127,7 +127,7 @@ export function clearanceAlong(arena, before, after) {
 export function roomAfter({ arena, dt }, body, robot, action) {
   writeArena(arena);
   writeRobot(body, robot, action);
-  return run.room_after(dt)[0];
+  return run.clearance_after(dt)[0];
 }
 
 /** Return whether the shield allows an action. */
@@ -167,9 +167,9 @@ export const CLASSICAL = Object.fromEntries(
 /** The lengths of the paths [m] from a point to all stops of a game's chart, row by row from the bottom. */
 export function pathsFrom(game, { x, y }) {
   writeChart(game);
-  const { stops, weights } = run.places(x, y);
-  const [{ ways }, count] = [given.chart(), STOPS ** 2];
-  const near = [...stops()].map((stop, index) => [ways.subarray(count * stop, count * (stop + 1)), weights()[index] / 100]);
+  const { cells, weights } = run.cell_weights(x, y);
+  const [{ lengths }, count] = [given.chart(), STOPS ** 2];
+  const near = [...cells()].map((stop, index) => [lengths.subarray(count * stop, count * (stop + 1)), weights()[index] / 100]);
   return Float32Array.from({ length: count }, (_, stop) => near.reduce((sum, [lengths, weight]) => sum + weight * lengths[stop], 0));
 }
 

@@ -30,7 +30,7 @@ _TOGETHER = 512
 
 
 @dataclass(frozen=True)
-class Sitting:
+class OneSideSetup:
     """What stays the same from step to step.
 
     Attributes:
@@ -85,8 +85,8 @@ class Standing(eqx.Module):
     opponent: SideState
 
 
-class Told(eqx.Module):
-    """What a step tells of every game besides how it then stands; `led_to` is what was seen before any new game.
+class StepResult(eqx.Module):
+    """The results of a step of every game; `led_to` is what was seen before any new game.
 
     `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own, and its status.
     """
@@ -100,47 +100,47 @@ class Told(eqx.Module):
     status: Int[Array, "games robots"] | None = None
 
 
-def sample_starts(sitting: Sitting, bits: UInt32[Array, ""]) -> Standing:
+def sample_starts(setup: OneSideSetup, bits: UInt32[Array, ""]) -> Standing:
     """A pile of starts."""
-    keys = jax.random.split(jax.random.key(bits), SPARE * sitting.num_envs)
-    starts = jax.lax.map(sitting.game.reset, keys, batch_size=_TOGETHER)
-    return sitting.begin(starts)
+    keys = jax.random.split(jax.random.key(bits), SPARE * setup.num_envs)
+    starts = jax.lax.map(setup.game.reset, keys, batch_size=_TOGETHER)
+    return setup.begin(starts)
 
 
 def step_games(
-    sitting: Sitting, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
+    setup: OneSideSetup, now: Standing, ended: Bool[Array, " games"], starts: Standing, used: Int[Array, ""],
     action: SideActions, bits: UInt32[Array, ""],
-) -> tuple[Standing, Told]:  # fmt: skip
+) -> tuple[Standing, StepResult]:  # fmt: skip
     """One step of every game; those that have `ended` before do not count where they begin again in this step."""
-    answer, opponent = sitting.answer(now, bits)
-    actions = BySide.of(sitting.role, sitting.each(action), answer)
-    after = jax.vmap(sitting.game.step)(now.state, *actions.pair)
-    led_to = Standing(after.state, sitting.see(after.state), opponent)
-    told = _told(sitting, led_to, after)
-    match sitting.autoreset_mode:
+    answer, opponent = setup.answer(now, bits)
+    actions = BySide.of(setup.role, setup.each(action), answer)
+    after = jax.vmap(setup.game.step)(now.state, *actions.pair)
+    led_to = Standing(after.state, setup.see(after.state), opponent)
+    result = _result(setup, led_to, after)
+    match setup.autoreset_mode:
         case AutoresetMode.SAME_STEP:
-            return renew(led_to, starts, used, told.terminated | told.truncated), told
+            return renew(led_to, starts, used, result.terminated | result.truncated), result
         case AutoresetMode.NEXT_STEP:
             # Zeros: no reward, no end, an ongoing game, active robots.
-            begun = replace(jax.tree.map(jnp.zeros_like, told), led_to=led_to.seen)
-            return renew(led_to, starts, used, ended), _choose(ended, begun, told)
+            begun = replace(jax.tree.map(jnp.zeros_like, result), led_to=led_to.seen)
+            return renew(led_to, starts, used, ended), _choose(ended, begun, result)
         case AutoresetMode.DISABLED:
-            return led_to, told
+            return led_to, result
 
 
-def _told(sitting: Sitting, led_to: Standing, after: Timestep) -> Told:
-    rewards, status = after.rewards[sitting.role], led_to.state.status
+def _result(setup: OneSideSetup, led_to: Standing, after: Timestep) -> StepResult:
+    rewards, status = after.rewards[setup.role], led_to.state.status
     reward = functools.reduce(operator.add, rewards) / len(rewards)
-    told = Told(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
+    result = StepResult(led_to.seen, reward, after.terminated, after.truncated, after.outcome)
     if status is None:
-        return told
-    return replace(told, rewards=jnp.stack(rewards, axis=1), status=jnp.stack(status[sitting.role], axis=1))
+        return result
+    return replace(result, rewards=jnp.stack(rewards, axis=1), status=jnp.stack(status[setup.role], axis=1))
 
 
 def renew(now: Standing, starts: Standing, used: Int[Array, ""], resets: Bool[Array, " games"]) -> Standing:
     """Return games, some restarted from the first unused starts."""
-    place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
-    return _choose(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
+    row = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
+    return _choose(resets, jax.tree.map(lambda leaf: leaf[row], starts), now)
 
 
 def _choose(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:
