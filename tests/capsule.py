@@ -1,4 +1,4 @@
-"""A new kind of obstacle: a wall with round ends. Shown in `docs/how-to/extend.md`."""
+"""A new kind of obstacle: a wall with round ends. Named in `docs/how-to/extend.md`."""
 
 import math
 

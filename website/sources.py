@@ -1,5 +1,6 @@
 """The folder that Sphinx reads: the documents, with the parts of the site and what is generated from the package."""
 
+import json
 import os
 import re
 import shutil
@@ -56,6 +57,7 @@ BESIDE = {
 }
 """Files of the repository's root, and the pages that stand for them."""
 _ONLY_IN_THE_REPOSITORY = {"laboratory.md"}
+_BLOCK = re.compile(r"^(```(?:python|sh|toml)\n.*?^```\n)", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(?<!!)\[((?:[^][]|\[[^]]*\])*)\]\(([^)\s]+)\)")
 
 
@@ -87,7 +89,30 @@ def write_sources(folder: Path) -> None:
         if name == "reference/arenas.md":
             text += cards()
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if name.startswith("tutorials/") and path.stem != "index":
+            (folder / name).with_suffix(".ipynb").write_text(notebook(text))
+            text += f"\n{{download}}`Download this page as a notebook <{path.stem}.ipynb>`.\n"
         (folder / name).write_text(f"{at_home(text, path)}\n{_contents(name)}")
+
+
+def notebook(text: str) -> str:
+    """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells to run.
+
+    What waits for a person, `apollonius play`, stays text, and links become their words.
+    """
+    magic = {"python": "", "sh": "%%sh\n", "toml": "%%writefile {}\n"}
+    cells: list[dict[str, object]] = []
+    for part in filter(str.strip, _BLOCK.split(text)):
+        language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")
+        named = re.match(r"# (\S+)\n", code)
+        if part.startswith("```") and "apollonius play" not in code and (language != "toml" or named):
+            source = magic[language].format(named and named[1]) + code.rstrip("\n")
+            cells += [{"cell_type": "code", "execution_count": None, "metadata": {}, "outputs": [], "source": source}]
+        else:
+            words = _LINK.sub(lambda link: link[0] if "://" in link[2] else link[1], part)
+            cells += [{"cell_type": "markdown", "metadata": {}, "source": words.strip("\n")}]
+    kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    return json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 4}, indent=1)
 
 
 def _contents(name: str) -> str:
