@@ -10,16 +10,12 @@ from apollonius.observe.observation import AbstractObservation, scaled
 
 @dataclass(frozen=True)
 class Bearing(AbstractObservation):
-    """Six numbers: its own speed from its limits to [-1, 1], cosine and sine of the direction in which it sees the
-    opponent from straight ahead, the distance over the arena's longer side, and of both robots the clearance [m]
-    within 1.
-    """
+    """Six numbers: own speed, cosine and sine of the opponent's bearing, distance, both robots' clearances."""
 
     name = "bearing"
     size = 6
 
     def __call__(self, view):
-        """The six numbers."""
         arena, own, opponent = view.arena, view.own.state, view.opponent.state
         body = view.own.body
         direction = jnp.arctan2(opponent.y - own.y, opponent.x - own.x) - own.heading

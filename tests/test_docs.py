@@ -84,8 +84,6 @@ def asked(words, monkeypatch):
         case ["python", "-m", module, *arguments]:
             program = importlib.import_module(module).main
         case ["python", script, *arguments]:
-            if "stable_baselines3" in (REPOSITORY / script).read_text():
-                pytest.importorskip("stable_baselines3")
             program = runpy.run_path(str(REPOSITORY / script))["main"]
         case _:
             pytest.fail("a command of an unknown kind: say here how it is checked")
@@ -267,6 +265,7 @@ WALKED = (
     "docs/start.md",
     "docs/tutorials/play.md",
     "docs/tutorials/train.md",
+    "docs/tutorials/floor_plan.md",
     "docs/how-to/runs.md",
     "docs/how-to/evaluate.md",
     "docs/how-to/export.md",
@@ -302,6 +301,8 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     names = {}
     for block in (block for block in ALL if name_of(block.document) == name):
         with jax.numpy_dtype_promotion("standard"):  # which optax needs
+            if named := re.match(r"# (\S+\.toml)\n", block.code):
+                Path(named[1]).write_text(f"max_steps = 30\n{block.code}")
             if block.language == "python":
                 exec(block.code, names)
             for words in block.commands() if block.language == "sh" else ():
@@ -353,37 +354,18 @@ def test_teams():
     assert len(names["env"].agents) == len(names["rewards"]) == 5
 
 
-SHORTER = {
-    "--preset quick": "--config tiny.toml",
-    "--games 2000": "--games 4",
-    "--games 500": "--games 4",
-    "--games 200\n": "--games 4\n",
-    "--grid 11x11x5x8": "--grid 4x4x2x4 --games 4",
-    "shielded:intercept shielded:pure-pursuit": "shielded:intercept",
-    "random flee-aware": "flee-aware",
-}
-
-
 @pytest.mark.slow
-def test_an_arena_of_ones_own_from_the_plan_to_the_judgement(tmp_path, monkeypatch, capsys):
-    """Every command of the walk-through, with less training, fewer and shorter games."""
-    monkeypatch.chdir(tmp_path)
-    text = (DOCS / "tutorials/floor_plan.md").read_text()
-    (plan,) = re.findall(r"```toml\n(# hall.*?)```", text, flags=re.DOTALL)
-    Path("hall.toml").write_text("max_steps = 30\n" + plan)
-    Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
-    commands = "".join(re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL))
-    for long, short in SHORTER.items():
-        assert long in commands
-        commands = commands.replace(long, short)
+def test_the_learner_of_the_tutorial_learns():
+    text = (DOCS / "tutorials/own_learner.md").read_text().replace("learn(200_000)", "learn(6_000)")
+    learner, library = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    names = {}
     with jax.numpy_dtype_promotion("standard"):  # which optax needs
-        for command in commands.splitlines():
-            name, *arguments = command.split()
-            assert (name, main(arguments)) == ("apollonius", 0), command
-    assert Path("hall.png").exists()
-    said = capsys.readouterr().out
-    assert "shielded:hall/P_curriculum (pursuer) against flee-aware (evader), 4 games, starts: rest" in said
-    assert "hall/P_curriculum (pursuer) against the table: 4 games, starts: rest" in said
+        exec(learner, names)
+    captured, ended = np.array(names["counts"]).reshape(2, -1, 2).sum(1).T
+    assert captured[1] / ended[1] > 2 * captured[0] / ended[0]
+    pytest.importorskip("stable_baselines3")
+    exec(library, names)
+    assert len(names["outcomes"]) == 500
 
 
 GLOSSARY = re.findall(r"^\| [^|]+ \| .+ \| ([^|]+) \|$", (DOCS / "reference" / "glossary.md").read_text(), re.MULTILINE)
