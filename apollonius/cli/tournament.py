@@ -25,9 +25,7 @@ def add_tournament(subparsers: Any) -> None:
         metavar="DIR",
         help="keep matches in this folder, and do not play again what lies there",
     )
-    parser.add_argument(
-        "--plot", type=new_file(".png"), metavar="FILE", help="draw win rates, ratings and equilibrium as .png"
-    )
+    parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
     add_json(parser)
     parser.set_defaults(run=run_tournament)
 

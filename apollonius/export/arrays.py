@@ -1,25 +1,30 @@
-"""Primitives of JAX that are loops: joining, folding along axes, products of matrices."""
+"""Primitives of JAX that are loops: joining, folding along axes, products of matrices; and parts by an index."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from math import prod
 from typing import Any
 
+import jax
 import numpy as np
 
-from apollonius.export.block import Block, Index, Value, moved, part, scalar
+from apollonius.export.block import Block, Index, Value, moved, scalar
 from apollonius.export.elementwise import Params, Rule
-from apollonius.export.expression import Expression, apply, converted, number, plus, times
-from apollonius.export.statement import Nest
+from apollonius.export.scalars import apply, converted, number, plus
 
 _WORTH_A_TEST = 8
 """Length of the inner loop of a product from which on a factor of 0 is looked for."""
 
 
+def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
+    """Return the part of an array that begins at some index."""
+    return moved(value, shape, range(len(shape)), starts)
+
+
 def _joined(block: Block, pieces: Sequence[Value], axis: int, out: Any) -> Value:
-    target, start = block.empty(str(out.dtype), out.shape), 0
+    target, start = block.array(str(out.dtype), out.shape), 0
     for piece in pieces:
-        starts = [number(start if here == axis else 0) for here in range(len(out.shape))]
-        block.copy(piece, part(target, piece.shape, starts))
+        block.copy(piece, part(target, piece.shape, [str(start * (here == axis)) for here in range(len(out.shape))]))
         start += piece.shape[axis]
     return target
 
@@ -40,38 +45,9 @@ def _pad(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     low, high, gaps = ([int(config[place]) for config in params["padding_config"]] for place in range(3))
     if min(*low, *high) < 0:
         raise NotImplementedError("by less than nothing")
-    target = block.empty(str(out.dtype), out.shape)
+    target = block.array(value.kind, out.shape)
     block.copy(moved(filler, out.shape, []), target)
-    block.copy(value, moved(target, value.shape, range(len(low)), list(map(number, low)), [gap + 1 for gap in gaps]))
-    return target
-
-
-def _folded(
-    block: Block,
-    shape: tuple[int, ...],
-    axes: Sequence[int],
-    firsts: Sequence[Expression],
-    fold: Callable[[Block, Index, list[Expression]], list[Expression]],
-    out: Any,
-) -> Value:
-    """Update variables along some axes of an operand, for each place along the others, and keep the last variable.
-
-    Args:
-        firsts: the variables' first values.
-        fold: from the innermost block, the operand's index and the variables to their next values.
-    """
-    target = block.empty(str(out.dtype), out.shape)
-    index, outer = block.loops(out.shape)
-    held = [outer.variable(first) for first in firsts]
-    lengths = tuple(shape[axis] for axis in axes)
-    steps, inner = outer.loops(lengths)
-    others, folded = iter(index), iter(steps)
-    whole = tuple(next(folded) if axis in axes else next(others) for axis in range(len(shape)))
-    for cell, value in zip(held, fold(inner, whole, [cell.at(number(0)) for cell in held]), strict=True):
-        inner.set(cell, number(0), value)
-    outer.close(steps, lengths, inner)
-    outer.store(target, index, held[-1].at(number(0)))
-    block.close(index, out.shape, outer)
+    block.copy(value, moved(target, value.shape, range(len(low)), list(map(str, low)), [gap + 1 for gap in gaps]))
     return target
 
 
@@ -90,32 +66,42 @@ _FIRSTS: dict[str, Callable[[str], float | int | bool]] = {
 """The neutral element of each operation that folds."""
 
 
+def _inserted(index: Sequence[str], axes: Sequence[int], steps: Sequence[str]) -> tuple[str, ...]:
+    """Return an index with steps along some more axes of it."""
+    others, folded = iter(index), iter(steps)
+    return tuple(next(folded) if axis in axes else next(others) for axis in range(len(index) + len(steps)))
+
+
 def _reduce(operation: str) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         (value,), kind = operands, str(out.dtype)
-
-        def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
-            return [apply(operation, kind, now[0], value.read(index))]
-
         axes = sorted(int(axis) % len(value.shape) for axis in params["axes"])
-        return _folded(block, value.shape, axes, [number(_FIRSTS[operation](kind), kind)], fold, out)
+        target = block.array(kind, out.shape)
+        with block.loops(out.shape) as index:
+            total = block.variable(kind, number(_FIRSTS[operation](kind), kind))
+            with block.loops(tuple(value.shape[axis] for axis in axes)) as steps:
+                more = value.read(_inserted(index, axes, steps))
+                block.put(f"{total} = {apply(operation, kind, kind, total, more)};")
+            block.put(f"{target.read(index)} = {total};")
+        return target
 
     return rule
 
 
 def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        (value,), kind, (axis,) = operands, str(out.dtype), map(int, params["axes"])
-
-        def fold(inner: Block, index: Index, now: list[Expression]) -> list[Expression]:
-            best, where = now
-            here = inner.let(value.read(index))
-            is_better = inner.let(apply(better, "bool", here, best))
-            places = is_better, converted(index[axis], kind), where
-            return [apply("select", value.kind, is_better, here, best), apply("select", kind, *places)]
-
-        firsts = [number(worst(value.kind), value.kind), number(0, kind)]
-        return _folded(block, value.shape, [axis], firsts, fold, out)
+        (value,), kind, axes = operands, str(out.dtype), list(map(int, params["axes"]))
+        target = block.array(kind, out.shape)
+        with block.loops(out.shape) as index:
+            best = block.variable(value.kind, number(worst(value.kind), value.kind))
+            where = block.variable(kind, "0")
+            with block.loops((value.shape[axes[0]],)) as steps:
+                here = block.let(value.kind, value.read(_inserted(index, axes, steps)))
+                with block.braces(f"if ({here} {better} {best})"):
+                    block.put(f"{best} = {here};")
+                    block.put(f"{where} = {converted(steps[0], 'int32', kind)};")
+            block.put(f"{target.read(index)} = {where};")
+        return target
 
     return rule
 
@@ -123,17 +109,13 @@ def _argument_of(better: str, worst: Callable[[str], float | int | bool]) -> Rul
 def _cumulative(operation: str) -> Rule:
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         (value,), kind, axis = operands, str(out.dtype), int(params["axis"])
-        target, length = block.empty(kind, out.shape), out.shape[axis]
-        others = tuple(1 if here == axis else size for here, size in enumerate(out.shape))
-        index, outer = block.loops(others)
-        total = outer.variable(number(_FIRSTS[operation](kind), kind))
-        (step,), inner = outer.loops((length,))
-        here = plus(number(length - 1), times(step, -1)) if params["reverse"] else step
-        at = tuple(here if place == axis else other for place, other in enumerate(index))
-        inner.set(total, number(0), apply(operation, kind, total.at(number(0)), value.read(at)))
-        inner.store(target, at, total.at(number(0)))
-        outer.close((step,), (length,), inner)
-        block.close(index, others, outer)
+        target, length = block.array(kind, out.shape), out.shape[axis]
+        with block.loops((*out.shape[:axis], *out.shape[axis + 1 :])) as index:
+            total = block.variable(kind, number(_FIRSTS[operation](kind), kind))
+            with block.loops((length,)) as (step,):
+                at = _inserted(index, [axis], [f"({length - 1} - {step})" if params["reverse"] else step])
+                block.put(f"{total} = {apply(operation, kind, kind, total, value.read(at))};")
+                block.put(f"{target.read(at)} = {total};")
         return target
 
     return rule
@@ -143,42 +125,84 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     """Sum in the outer loop: the inner one runs along the result, and is left out where the factor that is the same for
     all of it is 0, as many outputs of rectifiers are.
     """
-    left, right = map(block.stored, operands)
-    (left_sum, right_sum), (left_batch, right_batch) = params["dimension_numbers"]
-    kind, target = str(out.dtype), block.empty(str(out.dtype), out.shape)
-    block.copy(scalar(number(0, kind), out.shape), target)
-    shape = tuple(left.shape[axis] for axis in (*left_batch, *left_sum))
-    index, outer = block.loops(shape)
-    batch = index[: len(left_batch)]
+    factors, (sums, batches) = list(map(block.stored, operands)), params["dimension_numbers"]
+    kind, target = str(out.dtype), block.array(str(out.dtype), out.shape)
+    block.copy(scalar(kind, "0", out.shape), target)
+    own = [
+        [axis for axis in range(len(one.shape)) if axis not in (*summed, *batch)]
+        for one, summed, batch in zip(factors, sums, batches, strict=True)
+    ]
+    shapes = [tuple(one.shape[axis] for axis in axes) for one, axes in zip(factors, own, strict=True)]
+    slow, fast = (1, 0) if prod(shapes[1]) == 1 else (0, 1)
 
-    class Factor:
-        """One operand: its axes in the order of the loops, and the lengths of those that only it has."""
+    def element(side: int, common: Index, rest: Index) -> str:
+        place = dict(zip([*batches[side], *sums[side], *own[side]], [*common, *rest], strict=True))
+        return factors[side].read(tuple(place[axis] for axis in range(len(place))))
 
-        def __init__(self, value: Value, known: Sequence[int]) -> None:
-            free = [axis for axis in range(len(value.shape)) if axis not in known]
-            self.value, self.axes, self.shape = value, [*known, *free], tuple(value.shape[axis] for axis in free)
+    known = tuple(factors[0].shape[axis] for axis in (*batches[0], *sums[0]))
+    with block.loops(known) as common, block.loops(shapes[slow]) as outer:
+        fixed = block.let(kind, element(slow, common, outer))
+        is_long = prod(shapes[fast]) >= _WORTH_A_TEST
+        with block.braces(f"if ({fixed} != 0)") if is_long else nullcontext(), block.loops(shapes[fast]) as inner:
+            rows = (*outer, *inner) if slow == 0 else (*inner, *outer)
+            place = target.read((*common[: len(batches[0])], *rows))
+            block.put(f"{place} += {fixed} * {element(fast, common, inner)};")
+    return target
 
-        def read(self, at: Index) -> Expression:
-            place = dict(zip(self.axes, [*index, *at], strict=True))
-            return self.value.read(tuple(place[axis] for axis in range(len(place))))
 
-    factors = Factor(left, (*left_batch, *left_sum)), Factor(right, (*right_batch, *right_sum))
-    turned = prod(factors[1].shape) == 1
-    slow, fast = factors[::-1] if turned else factors
-    slow_index, middle = outer.loops(slow.shape)
-    fixed = middle.let(slow.read(slow_index))
-    fast_index, innermost = middle.loops(fast.shape)
-    at = (*batch, *fast_index, *slow_index) if turned else (*batch, *slow_index, *fast_index)
-    product = apply("mul", kind, fixed, fast.read(fast_index))
-    innermost.store(target, at, apply("add", kind, target.read(at), product))
-    row = middle.inner()
-    row.close(fast_index, fast.shape, innermost)
-    if prod(fast.shape) >= _WORTH_A_TEST:
-        is_other = apply("ne", "bool", fixed, number(0, kind))
-        row.statements = [Nest(f"if ({is_other.text})", tuple(row.statements))]
-    middle.statements += row.statements
-    outer.close(slow_index, slow.shape, middle)
-    block.close(index, shape, outer)
+def _within(block: Block, text: str, kind: str, most: int) -> str:
+    """Return a start index between 0 and the last one with room behind it."""
+    if most <= 0:
+        return "0"
+    if text.isdigit():
+        return str(min(int(text), most))
+    start = block.let("int32", converted(text, kind, "int32"))
+    return block.let("int32", f"{start} < 0 ? 0 : {start} > {most} ? {most} : {start}")
+
+
+def _starts(block: Block, starts: Sequence[Value], shape: Sequence[int], sizes: Sequence[int]) -> list[str]:
+    three = zip(starts, shape, sizes, strict=True)
+    return [_within(block, start.first, start.kind, length - size) for start, length, size in three]
+
+
+def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    value, *starts = operands
+    return part(block.stored(value), out.shape, _starts(block, starts, value.shape, out.shape))
+
+
+def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    value, update, *starts = operands
+    target = block.array(value.kind, value.shape)
+    block.copy(value, target)
+    block.copy(update, part(target, update.shape, _starts(block, starts, value.shape, update.shape)))
+    return target
+
+
+def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    value, indices = map(block.stored, operands)
+    numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
+    fills = params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP
+    target = block.array(str(out.dtype), out.shape)
+    with block.loops(out.shape) as index:
+        batch = [step for axis, step in enumerate(index) if axis not in numbers.offset_dims]
+        offsets = iter([index[axis] for axis in numbers.offset_dims])
+        gone = {*numbers.collapsed_slice_dims, *numbers.operand_batching_dims}
+        there = ["0" if axis in gone else next(offsets) for axis in range(len(value.shape))]
+        for axis, place in zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True):
+            there[axis] = batch[place]
+        known = list[str]()
+        for component, axis in enumerate(numbers.start_index_map):
+            most = value.shape[axis] - sizes[axis]
+            start = converted(indices.read((*batch, str(component))), indices.kind, "int32")
+            if fills:
+                start = block.let("int32", start)
+                known.append(f"{start} >= 0 && {start} <= {most}")
+            there[axis] = plus(there[axis], _within(block, start, "int32", most))
+        element = value.read(tuple(there))
+        if fills:
+            filler = number(np.asarray(params["fill_value"]).astype(value.kind).item(), value.kind)
+            element = f"({' && '.join(known)} ? {element} : {filler})"
+        block.put(f"{target.read(index)} = {element};")
     return target
 
 
@@ -187,12 +211,18 @@ _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "
 FOLDS: dict[str, Rule] = {
     **{f"reduce_{word}": _reduce(operation) for word, operation in _OPERATIONS.items()},
     **{f"cum{word}": _cumulative(_OPERATIONS[word]) for word in ("sum", "prod", "max", "min")},
-    "argmax": _argument_of("gt", _least),
-    "argmin": _argument_of("lt", _greatest),
+    "argmax": _argument_of(">", _least),
+    "argmin": _argument_of("<", _greatest),
     "concatenate": _concatenate,
     "stack": _stack,
 }
 """Primitives that read each element of an operand once, by name."""
 
-PRODUCTS: dict[str, Rule] = {"pad": _pad, "dot_general": _dot}
+OTHERS: dict[str, Rule] = {
+    "pad": _pad,
+    "dot_general": _dot,
+    "dynamic_slice": _dynamic_slice,
+    "dynamic_update_slice": _dynamic_update_slice,
+    "gather": _gather,
+}
 """Those that read some more than once, or not at all."""

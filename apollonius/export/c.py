@@ -5,6 +5,7 @@ by one, as in Python.
 """
 
 import ctypes
+import re
 import shutil
 import subprocess
 import tempfile
@@ -16,16 +17,20 @@ from typing import Any
 import jax
 import numpy as np
 
-from apollonius.export.block import Buffer
-from apollonius.export.expression import HELPERS, TYPES, number
 from apollonius.export.record import Record
-from apollonius.export.statement import words
+from apollonius.export.scalars import HELPERS, TYPES, number
 from apollonius.io.errors import InvalidInput
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2")
 """Flags of the C compiler for a source."""
 _BY_VALUE = {"float32": ctypes.c_float, "int32": ctypes.c_int32, "uint32": ctypes.c_uint32, "bool": ctypes.c_uint8}
 _PER_LINE = 8
+_WORD = re.compile(r"\b[A-Za-z_]\w*(?:->\w+)?")
+
+
+def words(text: str) -> frozenset[str]:
+    """Return the names in a text in C."""
+    return frozenset(_WORD.findall(text))
 
 
 @dataclass(frozen=True)
@@ -36,14 +41,14 @@ class Program:
         name: an identifier that all its public names begin with.
         functions: those that it calls, in C, each after those that it calls itself.
         body: its own statements, in braces.
-        constants: the arrays that it closes over.
+        constants: the arrays that it closes over, with their names.
         arguments, results: how they lie in memory.
     """
 
     name: str
     functions: tuple[str, ...]
     body: str
-    constants: tuple[tuple[Buffer, np.ndarray], ...]
+    constants: tuple[tuple[str, np.ndarray], ...]
     arguments: tuple[Record, ...]
     results: tuple[Record, ...]
 
@@ -77,8 +82,8 @@ def source(program: Program) -> str:
     opened, *lines = program.body.splitlines()
     bodies = [*program.functions, "\n".join([_signature(program), opened, *ignored, *lines])]
     constants = [
-        f"static const {TYPES[buffer.kind]} {buffer.name}[{buffer.size}] = {{\n{_rows(array, buffer.kind)}\n}};"
-        for buffer, array in program.constants
+        f"static const {TYPES[str(array.dtype)]} {name}[{array.size}] = {{\n{_rows(array)}\n}};"
+        for name, array in program.constants
     ]
     called = frozenset[str]().union(*map(words, bodies))
     helpers = [text for name, text in HELPERS.items() if f"op_{name}" in called]
@@ -119,8 +124,8 @@ def _signature(program: Program) -> str:
     return f"void {program.name}({', '.join([*arguments, *results])})"
 
 
-def _rows(array: np.ndarray, kind: str) -> str:
-    texts = [number(value, kind).text for value in array.ravel().tolist()]
+def _rows(array: np.ndarray) -> str:
+    texts = [number(value, str(array.dtype)) for value in array.ravel().tolist()]
     return ",\n".join("    " + ", ".join(texts[at : at + _PER_LINE]) for at in range(0, len(texts), _PER_LINE))
 
 

@@ -1,12 +1,12 @@
-"""Primitives of JAX whose results are computed as they are read: operations on scalars, and other views of an array."""
+"""Primitives of JAX whose results are computed as they are read: operations on numbers, and other views of an array."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 
-from apollonius.export.block import Block, Index, Value, moved, placed
-from apollonius.export.expression import Expression, apply, converted, number
+from apollonius.export.block import Block, Index, Value, moved, placed, scalar
+from apollonius.export.scalars import apply, converted, number
 
 Params = Mapping[str, Any]
 Rule = Callable[[Block, list[Value], Params, Any], Value]
@@ -17,55 +17,54 @@ _TRUTHS = ("eq", "ne", "lt", "le", "gt", "ge", "and", "or", "xor", "not", "is_fi
 _SHIFTS = ("shift_left", "shift_right_logical", "shift_right_arithmetic")
 _ROOTS = ("sqrt", "rsqrt", "cbrt", "exp", "exp2", "expm1", "log", "log1p", "pow", "logistic", "floor", "ceil")
 _ANGLES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
-SIMPLE = (*_ARITHMETIC, *_TRUTHS, *_SHIFTS, *_ROOTS, *_ANGLES)
-"""Primitives that are an operation of a program by the same name."""
 
 
-def along(value: Value, index: Index) -> Expression:
+def along(value: Value, index: Index) -> str:
     """Return an operand's element: axes of length 1 are broadcast, and so is a lone number."""
     steps = zip(index[: len(value.shape)], value.shape, strict=True)
-    return value.read(tuple(number(0) if length == 1 else step for step, length in steps))
+    return value.read(tuple("0" if length == 1 else step for step, length in steps))
 
 
 def elementwise(operation: str) -> Rule:
-    """Return the rule of an operation on scalars."""
+    """Return the rule of an operation on numbers."""
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-        kind = str(out.dtype)
-        return Value(kind, out.shape, lambda index: apply(operation, kind, *(along(one, index) for one in operands)))
+        kind, of = str(out.dtype), operands[0].kind
+
+        def read(index: Index) -> str:
+            return apply(operation, kind, of, *(along(one, index) for one in operands))
+
+        return Value(kind, out.shape, read, pending=True)
 
     return rule
 
 
-def is_at_most(which: Expression, case: int) -> Expression:
+def is_at_most(text: str, kind: str, case: int) -> str:
     """Return whether a choice, a truth or a number, is one of the first cases up to this one."""
-    if which.kind == "bool":
-        return apply("not", "bool", which)
-    return apply("le", "bool", which, number(case, which.kind))
+    return f"(!{text})" if kind == "bool" else f"({text} <= {number(case, kind)})"
 
 
 def _convert(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     (value,), kind = operands, str(out.dtype)
     if value.kind == kind:
         return value
-    return Value(kind, out.shape, lambda index: converted(value.read(index), kind))
+    return Value(kind, out.shape, lambda index: converted(value.read(index), value.kind, kind), pending=True)
 
 
 def _power(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     """Multiply by squares, squares of squares and so on, as XLA does."""
-    value, kind, exponent = block.stored(operands[0]), str(out.dtype), int(params.get("y", 2))
+    value, exponent = block.stored(operands[0]), int(params.get("y", 2))
 
-    def read(index: Index) -> Expression:
-        product: Expression | None = None
-        factor, left = value.read(index), abs(exponent)
+    def read(index: Index) -> str:
+        product, factor, left = "", value.read(index), abs(exponent)
         while left:
             if left % 2:
-                product = factor if product is None else apply("mul", kind, product, factor)
-            factor, left = apply("mul", kind, factor, factor), left // 2
-        product = product or number(1, kind)
-        return product if exponent >= 0 else apply("div", kind, number(1, kind), product)
+                product = f"({product} * {factor})" if product else factor
+            factor, left = f"({factor} * {factor})", left // 2
+        product = product or number(1, value.kind)
+        return product if exponent >= 0 else f"({number(1, value.kind)} / {product})"
 
-    return Value(kind, out.shape, read)
+    return Value(value.kind, out.shape, read, pending=True)
 
 
 def _round(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -76,19 +75,24 @@ def _round(block: Block, operands: list[Value], params: Params, out: Any) -> Val
 def _select(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     which, *cases = operands
 
-    def read(index: Index) -> Expression:
+    def read(index: Index) -> str:
         chosen, asked = along(cases[-1], index), along(which, index)
         for case in range(len(cases) - 2, -1, -1):
-            chosen = apply("select", str(out.dtype), is_at_most(asked, case), along(cases[case], index), chosen)
+            chosen = f"({is_at_most(asked, which.kind, case)} ? {along(cases[case], index)} : {chosen})"
         return chosen
 
-    return Value(str(out.dtype), out.shape, read)
+    return Value(str(out.dtype), out.shape, read, pending=True)
 
 
 def _clamp(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     low, value, high = operands
     above = elementwise("max")(block, [value, low], params, out)
     return elementwise("min")(block, [above, high], params, out)
+
+
+def _iota(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
+    kind, axis = str(out.dtype), int(params["dimension"])
+    return Value(kind, out.shape, lambda index: converted(index[axis], "int32", kind))
 
 
 def _broadcast(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
@@ -114,34 +118,30 @@ def _transpose(block: Block, operands: list[Value], params: Params, out: Any) ->
 
 
 def _slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    starts = [number(int(start)) for start in params["start_indices"]]
-    return moved(
-        operands[0], out.shape, range(len(starts)), starts, params["strides"] and list(map(int, params["strides"]))
-    )
+    starts, steps = params["start_indices"], params["strides"] or [1] * len(out.shape)
+    return moved(operands[0], out.shape, range(len(starts)), list(map(str, starts)), list(map(int, steps)))
 
 
 def _reverse(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     turned = [axis in params["dimensions"] for axis in range(len(out.shape))]
-    starts = [number(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
+    starts = [str(length - 1 if turn else 0) for length, turn in zip(out.shape, turned, strict=True)]
     return moved(operands[0], out.shape, range(len(turned)), starts, [-1 if turn else 1 for turn in turned])
 
 
 def _reshape(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    (value,) = operands
-    if value.size == 1 and value.place is None:
-        return Value(value.kind, out.shape, lambda _: value.first, free=value.free)
-    place = (value if value.whole else block.copied(value)).place
-    assert place is not None
-    return placed(out.shape, place.buffer, place.offset)
+    value = block.whole(operands[0])
+    if value.place is None or value.size == 1:
+        return scalar(value.kind, value.first, out.shape)
+    return placed(value.kind, out.shape, value.place.buffer, value.place.offset)
 
 
 def _tile(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
     value = block.stored(operands[0])
     new = len(out.shape) - len(value.shape)
 
-    def read(index: Index) -> Expression:
+    def read(index: Index) -> str:
         steps = zip(index[new:], value.shape, strict=True)
-        return value.read(tuple(apply("rem", "int32", step, number(length)) for step, length in steps))
+        return value.read(tuple(f"({step} % {length})" for step, length in steps))
 
     return Value(value.kind, out.shape, read)
 
@@ -150,13 +150,8 @@ def _same(block: Block, operands: list[Value], params: Params, out: Any) -> Valu
     return operands[0]
 
 
-def _iota(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    kind, axis = str(out.dtype), int(params["dimension"])
-    return Value(kind, out.shape, lambda index: converted(index[axis], kind), free=True)
-
-
 COMPUTED: dict[str, Rule] = {
-    **{name: elementwise(name) for name in SIMPLE},
+    **{name: elementwise(name) for name in (*_ARITHMETIC, *_TRUTHS, *_SHIFTS, *_ROOTS, *_ANGLES)},
     "add_any": elementwise("add"),
     "bitcast_convert_type": elementwise("bitcast"),
     "convert_element_type": _convert,
@@ -165,7 +160,7 @@ COMPUTED: dict[str, Rule] = {
     "select_n": _select,
     "clamp": _clamp,
 }
-"""Operations on scalars, by the name of the primitive."""
+"""Operations on numbers, by the name of the primitive."""
 
 VIEWS: dict[str, Rule] = {
     "broadcast_in_dim": _broadcast,

@@ -10,9 +10,9 @@ import onnxruntime  # pyright: ignore[reportMissingImports]
 from jax.extend.core import Jaxpr, Literal
 from jax2onnx import to_onnx  # pyright: ignore[reportMissingImports]
 
-from apollonius.export.equations import CALLED
 from apollonius.export.parity import Decide
 from apollonius.export.player import Player
+from apollonius.export.translate import CALLED
 from apollonius.io.errors import InvalidInput
 
 OPSET = 21

@@ -1,30 +1,39 @@
 """A JAX function as a program in C.
 
 The function is traced once, for arguments of certain shapes. Functions that it calls through `jit` stay functions if
-they are of some size, loops stay loops, and whatever is not a loop becomes scalars and short loops over arrays.
+they are of some size, and loops stay loops. Numbers become variables; what is computed for each element of an array is
+computed where it is read if one primitive reads it, and stored otherwise.
 """
 
 import inspect
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_in_params
+from jax.interpreters.partial_eval import dce_jaxpr
 
-from apollonius.export.block import Block, Buffer, Value, part, placed, scalar
-from apollonius.export.c import Program
-from apollonius.export.control import CONTROL
-from apollonius.export.equations import CALLED, RULES, length, line_of, needed, unknown_kind, waiting
-from apollonius.export.expression import TYPES, number
-from apollonius.export.expression import name as named
+from apollonius.export.arrays import FOLDS, OTHERS, part
+from apollonius.export.block import Block, Value, placed, row_along, scalar
+from apollonius.export.c import Program, words
+from apollonius.export.elementwise import COMPUTED, VIEWS, is_at_most
 from apollonius.export.record import Leaf, Record, record_of
-from apollonius.export.statement import Line, printed, swept, words
+from apollonius.export.scalars import TYPES, number
 from apollonius.io.errors import InvalidInput
 
+CALLED = {
+    **{"jit": "jaxpr", "remat": "jaxpr", "checkpoint": "jaxpr", "closed_call": "call_jaxpr"},
+    **{"custom_jvp_call": "call_jaxpr", "custom_vjp_call": "call_jaxpr", "custom_vmap_call": "call"},
+}
+"""Primitives that call a function, and the parameter that is this function."""
+RULES = COMPUTED | VIEWS | FOLDS | OTHERS
+"""All others but control flow, by name."""
+_READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose", "expand_dims"}
+"""Those that read each element of an operand once, if it is of their result's size or they fold it."""
 _STAYS = 24
 """Equations that a called function must have at least to stay one."""
 
@@ -49,18 +58,15 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     made = shape if isinstance(shape, dict) else {"result": shape}
     results = [record_of(f"next_{key}" if key in names else key, made[key]) for key in sorted(made)]
     translator, block = _Translator(), Block()
-    read = [_of_leaf(record, leaf, record.name) for record in given for leaf in record.leaves]
-    targets = [_of_leaf(record, leaf, f"*{record.name}") for record in results for leaf in record.leaves]
+    read = [_of_leaf(record, leaf) for record in given for leaf in record.leaves]
+    targets = [_of_leaf(record, leaf, "*") for record in results for leaf in record.leaves]
     for value, target in zip(translator.run(block, closed.jaxpr, closed.consts, read), targets, strict=True):
         block.copy(value, target)
-    body = printed(swept(block.statements))
-    used, comes_back = words(body), {record.name.removeprefix("next_") for record in results}
-    kept = [record if whole or record.name in comes_back else record.only(used) for record in given]
+    body, comes_back = block.printed(), {record.name.removeprefix("next_") for record in results}
+    kept = [record if whole or record.name in comes_back else record.only(words(body)) for record in given]
     called = translator.functions.items()
     functions = tuple(f"static void {title}({signature})\n{text}" for (signature, text), title in called)
-    everything = used.union(*map(words, functions))
-    constants = tuple(one for one in translator.constants.values() if one[0].name in everything)
-    return Program(name, functions, body, constants, tuple(kept), tuple(results))
+    return Program(name, functions, body, tuple(translator.constants.values()), tuple(kept), tuple(results))
 
 
 class _Translator:
@@ -70,23 +76,23 @@ class _Translator:
         self.line = "line unknown"
         self.functions: dict[tuple[str, str], str] = {}
         self.names = Counter[str]()
-        self.constants: dict[tuple[Any, ...], tuple[Buffer, np.ndarray]] = {}
+        self.constants: dict[tuple[Any, ...], tuple[str, np.ndarray]] = {}
 
     def run(self, block: Block, jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[Value]) -> list[Value]:
         """Return the results of a function's equations, written to a block."""
+        jaxpr, _ = dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars), instantiate=True)
         known: dict[Var, Value] = dict(zip(jaxpr.invars, given, strict=True))
         known |= {var: self.constant(const) for var, const in zip(jaxpr.constvars, consts, strict=True)}
 
         def value_of(one: Var | Literal) -> Value:
             return self.constant(one.val) if isinstance(one, Literal) else known[one]
 
-        equations = needed(jaxpr)
-        waits = waiting(jaxpr, equations)
-        for equation in equations:
+        waits = _waiting(jaxpr)
+        for equation in jaxpr.eqns:
             try:
                 results = self.equation(block, equation, [value_of(one) for one in equation.invars])
                 for var, value in zip(equation.outvars, results, strict=True):
-                    known[var] = value if value.free or var in waits else block.stored(value)
+                    known[var] = value if var in waits else block.stored(value)
             except NotImplementedError as reason:
                 message = f"'{equation.primitive.name}' cannot be translated: {reason} ({self.line})."
                 raise InvalidInput(message) from reason
@@ -98,11 +104,10 @@ class _Translator:
         array = array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
         kind, shape = str(array.dtype), array.shape
         if array.size == 1:
-            return scalar(number(array.reshape(()).item(), kind), shape)
+            return scalar(kind, number(array.reshape(()).item(), kind), shape)
         key = (kind, shape, array.tobytes())
-        if key not in self.constants:
-            self.constants[key] = Buffer(f"k{len(self.constants) + 1}", kind, array.size), array
-        return placed(shape, self.constants[key][0])
+        name, _ = self.constants.setdefault(key, (f"k{len(self.constants) + 1}", array))
+        return placed(kind, shape, name)
 
     def equation(self, block: Block, equation: JaxprEqn, given: list[Value]) -> list[Value]:
         """Return the results of one equation.
@@ -111,89 +116,166 @@ class _Translator:
             InvalidInput: for a primitive that is not known.
         """
         primitive, params = equation.primitive.name, equation.params
-        self.line = line_of(equation) or self.line
-        if kind := unknown_kind(equation):
-            raise InvalidInput(f"numbers of the kind '{kind}' cannot be translated ({self.line}).")
+        self.line = _line_of(equation) or self.line
+        if kinds := {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars} - {*TYPES}:
+            raise InvalidInput(f"numbers of the kind '{min(kinds)}' cannot be translated ({self.line}).")
         if primitive in CALLED:
             return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
-        if primitive in CONTROL:
-            ready = [value if value.free else block.stored(value) for value in given]
-            return CONTROL[primitive](self.run, block, ready, params)
-        if primitive == "optimization_barrier":
-            return given
-        if primitive == "split":
-            return _split(given[0], params)
-        if primitive not in RULES:
-            raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
-        return [RULES[primitive](block, given, params, equation.outvars[0].aval)]
+        match primitive:
+            case "scan":
+                return self.scan(block, given, params)
+            case "while":
+                return self.loop(block, given, params)
+            case "cond":
+                return self.choose(block, given, params["branches"])
+            case "split":
+                return _split(given[0], params)
+            case "optimization_barrier":
+                return given
+            case _ if primitive in RULES:
+                return [RULES[primitive](block, given, params, equation.outvars[0].aval)]
+            case _:
+                raise InvalidInput(f"the primitive '{primitive}' cannot be translated ({self.line}).")
 
     def call(self, block: Block, called: ClosedJaxpr | Jaxpr, given: Sequence[Value], name: str) -> list[Value]:
         """Return the results of a called function, which stays one if it is of some size."""
         jaxpr, consts = (called.jaxpr, called.consts) if isinstance(called, ClosedJaxpr) else (called, [])
-        if length(jaxpr) < _STAYS:
+        if _length(jaxpr) < _STAYS:
             return self.run(block, jaxpr, consts, given)
-        inside, inner, parameters, arguments = Block(), list[Value](), list[str](), list[str]()
-        for value in map(_forward, [one if one.free and one.size == 1 else block.stored(one) for one in given]):
-            parameter, kind = f"p{len(inner) + 1}", TYPES[value.kind]
+        inside, inner, handed = Block(), list[Value](), dict[str, tuple[str, str]]()
+        for number_in, value in enumerate(given, start=1):
+            title, kind = f"p{number_in}", TYPES[value.kind]
             if value.size == 1:
-                inner.append(scalar(named(parameter, value.kind), value.shape))
-                parameters.append(f"{kind} {parameter}")
-                arguments.append(value.first.text)
-            else:
-                place = (value if value.place is not None else block.copied(value)).place
-                assert place is not None
-                inner.append(placed(value.shape, Buffer(parameter, value.kind, value.size), strides=place.strides))
-                parameters.append(f"const {kind} *{parameter}")
-                start = "" if place.offset.known == 0 else f" + {place.offset.text}"
-                arguments.append(f"{place.buffer.name}{start}")
-        results, written = self.run(inside, jaxpr, consts, inner), list[str]()
-        for place, value in enumerate(results, start=1):
-            target = Buffer(f"r{place}", value.kind, value.size, outside=True)
-            inside.copy(value, placed(value.shape, target))
-            written.append(f"{TYPES[value.kind]} *restrict {target.name}")
-        body = printed(swept(inside.statements))
-        kept = [place for place in range(len(inner)) if f"p{place + 1}" in words(body)]
-        signature = ", ".join([*(parameters[place] for place in kept), *written])
-        key = signature, body
+                inner.append(scalar(value.kind, title, value.shape))
+                handed[title] = f"{kind} {title}", value.first
+                continue
+            place = value.place if value.place and min(value.place.strides) >= 0 else block.copied(value).place
+            assert place is not None, "an array of several elements lies somewhere"
+            inner.append(placed(value.kind, value.shape, title, strides=place.strides))
+            start = "" if place.offset == "0" else f" + {place.offset}"
+            handed[title] = f"const {kind} *{title}", f"{place.buffer}{start}"
+        made = list[Value]()
+        for number_out, value in enumerate(self.run(inside, jaxpr, consts, inner), start=1):
+            made.append(block.array(value.kind, value.shape))
+            inside.copy(value, placed(value.kind, value.shape, f"r{number_out}"))
+            handed[f"r{number_out}"] = f"{TYPES[value.kind]} *restrict r{number_out}", _buffer(made[-1])
+        text = inside.printed()
+        kept = [both for word, both in handed.items() if word in words(text)]
+        key = ", ".join(parameter for parameter, _ in kept), text
         if key not in self.functions:
             word = re.sub(r"\W+", "_", name).strip("_").lower() or "function"
             self.names[word] += 1
             self.functions[key] = f"{word}_{self.names[word]}"
-        made = [block.empty(value.kind, value.shape) for value in results]
-        passed = [*(arguments[place] for place in kept), *(_buffer(value).name for value in made)]
-        text = f"{self.functions[key]}({', '.join(passed)});"
-        block.statements.append(Line(text, reads=words(text)))
-        return [block.stored(_loaded(value)) for value in made]
+        block.put(f"{self.functions[key]}({', '.join(argument for _, argument in kept)});")
+        return made
+
+    def scan(self, block: Block, given: list[Value], params: Any) -> list[Value]:
+        """Return the carry after the last step and what every step put out."""
+        consts, carried = params["num_consts"], params["num_carry"]
+        jaxpr, length = params["jaxpr"], params["length"]
+        fixed, rows = given[:consts], given[consts + carried :]
+        carry = [_variable(block, one) for one in given[consts : consts + carried]]
+        outs = [out.aval for out in jaxpr.jaxpr.outvars[carried:]]
+        ys = [block.array(str(out.dtype), (length, *out.shape)) for out in outs]
+        with block.loops((length,)) as (step,):
+            here = f"({length - 1} - {step})" if params["reverse"] else step
+            now = [*fixed, *carry, *(row_along(one, here) for one in rows)]
+            results = self.run(block, jaxpr.jaxpr, jaxpr.consts, now)
+            for value, row in zip(results[carried:], ys, strict=True):
+                block.copy(value, row_along(row, here))
+            _assign(block, results[:carried], carry)
+        return [*carry, *ys]
+
+    def loop(self, block: Block, given: list[Value], params: Any) -> list[Value]:
+        """Return the carry when the condition no longer holds."""
+        asked, done = params["cond_nconsts"], params["body_nconsts"]
+        cond, body = params["cond_jaxpr"], params["body_jaxpr"]
+        carry = [_variable(block, one) for one in given[asked + done :]]
+        with block.braces("for (;;)"):
+            (holds,) = self.run(block, cond.jaxpr, cond.consts, [*given[:asked], *carry])
+            block.put(f"if (!{holds.first}) break;")
+            _assign(block, self.run(block, body.jaxpr, body.consts, [*given[asked : asked + done], *carry]), carry)
+        return carry
+
+    def choose(self, block: Block, given: list[Value], branches: Sequence[ClosedJaxpr]) -> list[Value]:
+        """Return the results of the branch that is asked for; of the last one for a number beyond."""
+        made = [block.array(str(out.aval.dtype), out.aval.shape) for out in branches[0].jaxpr.outvars]
+        for place, branch in enumerate(branches):
+            words = ["else"] if place else []
+            if place < len(branches) - 1:
+                words.append(f"if ({is_at_most(given[0].first, given[0].kind, place)})")
+            with block.braces(" ".join(words)):
+                for value, target in zip(self.run(block, branch.jaxpr, branch.consts, given[1:]), made, strict=True):
+                    block.copy(value, target)
+        return made
 
 
-def _of_leaf(record: Record, leaf: Leaf, only: str = "") -> Value:
+def _of_leaf(record: Record, leaf: Leaf, pointer: str = "") -> Value:
     text = record.text(leaf)
-    outside = Buffer(text, leaf.kind, leaf.size, only if record.lone else text, outside=True)
-    return placed(leaf.shape, outside if leaf.size == 1 else replace(outside, only=""))
+    if leaf.size > 1:
+        return placed(leaf.kind, leaf.shape, text)
+    return scalar(leaf.kind, f"{pointer if record.lone else ''}{text}", leaf.shape)
 
 
 def _split(value: Value, params: Any) -> list[Value]:
     pieces, start = [], 0
     for size in map(int, params["sizes"]):
         shape = tuple(size if axis == params["axis"] else n for axis, n in enumerate(value.shape))
-        starts = [number(start if axis == params["axis"] else 0) for axis in range(len(shape))]
-        pieces.append(part(value, shape, starts))
+        pieces.append(part(value, shape, [str(start if axis == params["axis"] else 0) for axis in range(len(shape))]))
         start += size
     return pieces
 
 
-def _forward(value: Value) -> Value:
-    """Return a value without negative strides, computed where one is: a function's parameter begins at its first."""
-    if value.place is not None and min(value.place.strides, default=0) < 0:
-        return Value(value.kind, value.shape, value.read)
-    return value
+def _variable(block: Block, first: Value) -> Value:
+    """Return an array that can be assigned to, with its first value."""
+    made = block.array(first.kind, first.shape)
+    block.copy(first, made)
+    return made
 
 
-def _buffer(value: Value) -> Buffer:
-    assert value.place is not None
-    return value.place.buffer
+def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -> None:
+    """Assign all at once: what may read another variable is copied before that one changes."""
+    changing = {"", *map(_buffer, variables)}
+    ready = [
+        value if value is variable or _buffer(value) not in changing else block.copied(value)
+        for value, variable in zip(values, variables, strict=True)
+    ]
+    for value, variable in zip(ready, variables, strict=True):
+        if value is not variable:
+            block.copy(value, variable)
 
 
-def _loaded(value: Value) -> Value:
-    """Return a lone number as an expression, since the buffer that a function wrote it to may be written again."""
-    return value if value.size != 1 else Value(value.kind, value.shape, lambda _, first=value.first: first)
+def _buffer(value: Value) -> str:
+    """Return the name of the array in C that a value lies in; empty if it lies in none."""
+    return value.place.buffer if value.place else ""
+
+
+def _waiting(jaxpr: Jaxpr) -> set[Var]:
+    """Return the arrays that need not be stored: one equation reads them, each element once."""
+    uses = Counter(var for equation in jaxpr.eqns for var in equation.invars if isinstance(var, Var))
+    uses.update(var for var in jaxpr.outvars if isinstance(var, Var))
+    wait = set()
+    for equation in jaxpr.eqns:
+        name = equation.primitive.name
+        for var in equation.invars:
+            if isinstance(var, Var) and uses[var] == 1 and name in _READS_ONCE and _size(var) > 1:
+                wait |= {var} if name in FOLDS or _size(var) == _size(equation.outvars[0]) else set()
+    return wait
+
+
+def _size(var: Any) -> int:
+    return int(np.prod(var.aval.shape, dtype=int))
+
+
+def _length(jaxpr: Jaxpr) -> int:
+    """Return the number of equations, those of called functions and of loops included."""
+    return sum(1 + sum(map(_length, jaxprs_in_params(equation.params))) for equation in jaxpr.eqns)
+
+
+def _line_of(equation: JaxprEqn) -> str | None:
+    """Return the line of Python that an equation comes from, outside of libraries; None if it is of one."""
+    traceback, libraries = equation.source_info.traceback, Path(jax.__file__).parents[1]
+    for frame in traceback.frames if traceback else ():
+        if libraries not in Path(frame.file_name).parents:
+            return f"line {frame.line_num} of {frame.file_name}"
+    return None

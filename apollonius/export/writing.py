@@ -139,7 +139,7 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
 def _about(program: Program, player: Player) -> list[str]:
     """Return the lines of the header."""
     game, role, names = player.game, player.role, {record.name for record in program.records}
-    (body, *mates), opponents, arena = game.bodies[role], game.bodies[role.other], game.arena
+    (body, *mates), opponents = game.bodies[role], game.bodies[role.other]
     others = f"its {len(mates)} mates', then its {len(opponents)} opponents'" if player.robots > 2 else "its opponent's"
     files = " and ".join(f"{program.name}.{name}" for name in ("player", "game", "memory") if name in names)
     levels = "shares of the largest controls, in [-1, 1]"
@@ -159,7 +159,6 @@ def _about(program: Program, player: Player) -> list[str]:
     return [
         f"The {role.name.lower()} {player.name} of a pursuit-evasion game, {game.size}.",
         f"Its robot: {limits}, radius {body.radius:g} m.",
-        f"The arena: x from {arena.x_min:g} to {arena.x_max:g} m, y from {arena.y_min:g} to {arena.y_max:g} m.",
         "",
         *(f"{name}: {words}." for name, words in said.items() if name == files != "" or name in names),
         "",

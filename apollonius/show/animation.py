@@ -7,7 +7,6 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,6 @@ LEAST_WIDTH = 400
 """Pixels that the words need, where the arena is narrow."""
 _SIGN = 12
 """Size of a sign in the legend [pixels]."""
-_SCALE = 80
-"""Greatest length of the scale [pixels]."""
 
 
 class Captioned:
@@ -77,22 +74,15 @@ class Captioned:
         return page
 
     def _head(self, draw: ImageDraw.ImageDraw) -> None:
-        """Draw the signs of both robots with their players' names, the reach of a capture, and a scale."""
+        """Draw the signs of both robots with their players' names, and the reach of a capture."""
         right = self._page.width - MARGIN
         first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
         reach = f"capture within {float(self._replay.game.capture_distance):g} m"
         self._write(draw, right, first, reach, PURSUER, "rm")
         left = right - self._font.getlength(reach) - 6 - _SIGN
         draw_reach(draw, (left + _SIGN / 2, float(first)), _SIGN / 2, 1)
-        metres = _round_below(_SCALE / self._canvas.scale)
-        self._write(draw, right, second, f"{metres:g} m", INK, "rm")
-        end = right - self._font.getlength(f"{metres:g} m") - 6
-        start = end - metres * self._canvas.scale
-        draw.line([(start, second), (end, second)], fill=INK, width=2)
-        for column in (start, end):
-            draw.line([(column, second - 4), (column, second + 4)], fill=INK, width=2)
         names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
-        for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, start), strict=True):
+        for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):
             draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
             begins, side = MARGIN + _SIGN + 6, side_name(self._replay.game, role)
             self._write(draw, begins, row, self._fit(f"{side} {name}", end - begins - MARGIN), colour)
@@ -110,17 +100,10 @@ class Captioned:
 
     def _fit(self, text: str, width: float | int) -> str:
         """Return as much of a text as fits into a width [pixels]."""
-        if self._font.getlength(text) <= width:
-            return text
-        while text and self._font.getlength(f"{text}...") > width:
-            text = text[:-1]
-        return f"{text}..."
-
-
-def _round_below(length: float) -> float:
-    """Return the greatest of 1, 2, 5, 10, 20, ... and their tenths that is at most a length."""
-    power = 10.0 ** floor(log10(length))
-    return max(part * power for part in (1, 2, 5) if part * power <= length)
+        shown = len(text)
+        while shown and self._font.getlength(text[:shown]) > width:
+            shown -= 1
+        return text[:shown]
 
 
 MOVING = (".gif", ".webp", ".mp4")

@@ -1,4 +1,4 @@
-"""Pictures of many matches: a tournament with its ratings and equilibrium, and sweeps over numbers of a game."""
+"""Pictures of many matches: a tournament with its ratings, and sweeps over numbers of a game."""
 
 from pathlib import Path
 
@@ -14,19 +14,15 @@ from apollonius.show.style import draw_rate
 
 
 def draw_tournament(tournament: Tournament, path: Path) -> None:
-    """Save three panels: the pursuers' win rates, Elo ratings with 95 % intervals, shares in the equilibrium."""
-    players = len(tournament.pursuers) + len(tournament.evaders)
-    height = max(3.4, 1.6 + 0.24 * players)
-    with style.picture(path, columns=3, width=4.8, height=height) as (table, elo, shares):
-        draw_win_rates(table, tournament)
-        draw_ratings(elo, tournament)
-        mixed = tournament.equilibrium
-        _bars(shares, tournament, 100 * mixed.rows, 100 * mixed.columns)
-        shares.set_title(f"who is played in equilibrium: there the pursuer wins {mixed.value:.1%}")
+    """Save two panels: the pursuers' win rates, and Elo ratings with 95 % intervals."""
+    height = max(3.4, 1.6 + 0.24 * (len(tournament.pursuers) + len(tournament.evaders)))
+    with style.picture(path, columns=2, width=4.8, height=height) as (table, elo):
+        _draw_win_rates(table, tournament)
+        _draw_ratings(elo, tournament)
 
 
-def draw_win_rates(axes: Axes, tournament: Tournament) -> None:
-    """The pursuers' win rates [%], a row each, as colours and figures."""
+def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
+    """Draw the pursuers' win rates [%], a row each, as colours and figures."""
     rates = 100 * tournament.win_rates
     colours = axes.imshow(rates, cmap="RdBu_r", vmin=0, vmax=100, aspect="auto")
     axes.set_xticks(range(len(tournament.evaders)), tournament.evaders, rotation=45, ha="right", fontsize=7)
@@ -43,8 +39,8 @@ def draw_win_rates(axes: Axes, tournament: Tournament) -> None:
     axes.figure.colorbar(colours, ax=axes, location="bottom", label=label, fraction=0.05, aspect=30)
 
 
-def draw_ratings(axes: Axes, tournament: Tournament) -> None:
-    """Elo ratings of both sides, each with its 95 % interval."""
+def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
+    """Draw Elo ratings of both sides, each with its 95 % interval."""
     ratings = tournament.ratings
     for points, reach, first, colour, label, sign in (
         (ratings.pursuers, ratings.pursuer_reach, 0, palette.PURSUER, "pursuers", "o"),
@@ -52,31 +48,12 @@ def draw_ratings(axes: Axes, tournament: Tournament) -> None:
     ):
         lines = first + np.arange(len(points))
         axes.errorbar(points, lines, xerr=reach, fmt=sign, color=colour, markersize=4, label=label)
-    _name_players(axes, tournament)
-    axes.set_xlabel("Elo [points], with 95 % intervals")
-    axes.set_title("how strong everyone is")
-
-
-def _bars(axes: Axes, tournament: Tournament, pursuers: np.ndarray, evaders: np.ndarray) -> None:
-    axes.barh(np.arange(len(pursuers)), pursuers, color=palette.PURSUER, label="pursuers")
-    axes.barh(
-        len(pursuers) + np.arange(len(evaders)),
-        evaders,
-        color=palette.EVADER,
-        label="evaders",
-        hatch="///",
-        edgecolor=palette.PAPER,
-    )
-    _name_players(axes, tournament)
-    axes.set_xlabel("share of the mixture [%]")
-
-
-def _name_players(axes: Axes, tournament: Tournament) -> None:
-    """Every player on a line of their own, the pursuers above."""
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    axes.set_xlabel("Elo [points], with 95 % intervals")
+    axes.set_title("how strong everyone is")
 
 
 WHO_WINS = LinearSegmentedColormap.from_list("who wins", [palette.EVADER, palette.LIGHT["panel"], palette.PURSUER])

@@ -2,14 +2,11 @@
 // are rows of x, y [m], v [m/s], heading [rad] of each pursuer, then of each evader. Of a game of teams there is `until` too:
 // for each robot the first step at which it is out of play, or null.
 
-import { circle, path } from "../web/page/arena.js";
 import { between, draw } from "../web/page/draw.js";
-import { ROLES, countsOf, isActive, robotOf, robotsOf } from "../web/page/game.js";
+import { ROLES, countsOf, isActive } from "../web/page/game.js";
 import { known } from "../web/page/layers.js";
 import { layersOf } from "../web/page/overlay.js";
 
-const MARK_SECONDS = 5; // between two dots on a trail
-const SQUARE = 2; // between two lines of the ground [m]
 const AHEAD = 2; // how much of what comes next the course shows [s]
 
 /** The states of a game as the page has them. */
@@ -40,43 +37,13 @@ export function inWords(outcome) {
   return outcome.replaceAll("_", " ");
 }
 
-/** Lines on the ground, every few metres from its corner. */
-function drawSquares(context, { x_min, x_max, y_min, y_max }, colours) {
-  context.strokeStyle = colours.grid;
-  context.lineWidth = 0.02;
-  for (let x = x_min + SQUARE; x < x_max; x += SQUARE) path(context, [[x, y_min], [x, y_max]]).stroke();
-  for (let y = y_min + SQUARE; y < y_max; y += SQUARE) path(context, [[x_min, y], [x_max, y]]).stroke();
-}
-
-/** A dot where a robot was every few seconds, while it was in play. */
-function drawMarks(context, { dt }, states, colours) {
-  const every = Math.round(MARK_SECONDS / dt);
-  for (const who of robotsOf(states[0], ROLES)) {
-    context.fillStyle = colours[who.role];
-    for (let step = every; step < states.length && isActive(robotOf(states[step], who)); step += every) {
-      const { x, y } = robotOf(states[step], who);
-      circle(context, x, y, 0.06).fill();
-    }
-  }
-}
-
 /** Draw a game as it stands at a step, whole or not, with some of the page's layers: `brakes`, `regions`, `course`. */
 export function drawGame(canvas, game, states, step, colours, shown = []) {
   const index = Math.min(Math.floor(step), states.length - 1);
   const now = between(states[index], states[Math.min(index + 1, states.length - 1)], step - index);
   const passed = [...states.slice(0, index + 1), now];
   const course = shown.includes("course") ? states.slice(index, index + 1 + Math.round(AHEAD / game.dt)) : null;
-  const { beneath, above } = layersOf({ game, state: now }, { ...known(game, now, shown), course }, colours);
-  const layers = {
-    beneath(context) {
-      drawSquares(context, game.arena, colours);
-      beneath(context);
-    },
-    above(context) {
-      drawMarks(context, game, passed, colours);
-      above(context);
-    },
-  };
+  const layers = layersOf({ game, state: now }, { ...known(game, now, shown), course }, colours);
   draw(canvas, { game, states: passed, now, colours, layers });
 }
 
@@ -157,7 +124,7 @@ export class ReplayPlayer {
   show(step) {
     this.step = step;
     const style = getComputedStyle(this.root);
-    const names = ["pursuer", "evader", "obstacle", "ink", "paper", "grid"];
+    const names = ["pursuer", "evader", "obstacle", "ink", "paper"];
     const colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     const shown = [...this.part("layers").querySelectorAll(":checked:enabled")].map(({ name }) => name);
     drawGame(this.canvas, this.game, this.states, step, colours, shown);

@@ -1,12 +1,10 @@
 """A grid over the states of one robot, and the value between its nodes."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import log
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -92,9 +90,10 @@ class Grid(eqx.Module):
 
     def places(self) -> tuple[Float[Array, " x"], Float[Array, " y"]]:
         """Return the nodes' x and y [m]."""
-        nothing = jnp.zeros((), jnp.int32)
-        x = jax.vmap(lambda index: self.node(nothing, nothing, index, nothing).x)(jnp.arange(self.counts[0]))
-        y = jax.vmap(lambda index: self.node(nothing, nothing, nothing, index).y)(jnp.arange(self.counts[1]))
+        x, y = (
+            low + jnp.arange(count, dtype=jnp.float32) * apart
+            for low, count, apart in zip(self.low[:2], self.counts[:2], self.spacing[:2], strict=True)
+        )
         return x, y
 
 
@@ -148,8 +147,6 @@ class Sweep:
     number: int
     residual: float
     """Largest change of a value."""
-    seconds: float
-    """Since the first sweep began."""
     tolerance: float = TOLERANCE
     """The residual that is asked for."""
 
@@ -187,11 +184,11 @@ def iterate(
         report: called after each sweep.
         tolerance: the residual that is asked for. If it has not come after 10,000 sweeps, `TOLERANCE` has to do.
     """
-    begun, residual = time.perf_counter(), float("inf")
+    residual = float("inf")
     for number in range(1, _MOST_SWEEPS + 1):
         table, change = sweep(table)
         residual = float(change)
-        report(Sweep(number, residual, time.perf_counter() - begun, tolerance))
+        report(Sweep(number, residual, tolerance))
         if residual <= (tolerance if number < _MOST_SWEEPS else max(tolerance, TOLERANCE)):
             return Solved(table, number, residual)
     raise RuntimeError(f"value iteration still moves by {residual:g} after {_MOST_SWEEPS} sweeps")

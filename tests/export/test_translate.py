@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from apollonius.export.c import FLAGS, Compiled, header, source
-from apollonius.export.equations import RULES
-from apollonius.export.translate import translated
+from apollonius.export.translate import RULES, translated
 from apollonius.io.errors import InvalidInput
 
 needs_gcc = pytest.mark.skipif(which("gcc") is None, reason="needs gcc")

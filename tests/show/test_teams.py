@@ -41,11 +41,11 @@ def test_who_is_in_play_is_known_for_each_state(replay):
 
 def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(replay, words_of):
     said = words_of(replay, [0, 12])
-    assert said[:4] == ["capture within 0.3 m", "1 m", "2 pursuers P", "2 evaders E"]
-    assert said[4:10] == ["1", "2", "1", "2", "0.0 s", "2 v 2 in play, distance 1.18 m"]
+    assert said[:3] == ["capture within 0.3 m", "2 pursuers P", "2 evaders E"]
+    assert said[3:9] == ["1", "2", "1", "2", "0.0 s", "2 v 2 in play, distance 1.18 m"]
     first, last = frames(replay, [0, 12])
     apart = np.hypot(replay.states[-1, 12] - replay.states[-1, 4], replay.states[-1, 13] - replay.states[-1, 5])
-    assert said[10:] == ["2", "2", "no result after 1.2 s", f"1 v 1 in play, distance {apart:.2f} m"]
+    assert said[9:] == ["2", "2", "no result after 1.2 s", f"1 v 1 in play, distance {apart:.2f} m"]
 
     beside = 0.09  # m; in a disc, and off the arms of a cross
     assert [colour_at(first, 9.75 - beside, 2), colour_at(first, 2 - beside, 5)] == [RED, RED]
