@@ -27,7 +27,8 @@ def _layouts(programs: Iterable[Program]) -> dict[str, Any]:
     """
 
     def layout(record: Record) -> tuple[int, list[Any]]:
-        return record.length, [[leaf.name, leaf.kind, leaf.size, leaf.offset] for leaf in record.leaves]
+        both = zip(record.leaves, record.offsets, strict=True)
+        return record.layout.itemsize, [[leaf.name, leaf.kind, leaf.size, offset] for leaf, offset in both]
 
     given: dict[str, tuple[int, list[Any]]] = {}
     functions: dict[str, Any] = {}

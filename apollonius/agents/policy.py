@@ -12,7 +12,6 @@ from apollonius.game.chart import Chart
 from apollonius.game.dynamics import action_levels
 from apollonius.game.types import NUM_ACTIONS, Action, Scalar
 from apollonius.observe.observation import WHOLE, Whole
-from apollonius.observe.view import View
 
 Memory = PyTree[Array]
 """What a player carries from step to step of a game; `()` for one that carries nothing."""
@@ -125,17 +124,3 @@ def reads_chart(policy: AbstractPolicy) -> bool:
     """Return whether a player reads a chart: the game's, or one that it has with it."""
     leaves = jax.tree.leaves(policy, is_leaf=lambda node: isinstance(node, Chart))
     return policy.charted or any(isinstance(leaf, Chart) for leaf in leaves)
-
-
-def acts_by_chance(policy: AbstractPolicy, view: View) -> bool:
-    """Return whether random bits can matter to a player, by looking through its program.
-
-    Args:
-        view: any in its game.
-    """
-    program = jax.make_jaxpr(lambda bits: policy(policy.observation(view), policy.memory, bits))(
-        jax.ShapeDtypeStruct((), jnp.uint32)
-    ).jaxpr
-    (bits,) = program.invars
-    read = [variable for equation in program.eqns for variable in equation.invars]
-    return any(variable is bits for variable in [*read, *program.outvars])

@@ -1,12 +1,11 @@
-"""`apollonius pursuers`: how many pursuers are enough in an arena, for idealised robots, and how one fewer fails."""
+"""`apollonius pursuers`: how many pursuers are enough in an arena, for idealised robots."""
 
 import argparse
 from math import degrees
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.options import add_json, command, finish, warn
-from apollonius.cli.values import known_game, new_file
+from apollonius.cli.options import add_json, warn
+from apollonius.cli.values import known_game
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 
@@ -15,17 +14,14 @@ if TYPE_CHECKING:
 
 
 def add_pursuers(subparsers: Any) -> None:
-    parser = subparsers.add_parser("pursuers", help="how many pursuers are enough in an arena, and how one fewer fails")
+    parser = subparsers.add_parser("pursuers", help="how many pursuers are enough in an arena")
     parser.add_argument("game", type=known_game, metavar="ARENA", help="the name of a game, or a .toml or .json file")
-    parser.add_argument(
-        "--out", type=new_file(".png"), metavar="PNG", help="draw where an evader runs that one fewer never catches"
-    )
     add_json(parser)
     parser.set_defaults(run=run_pursuers)
 
 
 def run_pursuers(options: argparse.Namespace) -> int:
-    """Count, tell and draw; exit status 1 where the graphs do not agree."""
+    """Count and tell; exit status 1 where the graphs do not agree."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.arenas.free_space import free_space
     from apollonius.solve.enough import MOST_NODES, how_many
@@ -45,17 +41,10 @@ def run_pursuers(options: argparse.Namespace) -> int:
         print(to_json(_facts(options.game, enough)))
     else:
         print(_text(options.game, enough))
-    if options.out:
-        from apollonius.show.arena import save_evasion
-
-        save_evasion(Path(options.game).stem, game, enough, options.out)
-        then = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
-        finish(options.out, then=then, json=options.json)
     return 0 if enough.agree else 1
 
 
 def _facts(name: str, enough: "Enough") -> dict[str, Any]:
-    finest = enough.readings[-1]
     return {
         "arena": name,
         "pursuers": enough.pursuers,
@@ -73,7 +62,6 @@ def _facts(name: str, enough: "Enough") -> dict[str, Any]:
             }
             for reading in enough.readings
         ],
-        "evasion": {"pursuers": finest.starts.tolist(), "run": finest.run.tolist()} if len(finest.run) else None,
     }
 
 
@@ -91,8 +79,4 @@ def _text(name: str, enough: "Enough") -> str:
         )
     if enough.space.parts > 1:
         lines.append(f"the free space falls into {enough.space.parts} parts; this is about the largest")
-    finest = enough.readings[-1]
-    if len(finest.run):
-        (start, *_), *starts = ([f"({x:.2f}, {y:.2f})" for x, y in each] for each in (finest.run, finest.starts))
-        lines.append(f"one fewer, from {' and '.join(starts[0])}, never catches an evader that starts at {start}")
     return "\n".join(lines)

@@ -98,9 +98,6 @@ def add_solve(subparsers: Any) -> None:
         type=new_file(".safetensors"),
         help="file of the table; what it holds is not solved again (default: WHAT-GAME.safetensors)",
     )
-    parser.add_argument(
-        "--plot", type=new_file(".png"), metavar="FILE", help="draw what was solved as .png: two maps of the arena"
-    )
     parser.add_argument("--force", action="store_true", help="overwrite a file that holds something else")
     add_json(parser)
     parser.set_defaults(run=run_solve)
@@ -118,8 +115,8 @@ def run_solve(options: argparse.Namespace) -> int:
     warn(options, game)
     path: Path = options.out or Path(f"{problem.kind}-{Path(options.game).stem}.safetensors")
     require_writable("--out", path.parent)
-    written: list[Path] = []
-    if path.exists() and not options.force:
+    is_new = options.force or not path.exists()
+    if not is_new:
         solution = load_solution(path)
         if solution.problem != problem:
             raise InvalidInput(f"'{path}' holds the solution of another problem: give another --out, or --force.")
@@ -127,12 +124,6 @@ def run_solve(options: argparse.Namespace) -> int:
         display.begin(f"solving {problem.kind} on {'x'.join(map(str, problem.counts))} nodes", compiles=True)
         solution = solve_problem(problem, game, sweeps_on(display))
         save_solution(solution, path)
-        written.append(path)
-    if options.plot:
-        from apollonius.show.solution import save_solution_maps
-
-        save_solution_maps(solution, game, options.plot)
-        written.append(options.plot)
     display.begin("judging the table", compiles=True)
     facts = about(solution, game) | {"file": str(path)}
     display.end()
@@ -141,8 +132,8 @@ def run_solve(options: argparse.Namespace) -> int:
     else:
         for name, value in facts.items():
             print(f"{name:<52} {value:.4g}" if isinstance(value, float) else f"{name:<52} {value}")
-    if written:
-        finish(*written, then=_next(options, path, problem.role), json=options.json)
+    if is_new:
+        finish(path, then=_next(options, path, problem.role), json=options.json)
     return 0
 
 

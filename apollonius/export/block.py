@@ -73,6 +73,11 @@ def _sum(first: str, more: Iterable[str]) -> str:
     return functools.reduce(plus, more, first)
 
 
+def buffer_of(value: Value) -> str:
+    """Return the name of the array in C that a value lies in; empty if it lies in none."""
+    return value.place.buffer if value.place else ""
+
+
 def scalar(kind: str, text: str, shape: Shape = ()) -> Value:
     """Return the value of one element that an expression gives."""
     return Value(kind, shape, lambda _: text)

@@ -125,7 +125,10 @@ def _signature(program: Program) -> str:
 
 
 def _rows(array: np.ndarray) -> str:
-    texts = [number(value, str(array.dtype)) for value in array.ravel().tolist()]
+    kind = str(array.dtype)
+    texts = [
+        f"{one!s}f" if kind == "float32" and np.isfinite(one) else number(one.item(), kind) for one in array.ravel()
+    ]
     return ",\n".join("    " + ", ".join(texts[at : at + _PER_LINE]) for at in range(0, len(texts), _PER_LINE))
 
 
@@ -149,7 +152,7 @@ class Compiled:
             self._function = getattr(ctypes.CDLL(str(library)), program.name)
         self._program = program
         self._packed: dict[int, tuple[Any, Any]] = {}
-        self._results = [ctypes.create_string_buffer(max(one.length, 1)) for one in program.results if one.leaves]
+        self._results = [ctypes.create_string_buffer(one.layout.itemsize) for one in program.results if one.leaves]
 
     def __call__(self, *arguments: Any) -> list[np.ndarray]:
         """Return the arrays of the results, in the order of their records."""
@@ -174,6 +177,6 @@ class Compiled:
             if record.lone and record.leaves[0].size == 1:
                 packed = _BY_VALUE[record.leaves[0].kind](np.asarray(jax.tree.leaves(argument)[0]).item())
             else:
-                packed = ctypes.create_string_buffer(record.pack(argument), max(record.length, 1))
+                packed = ctypes.create_string_buffer(record.pack(argument), record.layout.itemsize)
             self._packed[place] = argument, packed
         return packed

@@ -2,8 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -24,14 +24,12 @@ class Leaf:
         name: an identifier, from its place in the pytree.
         kind: the name of its NumPy type.
         shape: its shape, `()` for a scalar.
-        offset: where it begins in its record [bytes].
         place: which of the pytree's leaves it is.
     """
 
     name: str
     kind: str
     shape: tuple[int, ...]
-    offset: int = 0
     place: int = 0
 
     @property
@@ -58,23 +56,15 @@ class Record:
         return len(self.leaves) == 1 and not self.leaves[0].name
 
     @property
-    def length(self) -> int:
-        """Return its length [bytes], a multiple of its widest alignment."""
-        widest = max((np.dtype(leaf.kind).itemsize for leaf in self.leaves), default=1)
-        last = self.leaves[-1] if self.leaves else None
-        end = last.offset + last.size * np.dtype(last.kind).itemsize if last else 0
-        return end + -end % widest
+    def layout(self) -> np.dtype[Any]:
+        """Return the block's type, with a field for each leaf by its place."""
+        formats = [(leaf.kind, leaf.shape) for leaf in self.leaves]
+        return np.dtype({"names": [str(leaf.place) for leaf in self.leaves], "formats": formats}, align=True)
 
-    @classmethod
-    def of(cls, name: str, leaves: Iterable[Leaf]) -> "Record":
-        """Return the record of leaves, whose offsets follow from those before them."""
-        placed, end = [], 0
-        for leaf in leaves:
-            width = np.dtype(leaf.kind).itemsize
-            start = end + -end % width
-            placed.append(replace(leaf, offset=start))
-            end = start + leaf.size * width
-        return cls(name, tuple(placed))
+    @property
+    def offsets(self) -> tuple[int, ...]:
+        """Return where each leaf begins [bytes]."""
+        return tuple(int(offset) for _, offset, *_ in (self.layout.fields or {}).values())
 
     def text(self, leaf: Leaf) -> str:
         """Return how a leaf is written in C."""
@@ -82,21 +72,19 @@ class Record:
 
     def only(self, texts: Collection[str]) -> "Record":
         """Return the record of the leaves that are written so in C."""
-        return Record.of(self.name, [leaf for leaf in self.leaves if self.text(leaf) in texts])
+        return Record(self.name, tuple(leaf for leaf in self.leaves if self.text(leaf) in texts))
 
     def pack(self, tree: Any) -> bytes:
         """Return the block of memory that holds what a program reads of a pytree."""
-        block, values = bytearray(self.length), jax.tree.leaves(tree)
+        block, values = np.zeros((), self.layout), jax.tree.leaves(tree)
         for leaf in self.leaves:
-            content = np.ascontiguousarray(np.asarray(values[leaf.place]), leaf.kind).tobytes()
-            block[leaf.offset : leaf.offset + len(content)] = content
-        return bytes(block)
+            block[str(leaf.place)] = np.asarray(values[leaf.place])
+        return block.tobytes()
 
     def unpack(self, block: bytes) -> list[np.ndarray]:
         """Return the arrays that a block of memory holds."""
-        return [
-            np.frombuffer(block, leaf.kind, leaf.size, leaf.offset).reshape(leaf.shape).copy() for leaf in self.leaves
-        ]
+        fields = np.frombuffer(block, self.layout, 1)[0]
+        return [np.array(fields[str(leaf.place)]) for leaf in self.leaves]
 
 
 def record_of(name: str, tree: Any) -> Record:
@@ -109,7 +97,7 @@ def record_of(name: str, tree: Any) -> Record:
         kind = str(jax.dtypes.canonicalize_dtype(jax.numpy.result_type(leaf)))
         unique = called if found[called] == 1 else f"{called}_{found[called]}"
         leaves.append(Leaf(unique, kind, tuple(np.shape(leaf)), place=len(leaves)))
-    return Record.of(_named(name), leaves)
+    return Record(_named(name), tuple(leaves))
 
 
 def _named(word: str) -> str:

@@ -18,9 +18,10 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_i
 from jax.interpreters.partial_eval import dce_jaxpr
 
 from apollonius.export.arrays import FOLDS, OTHERS, part
-from apollonius.export.block import Block, Value, placed, row_along, scalar
+from apollonius.export.block import Block, Value, buffer_of, placed, scalar
 from apollonius.export.c import Program, words
-from apollonius.export.elementwise import COMPUTED, VIEWS, is_at_most
+from apollonius.export.control import CONTROL
+from apollonius.export.elementwise import COMPUTED, VIEWS
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.scalars import TYPES, number
 from apollonius.io.errors import InvalidInput
@@ -122,12 +123,8 @@ class _Translator:
         if primitive in CALLED:
             return self.call(block, params[CALLED[primitive]], given, str(params.get("name", primitive)))
         match primitive:
-            case "scan":
-                return self.scan(block, given, params)
-            case "while":
-                return self.loop(block, given, params)
-            case "cond":
-                return self.choose(block, given, params["branches"])
+            case _ if primitive in CONTROL:
+                return CONTROL[primitive](self.run, block, given, params)
             case "split":
                 return _split(given[0], params)
             case "optimization_barrier":
@@ -158,7 +155,7 @@ class _Translator:
         for number_out, value in enumerate(self.run(inside, jaxpr, consts, inner), start=1):
             made.append(block.array(value.kind, value.shape))
             inside.copy(value, placed(value.kind, value.shape, f"r{number_out}"))
-            handed[f"r{number_out}"] = f"{TYPES[value.kind]} *restrict r{number_out}", _buffer(made[-1])
+            handed[f"r{number_out}"] = f"{TYPES[value.kind]} *restrict r{number_out}", buffer_of(made[-1])
         text = inside.printed()
         kept = [both for word, both in handed.items() if word in words(text)]
         key = ", ".join(parameter for parameter, _ in kept), text
@@ -167,46 +164,6 @@ class _Translator:
             self.names[word] += 1
             self.functions[key] = f"{word}_{self.names[word]}"
         block.put(f"{self.functions[key]}({', '.join(argument for _, argument in kept)});")
-        return made
-
-    def scan(self, block: Block, given: list[Value], params: Any) -> list[Value]:
-        """Return the carry after the last step and what every step put out."""
-        consts, carried = params["num_consts"], params["num_carry"]
-        jaxpr, length = params["jaxpr"], params["length"]
-        fixed, rows = given[:consts], given[consts + carried :]
-        carry = [_variable(block, one) for one in given[consts : consts + carried]]
-        outs = [out.aval for out in jaxpr.jaxpr.outvars[carried:]]
-        ys = [block.array(str(out.dtype), (length, *out.shape)) for out in outs]
-        with block.loops((length,)) as (step,):
-            here = f"({length - 1} - {step})" if params["reverse"] else step
-            now = [*fixed, *carry, *(row_along(one, here) for one in rows)]
-            results = self.run(block, jaxpr.jaxpr, jaxpr.consts, now)
-            for value, row in zip(results[carried:], ys, strict=True):
-                block.copy(value, row_along(row, here))
-            _assign(block, results[:carried], carry)
-        return [*carry, *ys]
-
-    def loop(self, block: Block, given: list[Value], params: Any) -> list[Value]:
-        """Return the carry when the condition no longer holds."""
-        asked, done = params["cond_nconsts"], params["body_nconsts"]
-        cond, body = params["cond_jaxpr"], params["body_jaxpr"]
-        carry = [_variable(block, one) for one in given[asked + done :]]
-        with block.braces("for (;;)"):
-            (holds,) = self.run(block, cond.jaxpr, cond.consts, [*given[:asked], *carry])
-            block.put(f"if (!{holds.first}) break;")
-            _assign(block, self.run(block, body.jaxpr, body.consts, [*given[asked : asked + done], *carry]), carry)
-        return carry
-
-    def choose(self, block: Block, given: list[Value], branches: Sequence[ClosedJaxpr]) -> list[Value]:
-        """Return the results of the branch that is asked for; of the last one for a number beyond."""
-        made = [block.array(str(out.aval.dtype), out.aval.shape) for out in branches[0].jaxpr.outvars]
-        for place, branch in enumerate(branches):
-            words = ["else"] if place else []
-            if place < len(branches) - 1:
-                words.append(f"if ({is_at_most(given[0].first, given[0].kind, place)})")
-            with block.braces(" ".join(words)):
-                for value, target in zip(self.run(block, branch.jaxpr, branch.consts, given[1:]), made, strict=True):
-                    block.copy(value, target)
         return made
 
 
@@ -224,30 +181,6 @@ def _split(value: Value, params: Any) -> list[Value]:
         pieces.append(part(value, shape, [str(start if axis == params["axis"] else 0) for axis in range(len(shape))]))
         start += size
     return pieces
-
-
-def _variable(block: Block, first: Value) -> Value:
-    """Return an array that can be assigned to, with its first value."""
-    made = block.array(first.kind, first.shape)
-    block.copy(first, made)
-    return made
-
-
-def _assign(block: Block, values: Sequence[Value], variables: Sequence[Value]) -> None:
-    """Assign all at once: what may read another variable is copied before that one changes."""
-    changing = {"", *map(_buffer, variables)}
-    ready = [
-        value if value is variable or _buffer(value) not in changing else block.copied(value)
-        for value, variable in zip(values, variables, strict=True)
-    ]
-    for value, variable in zip(ready, variables, strict=True):
-        if value is not variable:
-            block.copy(value, variable)
-
-
-def _buffer(value: Value) -> str:
-    """Return the name of the array in C that a value lies in; empty if it lies in none."""
-    return value.place.buffer if value.place else ""
 
 
 def _waiting(jaxpr: Jaxpr) -> set[Var]:

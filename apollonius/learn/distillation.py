@@ -1,7 +1,7 @@
 """Distillation: one side learns a teacher's action values, in the states of its own games (DAgger).
 
 The student plays, greedy but for some random actions, against several opponents; among them some that know it and
-search (`solve.rollout_search`). The teacher labels these states and others, and the network is fitted to the labels
+search (`solve.players`). The teacher labels these states and others, and the network is fitted to the labels
 (Ross, Gordon, Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning",
 2011; Rusu et al., "Policy distillation", 2016).
 """
@@ -33,7 +33,7 @@ from apollonius.learn.teacher import Setting
 from apollonius.learn.train_state import LearnerState, TrainState, first_learner
 from apollonius.observe.observation import perceive
 from apollonius.play.rollout import Games, Players, begin, collect
-from apollonius.solve.rollout_search import RolloutSearch
+from apollonius.solve.players import RolloutSearch
 
 ORDER = 10.0
 """Weight of the differences between a state's actions, relative to their mean: the choice depends on them alone."""

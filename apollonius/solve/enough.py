@@ -4,17 +4,23 @@ The arena is a graph of hexagonal cells, a step leads from one to the next. Thre
 the graph is planar (Aigner and Fromme, 1984), and in the arena itself (Bhadauria, Klein, Isler and Suri, 2012). Whether
 one or two are is computed on graphs of growing fineness, each turned against the one before by half the angle between
 sides.
+
+On a graph it is exact from which states they catch an evader for sure. All see each other. The pursuers move, each to a
+neighbour or nowhere, then the evader, and so on; it is caught where a pursuer is at its node (Nowakowski and Winkler,
+1983; Aigner and Fromme, 1984).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Int
+from scipy.sparse import csr_array
 
 from apollonius.arenas.free_space import FreeSpace, Tiling, tile
-from apollonius.solve.cop_number import core, evade, solve_chase
 
+Adjacency = Bool[np.ndarray, "nodes nodes"]
+"""Which nodes of a graph are neighbours: symmetric, and no node is its own."""
 SIZES = (250, 500, 1000, 2000)
 """Cells that the free space is cut into, if all were whole, until enough graphs in a row agree."""
 AGREEING = 3
@@ -35,15 +41,11 @@ class Reading:
         tiling: the graph.
         core: those of its nodes on which the game is solved.
         pursuers: how many are enough on it.
-        run: where an evader runs for ever that one pursuer fewer does not catch [m]; empty where one is enough.
-        starts: where those pursuers start meanwhile [m].
     """
 
     tiling: Tiling
     core: Int[np.ndarray, " kept"]
     pursuers: int
-    run: Float[np.ndarray, "steps 2"]
-    starts: Float[np.ndarray, "fewer 2"]
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,76 @@ def how_many(space: FreeSpace, report: Callable[[float], None]) -> Enough:
 
 
 def _read(tiling: Tiling, kept: Int[np.ndarray, " kept"]) -> Reading:
-    inner, places = tiling.adjacency[np.ix_(kept, kept)], tiling.places[kept]
-    pursuers, run, starts = 1, np.zeros((0, 2)), np.zeros((0, 2))
-    while len(kept) > 1 and pursuers < ALWAYS:
-        chase = solve_chase(inner, pursuers)
-        if chase.always:
-            break
-        evasion = evade(inner, chase)
-        pursuers, run, starts = pursuers + 1, places[list(evasion.evader)], places[list(evasion.pursuers)]
-    return Reading(tiling, kept, pursuers, run, starts)
+    inner, pursuers = tiling.adjacency[np.ix_(kept, kept)], 1
+    while len(kept) > 1 and pursuers < ALWAYS and not solve_chase(inner, pursuers).all():
+        pursuers += 1
+    return Reading(tiling, kept, pursuers)
+
+
+def core(adjacency: Adjacency) -> Int[np.ndarray, " kept"]:
+    """Return the nodes that are left when each goes whose neighbours are neighbours of another one too.
+
+    As many pursuers are enough there as on the whole graph (Berarducci and Intrigila, 1993), and one is enough where a
+    single node is left (Nowakowski and Winkler, 1983).
+    """
+    kept = np.arange(len(adjacency))
+    while True:
+        near = csr_array((adjacency[np.ix_(kept, kept)] | np.eye(len(kept), dtype=bool)).astype(np.int32))
+        sizes = near.sum(axis=1)
+        common = near.multiply(near @ near).tocoo()
+        node, other = common.coords
+        # Of nodes with the same neighbours the first one stays.
+        covered = (common.data == sizes[node]) & ((sizes[node] < sizes[other]) | (other < node))
+        if not covered.any():
+            return kept
+        kept = np.delete(kept, node[covered])
+
+
+def solve_chase(adjacency: Adjacency, pursuers: int) -> Bool[np.ndarray, "evader *pursuers"]:
+    """Return for each node of the evader the pursuers' nodes from which they catch it for sure, they to move.
+
+    They are enough if that is all states. By backward induction: the least fixed point of
+    W(e) = M(at(e) or, for all f near e, W(f)).
+
+    W(e) are the pursuers' nodes from which they catch an evader at e, at(e) those where one is there, and M adds those
+    from which the pursuers come there in a move, one pursuer after the other. Nodes e are visited until none changes.
+
+    Args:
+        adjacency: a connected graph.
+        pursuers: how many, 1 or more. The states take nodes ^ (pursuers + 1) bytes.
+    """
+    count, own = len(adjacency), adjacency | np.eye(len(adjacency), dtype=bool)
+    around = [np.flatnonzero(row) for row in own]
+    most = max(map(len, around))
+    near = np.array([np.pad(nodes, (0, most - len(nodes)), mode="edge") for nodes in around])
+    caught = np.zeros((count,) * (pursuers + 1), bool)
+    waits, order, known = np.ones(count, bool), np.arange(count), np.zeros(count, int)
+    while waits.any():
+        for node in order[waits[order]].tolist():
+            waits[node] = False
+            after = caught[around[node][0]].copy()
+            for other in around[node][1:]:
+                after &= caught[other]
+            for axis in range(pursuers):
+                np.moveaxis(after, axis, 0)[node] = True
+            size = np.count_nonzero(after)
+            if size > known[node]:  # it only grows, so that one of the same size is the same
+                known[node] = size
+                before = _before(after, near) | caught[node]
+                if not np.array_equal(before, caught[node]):
+                    caught[node] = before
+                    waits[around[node]] = True
+        order = order[::-1]
+    return caught
+
+
+def _before(
+    states: Bool[np.ndarray, "*pursuers"], near: Int[np.ndarray, "nodes most"]
+) -> Bool[np.ndarray, "*pursuers"]:
+    """Return the states from which the pursuers come to these in a move, each pursuer in its turn the first axis."""
+    for _ in range(states.ndim):
+        reached, there = states[near[:, 0]], np.empty_like(states)
+        for column in near.T[1:]:
+            reached |= np.take(states, column, axis=0, out=there)
+        states = np.ascontiguousarray(np.moveaxis(reached, 0, -1))
+    return states

@@ -8,7 +8,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.solve.cop_number import core
+from apollonius.solve.enough import core
 
 SQUARE = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
 DISCS = Disc(7.0, 7.0, 1.0), Disc(7.0, 4.7, 1.0), Disc(10.0, 2.0, 1.0)

@@ -1,25 +1,21 @@
-"""`apollonius pursuers`: what it says and draws, and what it refuses."""
+"""`apollonius pursuers`: what it says, and what it refuses."""
 
 import json
 
 import pytest
-from PIL import Image
 
 from apollonius.cli.main import main
 from tests.documents import REPOSITORY
 
 
-def test_one_obstacle_needs_two(capsys, tmp_path):
-    picture = tmp_path / "new" / "large.png"
-    assert main(["pursuers", "one-large", "--json", "--out", str(picture)]) == 0
+def test_one_obstacle_needs_two(capsys):
+    assert main(["pursuers", "one-large", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["pursuers"] == 2
     assert facts["agree"] is True
     assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
     assert [round(graph["turned_degrees"]) for graph in facts["graphs"]] == [30, 0, 30]
-    assert (facts["islands"], len(facts["evasion"]["pursuers"])) == (1, 1)
-    with Image.open(picture) as drawn:
-        assert drawn.width > 400
+    assert facts["islands"] == 1
 
 
 def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
@@ -31,20 +27,15 @@ def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
     assert len(said) == 6
 
 
-def test_what_cannot_be_judged_is_refused_in_a_line(capsys, tmp_path):
-    picture = tmp_path / "none.png"
-    assert main(["pursuers", "suite-v1/maze-00,maze-01", "--out", str(picture)]) == 2
+def test_what_cannot_be_judged_is_refused_in_a_line(capsys):
+    assert main(["pursuers", "suite-v1/maze-00,maze-01"]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert "as suite-v1/maze-00." in said.err
     assert said.err.count("\n") == 1
-    assert not picture.exists()
 
 
 @pytest.mark.slow
 def test_corridors_along_a_dodecahedron_need_three(capsys):
     assert main(["pursuers", str(REPOSITORY / "examples" / "dodecahedron.toml"), "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["pursuers"] == 3
-    assert len(facts["evasion"]["pursuers"]) == 2
-    assert facts["evasion"]["run"]
+    assert json.loads(capsys.readouterr().out)["pursuers"] == 3

@@ -35,11 +35,6 @@ def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
     assert facts["file"] == "safety-paper.safetensors"
     assert solution.table.shape == (9, 16, 21, 21)
     assert (solution.problem.kind, solution.problem.role, solution.sweeps) == ("safety", "pursuer", facts["sweeps"])
-    assert run_main("solve", "safety", *COARSE, "--plot", "new/safety.png") == 0
-    assert Path("new/safety.png").read_bytes().startswith(b"\x89PNG")
-    wrote, then = capsys.readouterr().err.splitlines()
-    assert wrote.startswith("wrote new/safety.png (")
-    assert then == "next: apollonius evaluate P_curriculum random --starts viable"
 
 
 def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
@@ -69,7 +64,6 @@ def test_what_is_there_is_overwritten_only_by_force(capsys):
         (("solve", "reach", "--target", "6", "2", "--role", "evader"), ("--role = evader", "left out for reach")),
         (("solve", "safety", "--grid", "10x10"), ("grid = 10x10", "101x101x9x47")),
         (("solve", "safety", "--grid", "fine"), ("grid = fine",)),
-        (("solve", "safety", "--plot", "map.svg"), ("--plot = map.svg", ".png")),
         (("solve", "safety", "--hold", "0"), ("--hold = 0", "at least 1")),
         (("solve", "safety", "--grid", "9001x9001x99x99"), ("GiB", "fewer nodes")),
         (("regret", "P_stage1", "--starts", "viable"), ("--starts = viable", "rest or moving")),

@@ -87,9 +87,7 @@ def durations(path):
     [
         ("new/game.gif", 1.0, 13, 1.2),
         ("game.webp", 1.0, 13, 1.2),
-        ("game.gif", 0.5, 13, 2.4),
         ("game.gif", 3.0, 13, 0.4),
-        ("game.gif", 10.0, 7, 0.12),
         ("game.gif", 100.0, 2, 0.02),
     ],
 )
@@ -104,12 +102,11 @@ def test_an_animation_takes_as_long_as_it_should(replay, tmp_path, name, speed, 
     assert np.linalg.norm(np.subtract(colour_at(last, 4, 5), RED)) < 40
 
 
-@pytest.mark.parametrize(("speed", "per_second"), [(1.0, 10), (4.0, 40)])
-def test_an_mp4_has_every_frame_and_stays_at_the_end(replay, tmp_path, speed, per_second):
-    save_animation(replay, tmp_path / "game.mp4", speed)
+def test_an_mp4_has_every_frame_and_stays_at_the_end(replay, tmp_path):
+    save_animation(replay, tmp_path / "game.mp4", 4.0)
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "game.mp4"))
-    assert count == STEPS + 1 + 2 * per_second
-    assert seconds == pytest.approx(count / per_second, abs=0.11)
+    assert count == STEPS + 1 + 2 * 40
+    assert seconds == pytest.approx(count / 40, abs=0.11)
 
 
 @pytest.mark.parametrize(("x_max", "y_max", "size"), [(20.0, 10.0, (480, 240)), (10.0, 20.3, (236, 480))])
@@ -141,7 +138,7 @@ def save_panel(path):
         pass
 
 
-@pytest.mark.parametrize("name", ["g.gif", "g.webp", "g.mp4", "g.png", "panel.png", "gallery.png"])
+@pytest.mark.parametrize("name", ["g.gif", "g.mp4", "panel.png", "gallery.png"])
 def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     """No file may grow beyond a kilobyte, so that every writer fails in the middle."""
     resource = pytest.importorskip("resource")

@@ -17,9 +17,9 @@ OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
 OWN = (0.6, 0.8)
 
 
-@pytest.fixture(params=["paper", "encoded"])
-def network(request):
-    return make_network(request.param, width=8, depth=2, key=jax.random.key(1))
+@pytest.fixture
+def network():
+    return make_network("encoded", width=8, depth=2, key=jax.random.key(1))
 
 
 @pytest.mark.parametrize("role", Role)
@@ -48,9 +48,8 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
     assert not missing[10, 10]
 
 
-@pytest.mark.parametrize("role", Role)
-def test_a_slice_is_drawn(network, role, tmp_path):
-    save_slice(Greedy(network), role, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
+def test_a_slice_is_drawn(network, tmp_path):
+    save_slice(Greedy(network), Role.EVADER, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
     assert (tmp_path / "slice.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -58,10 +57,8 @@ def test_a_slice_is_drawn(network, role, tmp_path):
     ("own", "opponent", "naming"),
     [
         ((1.3, 0.0), (5, 5, 0, 0), "^speed = 1.3 .* 1.2"),
-        ((-0.1, 0.0), (5, 5, 0, 0), "^speed = -0.1 .* 0 to"),
         ((0.0, 0.0), (5, 5, 2, 0), "opponent's speed = 2 .* 1.2"),
         ((0.0, 0.0), (3, 3, 0, 0), r"^opponent = \(3.0, 3.0\) .*discs"),
-        ((0.0, 0.0), (11, 3, 0, 0), "^opponent = .*walls"),
         ((float("nan"), 0.0), (5, 5, 0, 0), "^speed = nan"),
         ((0.0, 0.0), (float("nan"), 5, 0, 0), "^opponent = "),
     ],

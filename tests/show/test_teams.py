@@ -11,11 +11,10 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show.animation import frames
-from apollonius.show.report.page import Page, Shown, save_page
+from apollonius.show.report.page import Shown
 from apollonius.show.words import in_play
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 from tests.show.test_replay_player import RECORDER, run
-from tests.web.browser import launched, needs_chromium, playwright
 
 OUT, CAUGHT = 3, 10
 """Steps at which the first pursuer leaves the walls and the second one's evader is caught."""
@@ -70,29 +69,3 @@ console.log(JSON.stringify([marks, reaches, player.facts(game.game, states[0]), 
     assert (marks, reaches) == (["1", "2", "1", "2"], 1)
     assert first == "distance 1.18 m · 2 v 2 in play"
     assert last.endswith("1 v 1 in play")
-
-
-@needs_chromium
-@pytest.mark.slow
-def test_a_report_plays_teams_from_disk(replay, tmp_path):
-    save_page(Page("Games", "One.", games=[Shown(replay, 1)]), tmp_path / "report.html")
-    complaints = []
-    with playwright.sync_playwright() as driver:
-        browser = launched(driver)
-        page = browser.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto((tmp_path / "report.html").as_uri())
-        assert page.inner_text("[data-part=facts]").endswith("1 v 1 in play")
-        pixels = "document.querySelector('canvas').toDataURL()"
-        bare = page.evaluate(pixels)
-        for layer in ("brakes", "regions", "course"):
-            page.check(f"input[name={layer}]")
-        assert page.evaluate(pixels) != bare
-        page.focus("[data-part=seek]")
-        page.keyboard.press("Home")
-        assert page.inner_text("[data-part=facts]").endswith("2 v 2 in play")
-        page.click("[data-part=play]")
-        playwright.expect(page.locator("[data-part=clock]")).to_have_text("1.2 s of 1.2 s")
-        browser.close()
-    assert complaints == []

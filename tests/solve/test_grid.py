@@ -9,9 +9,9 @@ from scipy.interpolate import RegularGridInterpolator
 from apollonius.game.types import RobotState
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import make_grid
-from tests.solve.small import BODY, SMALL, TINY
+from tests.solve.small import BODY, SMALL
 
-GRID = make_grid(SMALL.arena, BODY, TINY)
+GRID = make_grid(SMALL.arena, BODY, (6, 7, 3, 8))
 AXES = [np.linspace(0, 0.6, 3), np.arange(9) * 2 * np.pi / 8, np.linspace(-1, 2, 6), np.linspace(0, 4, 7)]
 """In a table's order, with the first heading again at the end."""
 BETWEEN = jax.jit(jax.vmap(GRID.interpolate, (None, 0)))

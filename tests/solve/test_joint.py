@@ -1,17 +1,10 @@
-"""The two-robot game on a grid: against brute force, in its bounds, and in play."""
-
-from dataclasses import replace
+"""The two-robot game on a grid: against brute force, and in its bounds."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.chasing import PurePursuit
-from apollonius.agents.classical import Still
-from apollonius.agents.fleeing import FleeAware
-from apollonius.agents.uniform import Uniform
-from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
@@ -24,7 +17,6 @@ from apollonius.solve.joint import guarantee, interpolate, make_duel, solve_duel
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.zero_sum_game import make_zero_sum_game
-from tests.matches import a_match
 from tests.oracle import numpy_chase
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, as_matrix
@@ -58,22 +50,13 @@ def test_the_table_is_that_of_brute_force(robot, captures, role):
     assert np.ptp(moved) > 0.9
     assert len(np.unique(np.round(moved, 3))) > 20
     quiet = ~np.isfinite(steps).any(axis=(2, 3)) & robot.free.all(axis=1)[:, None] & robot.free.all(axis=1)
-    pairs = np.nonzero(quiet)
+    pairs = tuple(nodes[:64] for nodes in np.nonzero(quiet))
     assert len(pairs[0]) > 20
     grid = duel.first.grid
     own, other = (jax.vmap(grid.node)(*map(jnp.asarray, np.unravel_index(nodes, grid.shape))) for nodes in pairs)
     states = jax.vmap(GameState.of_two)(*duel.zero_sum_game.pair(own, other), jnp.zeros(len(pairs[0]), jnp.int32))
     sure = SaddlePolicy(duel.zero_sum_game, found.table).best_value(states)
     np.testing.assert_allclose(sure, before[pairs], atol=1e-5)
-
-
-@pytest.mark.slow
-def test_the_upper_value_is_nowhere_less_than_the_lower():
-    (lower, _, _), (upper, _, _) = (solved(SMALL, role, MORE) for role in Role)
-    assert np.min(-upper.T - lower) >= -5e-3
-    assert np.mean(-upper.T - lower) > 0.01
-    assert np.any(lower > 0.5)
-    assert np.any(-upper < -0.5)
 
 
 def test_between_nodes_the_value_is_multilinear():
@@ -114,7 +97,8 @@ LINE = Game(
 """A chase along a line: in a second each action leads from a place of 0.15 m and 0.3 m/s to another."""
 
 
-@pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("role", Role)
 def test_on_a_lattice_no_side_is_promised_more_than_the_exact_value(role):
     """Nothing is interpolated there, so that the rules alone decide; a pursuer that would crash later has captured."""
     table, duel, _ = solved(LINE, role, (numpy_chase.PLACES, 3, 5, 3), 1e-4, hold=10)
@@ -126,22 +110,3 @@ def test_on_a_lattice_no_side_is_promised_more_than_the_exact_value(role):
     assert np.max(found - exact) < 1e-4
     assert np.mean(found > exact - 0.06) > 0.9  # a hold is lost at its beginning and won at its end
     assert 0.05 < np.mean(exact > 0) < 0.95
-
-
-@pytest.mark.slow
-def test_its_players_beat_a_random_evader_and_outlive_the_classical_ones():
-    game = replace(SMALL, max_steps=150)
-    pursuer, evader = (
-        SaddlePolicy(duel.zero_sum_game, table)
-        for _, duel, table in (solved(game, role, (7, 9, 3, 8), 1e-3, hold=10) for role in Role)
-    )
-
-    def match(pursuer, evader):
-        return play_match(a_match(game, pursuer, evader, games=200, seed=0))
-
-    played = match(pursuer, Uniform())
-    assert played.pursuer_win_rate > played.evader_undefeated_rate + 0.5
-    chaser = PurePursuit.for_side(game, Role.PURSUER)
-    others = FleeAware.for_side(game, Role.EVADER), Still()
-    alive, *less = (match(chaser, other).evader_undefeated_rate for other in (evader, *others))
-    assert alive > max(less) + 0.1

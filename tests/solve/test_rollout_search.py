@@ -1,4 +1,4 @@
-"""Plans of several holds against a known opponent: values of plain loops over the rules, and opponents of chance."""
+"""Plans of several holds against a known opponent: values of plain loops over the rules, and games apart."""
 
 from dataclasses import replace
 from itertools import product
@@ -10,24 +10,19 @@ import numpy as np
 import pytest
 
 from apollonius.agents.chasing import PurePursuit
-from apollonius.agents.classical import Still
 from apollonius.agents.fleeing import FleeAware
-from apollonius.agents.greedy import EpsilonGreedy, Greedy
-from apollonius.agents.network import make_actor, make_network
-from apollonius.agents.policy import acts_by_chance
-from apollonius.agents.squashed import SquashedGaussian, SquashedMean
-from apollonius.agents.uniform import Uniform
-from apollonius.catalogue import find_player
+from apollonius.agents.greedy import EpsilonGreedy
+from apollonius.agents.network import make_network
 from apollonius.game.game import reset_batch
-from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
+from apollonius.game.types import NUM_ACTIONS, Outcome, Role
 from apollonius.observe.view import look
 from apollonius.solve.grid import lanes_of, make_grid
 from apollonius.solve.joint import interpolate
 from apollonius.solve.motion import HORIZON
-from apollonius.solve.rollout_search import RolloutSearch
+from apollonius.solve.players import RolloutSearch
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.acting import act
-from tests.solve.small import BODY, CRAMPED, MOVING, SMALL, always
+from tests.solve.small import BODY, MOVING, SMALL
 
 GRID = make_grid(SMALL.arena, BODY, (3, 4, 2, 5))
 HOLD, GAMES = 3, 6
@@ -94,7 +89,7 @@ def test_two_holds_ahead_are_the_best_of_all_sequences(role, starts):
 
 
 def test_fewer_plans_have_the_same_values_and_games_do_not_mix(starts):
-    """Against chance too, whose courses depend on the game's own bits and on nothing else."""
+    """Against chance too, whose course depends on the game's own bits and on nothing else."""
     chance = EpsilonGreedy(make_network("paper", 4, 1, jax.random.key(0)), jnp.asarray(0.5))
     bits = jax.random.bits(jax.random.key(3), (GAMES,), jnp.uint32)
     every, few = (search(Role.PURSUER, 2, width, chance) for width in (9, 2))
@@ -106,36 +101,3 @@ def test_fewer_plans_have_the_same_values_and_games_do_not_mix(starts):
     turned = jax.tree.map(lambda leaf: leaf[::-1], (own, other, bits))
     np.testing.assert_allclose(np.asarray(VALUES(few, *turned))[:, ::-1], kept_values, atol=1e-6)
     assert np.abs(np.asarray(VALUES(every, own, other, bits + 1)) - values).max() > 1e-4
-
-
-def test_chance_counts_as_often_as_it_comes(starts):
-    """A hold of one step, so that the mean over nine actions is known."""
-    robots = jax.tree.map(lambda leaf: jnp.tile(leaf, 200), (starts.pursuer, starts.evader))
-    bits = jax.random.bits(jax.random.key(0), (200 * GAMES,), jnp.uint32)
-    sure = jax.jit(lambda net: search(Role.PURSUER, 1, opponent=Greedy(net), hold=1).action_values(*robots, bits))
-    known = np.mean([sure(always(action))[:, :GAMES] for action in range(NUM_ACTIONS)], axis=0)
-    drawn = VALUES(search(Role.PURSUER, 1, opponent=Uniform(), hold=1), *robots, bits)
-    drawn = np.asarray(drawn).reshape(9, 200, GAMES)
-    assert np.max(np.std(drawn, axis=1)) > 1e-3
-    np.testing.assert_allclose(np.mean(drawn, axis=1), known, atol=0.02)
-
-
-def test_chance_is_read_from_the_program():
-    network, actor = always(0), make_actor("paper", 4, 1, jax.random.key(0))
-    drawn = EpsilonGreedy(network, jnp.asarray(0.0)), SquashedGaussian(actor, jnp.asarray(1.0)), Uniform()
-    view = look(SMALL, SMALL.reset(jax.random.key(0)), Role.EVADER)
-    assert all(acts_by_chance(policy, view) for policy in drawn)
-    assert not any(acts_by_chance(policy, view) for policy in (Greedy(network), SquashedMean(actor)))
-    shielded = {name: find_player(f"shielded:{name}", Role.EVADER, SMALL).policy for name in ("random", "flee")}
-    assert [acts_by_chance(policy, view) for policy in shielded.values()] == [True, False]
-
-
-@pytest.mark.parametrize(("ahead", "steps"), [(0.3, 1), (0.9, 2)])
-def test_a_capture_in_passing_counts_in_its_own_step(ahead, steps):
-    """At 0.6 m/s in steps of a second the pursuer passes through the evader, and is past it at the step's end."""
-    game = replace(CRAMPED, dt=1.0, capture_distance=0.05)
-    own, other = (RobotState(*map(jnp.float32, robot)) for robot in ((0.2, 0.6, 0.6, 0), (0.2 + ahead, 0.6, 0, 0)))
-    view = look(game, GameState.of_two(own, other, jnp.zeros((), jnp.int32)), Role.PURSUER)
-    player = search(Role.PURSUER, 1, opponent=Still(), hold=2, game=game)
-    straight_on = eqx.filter_jit(lambda view: player.values(view)[4])(view)
-    assert float(straight_on) == pytest.approx(np.exp(-steps / HORIZON), abs=1e-6)

@@ -1,28 +1,24 @@
 """Safety: the kernel against brute force and the shield's manoeuvres, in play, and the starts outside it."""
 
 from dataclasses import replace
-from itertools import product
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.shield import Shielded, brakes
+from apollonius.agents.shield import Shielded
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.presets import make_game
-from apollonius.game.types import Role
+from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve import viability as module
 from apollonius.solve.grid import iterate, make_grid
-from apollonius.solve.motion import last, motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes
-from apollonius.solve.transition_map import clearances, transition_map_of
 from apollonius.solve.viability import TableClearance, Viability, doomed_start_rate, solve_viability, viable_starts
 from tests.matches import a_match
 from tests.oracle import numpy_solver as oracle
@@ -30,24 +26,11 @@ from tests.solve.small import BODY, MOVING, SMALL, TINY, as_table
 
 GRID = make_grid(SMALL.arena, BODY, (31, 41, 5, 16))
 HOLD = 5
-PAPER = make_game("paper")
 
 
 @pytest.fixture(scope="module")
 def solved():
     return solve_safety(SMALL, Role.PURSUER, GRID, HOLD)
-
-
-@pytest.fixture(scope="module")
-def robots():
-    """Moving pursuers anywhere in free space."""
-    return jax.jit(reset_batch, static_argnames="games")(MOVING, jax.random.key(0), games=4000).pursuer
-
-
-@pytest.fixture(scope="module")
-def kept(solved, robots):
-    """The room of the table at those states."""
-    return np.asarray(jax.vmap(lambda robot: GRID.interpolate(solved.table, robot))(robots))
 
 
 def test_the_table_is_that_of_brute_force():
@@ -62,58 +45,6 @@ def test_the_table_is_that_of_brute_force():
     shares = [sweep.share(told[0].residual) for sweep in told]
     assert (shares[0], shares[-1]) == (0, 1)
     assert 0 < shares[1] < 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("counts", "hold"), [((8, 8, 4, 7), 1), (TINY, HOLD)])
-def test_it_stops_at_the_fixed_point_and_not_above(counts, hold):
-    """Where a hold moves less than a cell, sweeps change little and yet go far: many more of them change nothing."""
-    grid = make_grid(SMALL.arena, BODY, counts)
-    motion = motion_of(SMALL, Role.PURSUER, hold)
-    transitions = transition_map_of(motion, grid)
-    clearance, solved = clearances(motion, grid, transitions), solve_safety(SMALL, Role.PURSUER, grid, hold)
-    backup = jax.jit(
-        lambda table: transitions.backup(
-            table, lambda index, action, later: jnp.minimum(clearance[index, action], later)
-        )
-    )
-    table = solved.table
-    for _ in range(2 * solved.sweeps):
-        table = backup(table)
-    np.testing.assert_allclose(table, solved.table, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_it_contains_what_the_shield_calls_safe_up_to_the_grid(robots, kept):
-    """Braking in one direction is one way to stay clear, so the room that can be kept is no less."""
-    braking = np.asarray(jax.vmap(brakes(SMALL, Role.PURSUER).clearance)(robots))
-    near = np.abs(kept) < 0.3
-    assert np.min((kept - braking)[near]) > -GRID.spacing[0]
-    assert np.mean((braking > 0) & (kept < 0)) < 0.003
-
-
-@pytest.mark.slow
-def test_what_it_calls_lost_is_lost_and_what_it_calls_safe_can_be_saved(solved, robots, kept):
-    """By trying every way to steer while braking, with a choice every 0.5 s."""
-    motion = motion_of(SMALL, Role.PURSUER, HOLD)
-    manoeuvres = jnp.array(list(product(range(3), repeat=4)))
-
-    def best(robot):
-        def along(manoeuvre):
-            def one_hold(carry, action):
-                course = motion.hold(carry, action)
-                return last(course), motion.clearance(course)
-
-            return jnp.min(jax.lax.scan(one_hold, robot, manoeuvre)[1])
-
-        return jnp.max(jax.vmap(along)(manoeuvres))
-
-    clearance = np.asarray(jax.jit(jax.vmap(best))(robots))
-    assert np.mean(clearance < 0) > 0.02
-    assert np.mean((clearance > 0) & (kept < 0)) < 0.002
-    assert np.mean((clearance < 0) & (kept > 0)) < 0.004
-    steered = np.asarray(jax.vmap(steered_brakes(SMALL, Role.PURSUER, GRID, solved.table).clearance)(robots))
-    assert np.mean(steered < 0) == pytest.approx(np.mean(clearance < 0), abs=0.001)
 
 
 @pytest.mark.slow
@@ -146,10 +77,6 @@ def test_a_robot_that_cannot_stop_is_judged_by_the_table():
     assert 0 < doomed_start_rate(game, viability, starts=2000) < 0.2
     with pytest.raises(InvalidInput, match="can stop"):
         steered_brakes(game, Role.PURSUER, GRID, jnp.zeros(GRID.shape))
-
-
-@pytest.mark.slow
-def test_a_game_without_viable_starts_is_refused():
     rocket = Unicycle(v_min=2.0, v_max=3.0)
     game = Game(pursuer=rocket, evader=rocket, arena=SMALL.arena, starts=MOVING.starts)
     with pytest.raises(InvalidInput, match="viable"):
@@ -162,17 +89,13 @@ def test_a_grid_too_large_for_the_machine_is_refused():
         solve_safety(SMALL, Role.PURSUER, grid, HOLD)
 
 
-def always(metres):
-    """A robot's clearance, whatever its state."""
-    grid = make_grid(PAPER.arena, PAPER.pursuer, (2, 2, 2, 4))
-    return TableClearance(grid, jnp.full(grid.shape, metres, jnp.float32))
-
-
-@pytest.mark.parametrize(
-    ("pursuer", "evader", "viable"), [(0.1, 0.2, True), (0.0, 0.0, True), (-1e-6, 0.2, False), (0.1, -1e-6, False)]
-)
+@pytest.mark.parametrize(("pursuer", "evader", "viable"), [(0.0, 0.0, True), (-1e-6, 0.2, False), (0.1, -1e-6, False)])
 def test_a_start_is_viable_where_both_robots_stay_clear(pursuer, evader, viable):
-    state = PAPER.reset(jax.random.key(0))
+    def always(metres):
+        grid = make_grid(SMALL.arena, BODY, (2, 2, 2, 4))
+        return TableClearance(grid, jnp.full(grid.shape, metres, jnp.float32))
+
+    state = GameState.of_two(RobotState(*[jnp.float32(0.2)] * 4), RobotState(*[jnp.float32(0.5)] * 4), jnp.int32(0))
     assert bool(Viability(always(pursuer), always(evader))(state)) == viable
 
 

@@ -99,17 +99,6 @@ def test_what_is_no_solution_is_refused(tmp_path, damage, said):
     assert is_solution(path) == ("header" not in damage)
 
 
-@pytest.mark.parametrize("content", [None, b"not a table"])
-def test_what_is_no_file_of_arrays_is_refused(tmp_path, content):
-    path = tmp_path / "r.safetensors"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(InvalidInput, match=r"no solution|not a whole Apollonius solution"):
-        load_solution(path)
-    assert not is_solution(path)
-    assert not is_solution(tmp_path)
-
-
 @pytest.fixture
 def solved(monkeypatch):
     """The problems that are solved, each at once by a table of its own."""
