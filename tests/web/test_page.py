@@ -23,7 +23,7 @@ from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
-SPIRAL = "bf36acfc9158b5f4417e83b1412c34697e6b962aab1ce1990d0545f9e306b14c"
+SPIRAL = "f63105241f97fcc7d034200f0279c7f25cbfc03a294e6820e00f7088ef3323b3"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 PIXEL = """share => {
   const canvas = document.getElementById("canvas");
