@@ -1,7 +1,7 @@
 """How long the browser page's frames and its agents' moves take: `python benchmarks/page.py [--seconds 30]`.
 
 In headless Chromium, found on the path: two shielded agents in the paper's arena, five there and two in an office with
-all layers on, and pursuers that see which keys are held. Needs the extra `dev`. A frame is the page's own work for it:
+all layers on. Needs the extra `dev`. A frame is the page's own work for it:
 steps, drawing, figures. What else the machine does counts too, so run it on an idle one.
 """
 
@@ -24,10 +24,27 @@ CASES = {
     "two agents": ("?pursuer=shielded:P_pool&evader=shielded:E_curriculum", False),
     "three hunt two, all layers": ("?pursuer=shielded:P_team&evader=shielded:E_any&game=team-3v2", True),
     "all layers, office": ("?pursuer=shielded:P_any&evader=shielded:E_any&game=office", True),
-    "knows you, all layers, maze": ("?pursuer=shielded:P_any&evader=you&game=maze&difficulty=told", True),
-    "knows you, paper": ("?level=10", False),
 }
 """What is opened, and whether all layers are on."""
+TIMED = """() => {
+  const durations = { frame: [], interval: [], move: [] };
+  const timed = (kind, work) => (...given) => {
+    const begun = performance.now();
+    const result = work(...given);
+    durations[kind].push(performance.now() - begun);
+    return result;
+  };
+  const next = requestAnimationFrame;
+  let last = performance.now();
+  globalThis.requestAnimationFrame = (work) => next((now) => {
+    durations.interval.push(now - last);
+    last = now;
+    timed("frame", work)(now);
+  });
+  for (const player of Object.values(apollonius.page.match.players).flat()) player.act = timed("move", player.act);
+  globalThis.p95 = (kind) => durations[kind].sort((a, b) => a - b)[Math.ceil(0.95 * durations[kind].length) - 1];
+}"""
+"""Keeps how long frames and moves take from now on [ms]."""
 
 
 def measure(page: Page, seconds: float) -> dict[str, float]:
@@ -36,13 +53,10 @@ def measure(page: Page, seconds: float) -> dict[str, float]:
         if page.inner_text("#go") != "Pause":
             page.click("#go")
         page.wait_for_timeout(100)
-    timing = page.evaluate(
-        "Object.fromEntries(Object.entries(apollonius.timing).map(([what, timing]) => [what, timing.p95]))"
-    )
     return {
-        "frame_ms_p95": timing["frame"],
-        "between_frames_ms_p95": timing["interval"],
-        "agent_move_ms_p95": timing["move"],
+        "frame_ms_p95": page.evaluate("p95('frame')"),
+        "between_frames_ms_p95": page.evaluate("p95('interval')"),
+        "agent_move_ms_p95": page.evaluate("p95('move')"),
     }
 
 
@@ -54,6 +68,7 @@ def measure_all(address: str, chromium: str, seconds: float) -> Iterator[dict[st
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.goto(address + query)
             page.wait_for_selector("#go:enabled")
+            page.evaluate(TIMED)
             if has_layers:
                 page.click("#why")
             yield {"case": name} | measure(page, seconds)

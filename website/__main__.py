@@ -9,6 +9,7 @@ from pathlib import Path
 from apollonius.cli.main import main as apollonius
 from apollonius.show import palette
 from website.playground import write_playground
+from website.reference import write_reference
 from website.sources import HERE, REPOSITORY, write_sources
 
 
@@ -21,6 +22,7 @@ def main() -> int:
     shutil.rmtree(out, ignore_errors=True)
     print("the documents, the gallery, the reference", flush=True)
     write_sources(work)
+    write_reference(work / "reference")
     _write_palette(work / "_static" / "palette.css")
     options = ["--builder", "html", "--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
     options += ["--define", f"html_static_path={HERE / 'static'},{work / '_static'}"]

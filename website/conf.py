@@ -17,10 +17,11 @@ author = "The Apollonius authors"
 copyright = "the Apollonius authors, under the MIT licence"
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_copybutton"]
 myst_heading_anchors = 4
 default_role = "code"
 add_module_names = False
+autosummary_generate = False
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_preserve_defaults = True
 autodoc_mock_imports = ["imageio_ffmpeg", "jax2onnx", "mujoco", "onnxruntime", "ray"]  # extras
@@ -70,13 +71,8 @@ def _in_short(
     app: Any, what: str, name: str, documented: Any, options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
     """Shorten types to the names in the source."""
-    return _names(arguments), _names(result)
-
-
-def _names(annotations: str | None) -> str | None:
-    return annotations and re.sub(
-        r"\b(?:jaxlib\._jax|jax\._src\.\w+|numpy|pathlib|collections\.abc)\.(?=\w)", "", annotations
-    )
+    module = r"\b(?:jaxlib\._jax|jax\._src\.\w+|numpy|pathlib|collections\.abc)\.(?=\w)"
+    return arguments and re.sub(module, "", arguments), result and re.sub(module, "", result)
 
 
 def _is_default(app: Any, what: str, name: str, member: Any, skip: bool, options: Any) -> bool | None:

@@ -1,16 +1,15 @@
 """Generated pages: the command line, the configuration, and the Python API from its docstrings."""
 
 import argparse
-import ast
 import inspect
 import os
 import pkgutil
 import re
-import textwrap
 from collections.abc import Iterator
 from dataclasses import fields
-from itertools import pairwise
 from pathlib import Path
+
+from sphinx.pycode import ModuleAnalyzer  # pyright: ignore[reportMissingImports]
 
 import apollonius
 from apollonius.agents.disturbance import Disturbance
@@ -65,9 +64,8 @@ def write_reference(folder: Path) -> None:
 
 def _index(rooms: list[str]) -> str:
     """Return the front page: every public name, and the rooms."""
-    names = "\n".join(
-        f"| {{py:obj}}`{name} <{_home(name)}>` | {_first(getattr(apollonius, name))} |" for name in dir(apollonius)
-    )
+    public = [getattr(apollonius, name) for name in dir(apollonius)]
+    names = "\n".join(f"   ~{documented.__module__}.{documented.__qualname__}" for documented in public)
     contents = "\n".join(["```{toctree}", *rooms, "```"])
     return f"""# Python API
 
@@ -76,26 +74,17 @@ Most programs need only these names: `apollonius.make_game`, and so on. The modu
 
 ## The public names
 
-| name | what it is |
-|---|---|
+```{{eval-rst}}
+.. autosummary::
+   :nosignatures:
+
 {names}
+```
 
 ## Modules
 
 {contents}
 """
-
-
-def _home(name: str) -> str:
-    """Return the full name of a public name, by which Sphinx finds it."""
-    documented = getattr(apollonius, name)
-    return f"{documented.__module__}.{documented.__qualname__}"
-
-
-def _first(documented: object) -> str:
-    """Return the first line of a docstring for a cell of a table."""
-    lines = (documented.__doc__ or "").strip().splitlines()
-    return lines[0].replace("|", "\\|") if lines else ""
 
 
 def _room(room: str, modules: list[str]) -> str:
@@ -127,17 +116,12 @@ def _keys(name: str, record: type) -> str:
 
 def _documented(record: type) -> dict[str, str]:
     """Return what a class's docstring says of its attributes, and the docstrings below its fields."""
-    (body,) = ast.parse(textwrap.dedent(inspect.getsource(record))).body
     attributes = (inspect.getdoc(record) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
     entries = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", attributes, re.MULTILINE)
     found = {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
-    for before, after in pairwise(body.body if isinstance(body, ast.ClassDef) else []):
-        match before, after:
-            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
-                found[name] = " ".join(text.split()).replace("|", "\\|")
-            case _:
-                pass
-    return found
+    below = ModuleAnalyzer.for_module(record.__module__).find_attr_docs()
+    found |= {name: " ".join(lines) for (owner, name), lines in below.items() if owner == record.__name__}
+    return {name: text.replace("|", "\\|") for name, text in found.items()}
 
 
 def _command_line(parser: argparse.ArgumentParser) -> str:

@@ -1,4 +1,4 @@
-"""The folder that Sphinx reads: the documents, with the parts of the site and what is generated from the package."""
+"""The folder that Sphinx reads: the documents, with the parts of the site."""
 
 import json
 import os
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from apollonius.arenas.file import about_game, game_names
-from website.reference import write_reference
 
 REPOSITORY = Path(__file__).parents[1]
 HERE = Path(__file__).parent
@@ -81,7 +80,6 @@ def write_sources(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("figures", "results"):
         shutil.copytree(REPOSITORY / "docs" / name, folder / name, ignore=shutil.ignore_patterns("paper", "demo"))
-    write_reference(folder / "reference")
     for name, path in documents().items():
         text = path.read_text()
         if path.suffix != ".md":

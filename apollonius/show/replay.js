@@ -4,10 +4,7 @@
 
 import { between, draw } from "../web/page/draw.js";
 import { ROLES, countsOf, isActive } from "../web/page/game.js";
-import { known } from "../web/page/layers.js";
-import { layersOf } from "../web/page/overlay.js";
-
-const AHEAD = 2; // how much of what comes next the course shows [s]
+import { known, layersOf } from "../web/page/why.js";
 
 /** The states of a game as the page has them. */
 export function statesOf({ game, states, until }) {
@@ -37,13 +34,12 @@ export function inWords(outcome) {
   return outcome.replaceAll("_", " ");
 }
 
-/** Draw a game as it stands at a step, whole or not, with some of the page's layers: `brakes`, `regions`, `course`. */
+/** Draw a game as it stands at a step, whole or not, with some of the page's layers: `brakes`, `regions`. */
 export function drawGame(canvas, game, states, step, colours, shown = []) {
   const index = Math.min(Math.floor(step), states.length - 1);
   const now = between(states[index], states[Math.min(index + 1, states.length - 1)], step - index);
   const passed = [...states.slice(0, index + 1), now];
-  const course = shown.includes("course") ? states.slice(index, index + 1 + Math.round(AHEAD / game.dt)) : null;
-  const layers = layersOf({ game, state: now }, { ...known(game, now, shown), course }, colours);
+  const layers = layersOf({ game, state: now }, known(game, now, shown), colours);
   draw(canvas, { game, states: passed, now, colours, layers });
 }
 

@@ -2,34 +2,28 @@
 
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.network import make_network
-from apollonius.agents.store import describe, save_agent
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap, distance_field
-from apollonius.game.types import Role
 from apollonius.web.site import Choice, write_site
 from tests.web.test_server import serving
 
 
 @pytest.fixture(scope="package")
 def address(tmp_path_factory):
-    """Of the page, with a game on a map, and an untrained pursuer that plays in any arena."""
+    """Of the page, with a game on a map, and a player of a user's own."""
     folder = tmp_path_factory.mktemp("page")
     occupied = np.zeros((80, 120), bool)
     occupied[30:34, :90] = True
     field = jnp.asarray(distance_field(occupied, 0.1))
     floor = OccupancyMap(field, -1.0, 2.0, 0.1, str(folder / "floor.yaml"), "0" * 64)
     games = {"hall": Game(arena=Arena(-1.0, 11.0, 2.0, 10.0, map=floor))}
-    network = make_network("egocentric", 16, 2, jax.random.key(0))
-    save_agent(describe(network, Role.PURSUER, {}, {}), folder / "small.safetensors")
-    agents = {"small": folder / "small.safetensors", "spiral": Path(__file__).with_name("spiral.wasm")}
-    chosen = Choice("shielded:P_pool", "you", difficulty="sharp", agents=agents, games=games)
+    spiral = {"spiral": Path(__file__).with_name("spiral.wasm")}
+    chosen = Choice("shielded:P_pool", "you", difficulty="sharp", agents=spiral, games=games)
     write_site(folder / "site", chosen)
     with serving(folder / "site") as server:
         yield f"http://localhost:{server.server_port}/"

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.network import make_network
 from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import ZOO, zoo_names
@@ -39,12 +38,6 @@ def test_the_site_is_whole(tmp_path):
     page = (tmp_path / "index.html").read_text()
     for file in re.findall(r'(?:src|href)="([^"]+)"', page):
         assert (tmp_path / file).is_file()
-
-
-@pytest.mark.parametrize("name", sorted(PLAYERS))
-def test_the_page_has_all_players_that_need_no_file(name):
-    side = PLAYERS[name][1][0]
-    assert getattr(choose(side.other, name, "team-2v1/territory", 0), side.name.lower()) == name
 
 
 def test_the_page_asks_nobody_else():
@@ -156,13 +149,6 @@ def test_the_command_writes_a_site_once(tmp_path, capsys):
     site = tmp_path / "site"
     assert main(["play", "--as", "pursuer", "--against", "still", "--seed", "5", "--site", str(site)]) == 0
     chosen = json.loads((site / "catalogue.json").read_text())["chosen"]
-    assert chosen == {
-        "pursuer": YOU,
-        "evader": "still",
-        "game": "paper",
-        "difficulty": "sharp",
-        "seed": 5,
-        "level": None,
-    }
+    assert (chosen["pursuer"], chosen["evader"], chosen["seed"], chosen["level"]) == (YOU, "still", 5, None)
     assert main(["play", "--site", str(site)]) == 2
     assert "--site" in capsys.readouterr().err

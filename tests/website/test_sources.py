@@ -22,11 +22,9 @@ def test_each_document_belongs_to_one_part():
     [
         (DOCUMENT, "[rules](../reference/rules.md#starts)", "[rules](../reference/rules.md#starts)"),
         (DOCUMENT, "[numbers](../results/paper.json)", "[numbers](../results/paper.json)"),
-        (DOCUMENT, "[below](#the-page)", "[below](#the-page)"),
         (DOCUMENT, "[elsewhere](https://arxiv.org/)", "[elsewhere](https://arxiv.org/)"),
         (DOCUMENT, "![a picture](../figures/chase.gif)", "![a picture](../figures/chase.gif)"),
         (DOCUMENT, "[games](../../tests/golden)", "games"),
-        (HOME, "[log](docs/laboratory.md)", "log"),
         (DOCUMENT, "[[`games`](../../tests/golden)]", "[`games`]"),
         (DOCUMENT, "[home](../../README.md#use)", "[home](../index.md)"),
         (DOCUMENT, "[licence](../../LICENSE)", "[licence](../licence.md)"),

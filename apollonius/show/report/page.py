@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from apollonius.evaluate.match import Match, play_games, record_game, worst_first
@@ -112,12 +111,11 @@ class Judged:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page with a heading: words, then pictures."""
+    """A part of the page with a heading: paragraphs, then pictures."""
 
     title: str
-    text: str = ""
-    """Markdown; HTML in it is shown as it is written."""
-    pictures: Sequence[Markup] = ()
+    words: Sequence[str]
+    pictures: Sequence[Markup]
 
 
 @dataclass(frozen=True)
@@ -164,8 +162,6 @@ def render(page: Page) -> str:
         lstrip_blocks=True,
     )
     environment.policies["json.dumps_kwargs"]["allow_nan"] = False
-    markdown = MarkdownIt("commonmark", {"html": False})
-    environment.filters["markdown"] = lambda text: Markup(markdown.render(text))
     environment.filters["words"] = lambda name: name.replace("_", " ")
     return environment.get_template("page.html").render(
         page=page,
@@ -184,7 +180,7 @@ def replay_script() -> Markup:
 
 
 _IMPORT = re.compile(r'^import \{([^}]+)\} from "([^"]+)";\n', re.MULTILINE)
-_EXPORT = re.compile(r"^export (?:const|class|function\*?) (\w+)", re.MULTILINE)
+_EXPORT = re.compile(r"^export (?:const|class|(?:async )?function\*?) (\w+)", re.MULTILINE)
 _COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
 
 

@@ -1,6 +1,6 @@
 """The report of a training run: how its agents learned, how good they are, and games that they play."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from markupsafe import Markup
@@ -39,26 +39,23 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
     """
     stage = lines[0].stage
     evaluations = evaluations_of(lines, stage)
-    learning = [line for line in lines if line.updates]
     pictures = []
     if len(evaluations) > 1:
         fixed = stage == "fixed-target" and list(against) == ["still"]
         label = "How greedy games end, in per cent, over episodes"
         pictures.append(inline_svg(lambda axes: _draw_greedy(axes, evaluations, fixed), label))
-    sides = list(lines[-1].losses)
-    played = [line for line in lines if line.games]
-    if len(played) > 1:
-        rewards = {side: _curve(played, [getattr(line, f"{side}_return") for line in played]) for side in sides}
-        about = {"title": "reward in training", "ylabel": "mean reward of a game"}
-        pictures.append(
-            inline_svg(lambda axes: _draw_sides(axes, rewards, **about), "Mean reward of a game over episodes")
-        )
-    if len(learning) > 1:
-        losses = {side: _curve(learning, [line.losses.get(side, 0.0) for line in learning]) for side in sides}
-        of_losses = {"title": "loss in training", "ylabel": "mean loss of an update", "yscale": "log"}
-        pictures.append(
-            inline_svg(lambda axes: _draw_sides(axes, losses, **of_losses), "Mean loss of an update over episodes")
-        )
+
+    def draw(measured: list[MetricsLine], value: Callable[[MetricsLine, str], float], **about: str) -> None:
+        if len(measured) > 1:
+            curves = {side: _curve(measured, [value(line, side) for line in measured]) for side in lines[-1].losses}
+            label = f"{about['ylabel'].capitalize()} over episodes"
+            pictures.append(inline_svg(lambda axes: _draw_sides(axes, curves, **about), label))
+
+    games, updates = [line for line in lines if line.games], [line for line in lines if line.updates]
+    rewards = {"title": "reward in training", "ylabel": "mean reward of a game"}
+    draw(games, lambda line, side: getattr(line, f"{side}_return"), **rewards)
+    losses = {"title": "loss in training", "ylabel": "mean loss of an update", "yscale": "log"}
+    draw(updates, lambda line, side: line.losses.get(side, 0.0), **losses)
     return pictures
 
 
@@ -184,12 +181,11 @@ def load_matches(path: Path) -> list[Judged]:
 
 
 def _learning(stage: str, lines: Sequence[MetricsLine], config: RunConfig, plan: StageConfig) -> Section:
-    pictures = [Markup(svg) for svg in learning_pictures(lines, against=config.evaders)]
-    text = (
+    words = [
         f"Greedy games: {plan.evaluation_games:,} from fixed starts, with Wilson 95 % intervals over games as bands. "
         "Rewards and losses: running means over the games and updates of training, in which players explore."
-    )
+    ]
     if stage == SELF_PLAY:
-        looks = [(look.env_steps, look.outcomes) for look in evaluations_of(lines, stage)]
-        text = f"{text}\n\n{self_play_trend(looks)}".rstrip()
-    return Section(f"Learning: {stage}", text, pictures)
+        words.append(self_play_trend([(look.env_steps, look.outcomes) for look in evaluations_of(lines, stage)]))
+    pictures = [Markup(svg) for svg in learning_pictures(lines, against=config.evaders)]
+    return Section(f"Learning: {stage}", words, pictures)

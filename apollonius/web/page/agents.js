@@ -1,8 +1,8 @@
 // Who acts: a player is a function from (game, state, who), the robot {role, number} that is to act, to actions in the order
-// it prefers them: all the discrete ones 0..8, and before them, of a player with continuous actions, its pair of gears.
+// it prefers them: all the discrete ones 0..8, and before them, of a player with continuous actions, its pair of levels.
 
-import { leavesRoom, observe, roomAfter } from "./calls.js";
-import { ACTIONS, bodyOf, gears, robotOf } from "./game.js";
+import { canStop, observe, clearanceAfter } from "./calls.js";
+import { ACTIONS, actionLevels, bodyOf, robotOf } from "./game.js";
 import { addresses, given, kept, run } from "./programs.js";
 
 const UNITS = 64; // of a layer that are worked out together, whose weights lie together
@@ -54,7 +54,7 @@ const byValue = (values) => ACTIONS.toSorted((a, b) => values[b] - values[a] || 
 /** Return the pair of levels that two means stand for, then the discrete actions, the nearest first. */
 function byNearness(means) {
   const own = [...means.map(Math.tanh)]; // in single precision, as a replay holds them
-  const away = (action) => gears(action).reduce((sum, gear, index) => sum + (gear - own[index]) ** 2, 0);
+  const away = (action) => actionLevels(action).reduce((sum, level, index) => sum + (level - own[index]) ** 2, 0);
   return [own, ...byValue(ACTIONS.map((action) => -away(action)))];
 }
 
@@ -86,7 +86,7 @@ export const BUILT_IN = {
 export function shielded(player) {
   return (game, state, who, ...rest) => {
     const [body, robot] = [bodyOf(game, who), robotOf(state, who)];
-    const action = player(game, state, who, ...rest).find((wanted) => leavesRoom(game, body, robot, wanted));
-    return action === undefined ? byValue(ACTIONS.map((wanted) => roomAfter(game, body, robot, wanted))) : [action];
+    const action = player(game, state, who, ...rest).find((wanted) => canStop(game, body, robot, wanted));
+    return action === undefined ? byValue(ACTIONS.map((wanted) => clearanceAfter(game, body, robot, wanted))) : [action];
   };
 }

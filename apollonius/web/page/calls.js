@@ -2,12 +2,12 @@
 //
 // What was written to their memory last stays there, so that an arena or a chart is copied once and not for every call.
 
-import { EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, bodiesOf, gears, isActive, other } from "./game.js";
+import { EVADER, OUTCOMES, PURSUER, ROLES, STATUSES, actionLevels, bodiesOf, isActive, other } from "./game.js";
 import { addresses, given, kept, ownProgram, run } from "./programs.js";
 
 export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
-const CELLS = Math.sqrt(given.chart().visible.length); // of a chart along the arena's longer side
-export const STOPS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // of a chart along it, between which paths are known
+const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clearances along the arena's longer side
+export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
 const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own"]; // what reads a chart
 const BODY = ["v_min", "v_max", "u1_max", "u2_max", "radius"];
@@ -47,7 +47,7 @@ function writeRobot(body, robot, action) {
   const [limits, state] = [given.body(), given.robot()];
   for (const key of BODY) limits[key][0] = body[key];
   for (const key of ROBOT) state[key][0] = robot[key];
-  given.levels().set(gears(action));
+  given.levels().set(actionLevels(action));
 }
 
 /** Write the robots of a state: those of the first of two roles first, and the one of a number before its team mates. */
@@ -74,7 +74,7 @@ function writeChart(game) {
   charted = { arena, radius };
   writeArena(arena);
   const side = Math.max(arena.x_max - arena.x_min, arena.y_max - arena.y_min);
-  const along = (low) => Array.from({ length: CELLS + 1 }, (_, corner) => Math.fround(low) + Math.fround(corner * (side / CELLS)));
+  const along = (low) => Array.from({ length: FINE + 1 }, (_, corner) => Math.fround(low) + Math.fround(corner * (side / FINE)));
   given.corners().set([...along(arena.x_min), ...along(arena.y_min)]);
   run.chart(side, radius);
 }
@@ -96,7 +96,7 @@ export function step(game, state, actions) {
   writeArena(game.arena);
   writeRobots(game, state, ROLES);
   ROLES.forEach((role, side) => {
-    state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? gears(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
+    state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? actionLevels(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
   });
   const judged = game.teams?.mates_collide ? run.step_of_bodies : run.step;
   const found = judged(game.capture_distance, game.dt, game.max_steps - state.steps);
@@ -124,14 +124,14 @@ export function clearanceAlong(arena, before, after) {
 }
 
 /** Least clearance [m] during an action and the best of three ways to brake to rest after it; less where it is ample. */
-export function roomAfter({ arena, dt }, body, robot, action) {
+export function clearanceAfter({ arena, dt }, body, robot, action) {
   writeArena(arena);
   writeRobot(body, robot, action);
   return run.clearance_after(dt)[0];
 }
 
 /** Return whether the shield allows an action. */
-export const leavesRoom = (...asked) => roomAfter(...asked) > MARGIN;
+export const canStop = (...asked) => clearanceAfter(...asked) > MARGIN;
 
 /** Write what one robot, {role, number}, sees. */
 function writeView(name, game, state, { role, number }) {
@@ -164,13 +164,13 @@ export const CLASSICAL = Object.fromEntries(
   }),
 );
 
-/** The lengths of the paths [m] from a point to all stops of a game's chart, row by row from the bottom. */
+/** The lengths of the paths [m] from a point to all cells of a game's chart, row by row from the bottom. */
 export function pathsFrom(game, { x, y }) {
   writeChart(game);
   const { cells, weights } = run.cell_weights(x, y);
-  const [{ lengths }, count] = [given.chart(), STOPS ** 2];
-  const near = [...cells()].map((stop, index) => [lengths.subarray(count * stop, count * (stop + 1)), weights()[index] / 100]);
-  return Float32Array.from({ length: count }, (_, stop) => near.reduce((sum, [lengths, weight]) => sum + weight * lengths[stop], 0));
+  const [{ lengths }, count] = [given.chart(), CELLS ** 2];
+  const near = [...cells()].map((cell, index) => [lengths.subarray(count * cell, count * (cell + 1)), weights()[index] / 100]);
+  return Float32Array.from({ length: count }, (_, cell) => near.reduce((sum, [path, weight]) => sum + weight * path[cell], 0));
 }
 
 /** A player of a user's own, from the bytes of its module: from (game, state, who) to its action. */

@@ -4,18 +4,19 @@
 import { MOST_ROBOTS } from "./calls.js";
 import { EVADER, PURSUER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
 import { LEVELS, bestOf, levelOf } from "./levels.js";
-import { SHIELDED, YOU, bare, inWords, isPerson, leadAndMates, leading } from "./names.js";
 import { DIFFICULTIES, ruleNames } from "./players.js";
+import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
 const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
-const MATES = { [PURSUER]: "P_team", [EVADER]: "E_any" }; // whom a person leads
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
+
+const asOptions = (names) => names.map((name) => new Option(name === YOU ? inWords(name) : `${inWords(name)} (${name})`, name));
 
 const group = (label, options) => {
   const made = document.createElement("optgroup");
   made.label = label;
-  made.append(...options.map(([value, text]) => new Option(text, value)));
+  made.append(...options);
   return made;
 };
 
@@ -23,8 +24,8 @@ export class Choices {
   /** @param form whose fields are filled here; `games` are all games by name */
   constructor(form, { agents, anywhere, chosen }, games) {
     Object.assign(this, { form, agents, anywhere, chosen, games });
-    const difficulties = Object.entries(DIFFICULTIES).map(([name, { words }]) => [name, words]);
-    this.#field("difficulty").replaceChildren(group("how hard", difficulties));
+    const difficulties = Object.entries(DIFFICULTIES).map(([name, { words }]) => new Option(words, name));
+    this.#field("difficulty").replaceChildren(...difficulties);
     this.#offerGames();
     this.#offerSizes([1, 1]);
     form.addEventListener("change", ({ target }) => ["game", "robots"].includes(target.name) && this.refit());
@@ -42,15 +43,13 @@ export class Choices {
   /** Offer numbers of robots, and choose one; a game that comes as one of teams has its own. */
   #offerSizes(wanted) {
     const game = this.games[this.#field("game").value];
-    const isUsual = SIZES.some((size) => size.join() === wanted.join());
-    const sizes = game.teams ? [countsOf(game)] : isUsual ? SIZES : [...SIZES, wanted];
-    const names = sizes.map((size) => size.join(" v "));
-    this.#field("robots").replaceChildren(...names.map((name) => new Option(name, name)));
-    this.#field("robots").value = game.teams ? names[0] : wanted.join(" v ");
+    const sizes = (game.teams ? [countsOf(game)] : [...SIZES, wanted]).map((size) => size.join(" v "));
+    this.#field("robots").replaceChildren(...[...new Set(sizes)].map((name) => new Option(name, name)));
+    this.#field("robots").value = sizes.at(-1);
   }
 
   #offerGames() {
-    this.#field("game").replaceChildren(group("arenas", Object.keys(this.games).map((name) => [name, name])));
+    this.#field("game").replaceChildren(...Object.keys(this.games).map((name) => new Option(name, name)));
   }
 
   /** Add a game, or put another in its place, and choose it. */
@@ -61,44 +60,24 @@ export class Choices {
     this.refit();
   }
 
-  /** Offer the players that fit the chosen game; an agent that knows only another arena is replaced. */
+  /** Offer the players that fit the chosen game; an agent of the zoo that knows only another arena is replaced. */
   refit() {
     const name = this.#field("game").value;
     this.#offerSizes(this.#counts);
-    const counts = this.#counts;
     for (const role of ROLES) {
       const field = this.#field(role);
-      const before = this.#asTeam(role, field.value);
+      const before = field.value;
       const trained = (knows) => this.agents[role].filter((agent) => this.anywhere.includes(agent) === knows);
-      const asOptions = (names) => names.map((one) => [one, inWords(one)]);
-      const rules = ruleNames(role, this.games[name], counts);
-      const people = this.#hasMates(role) ? [...trained(true), ...rules].map(leading) : [YOU];
       field.replaceChildren(
-        group("", asOptions(people)),
+        ...asOptions([YOU]),
         group("knows any arena", asOptions(trained(true))),
-        group("rules of thumb", asOptions(rules)),
+        group("rules of thumb", asOptions(ruleNames(role, this.games[name], this.#counts))),
         group("trained in one arena", asOptions(trained(false))),
       );
       field.value = before;
-      const isAbroad = trained(false).includes(field.value) && !AT_HOME.includes(name) && this.isOurs(field.value);
-      if (!field.value || isAbroad) field.value = this.agents[role].includes(ANYWHERE[role]) ? ANYWHERE[role] : "still";
+      const isAbroad = trained(false).includes(field.value) && !AT_HOME.includes(name) && /^[PE]_\w+$/.test(field.value);
+      if (!field.value || isAbroad) field.value = ANYWHERE[role];
     }
-  }
-
-  #hasMates(role) {
-    return this.#counts[ROLES.indexOf(role)] > 1;
-  }
-
-  /** A side's name as its number of robots asks for it: a person who has mates says whom. */
-  #asTeam(role, name) {
-    if (!isPerson(name)) return name;
-    const known = this.agents[role].includes(MATES[role]) ? MATES[role] : "still";
-    return leading(this.#hasMates(role) ? (leadAndMates(name)[1] ?? known) : null);
-  }
-
-  /** Return whether an agent is of the zoo, and so was trained in the paper's arena. */
-  isOurs(name) {
-    return /^[PE]_\w+$/.test(name);
   }
 
   /** Fill the form by names and values. What there is not stays as it is; returns the names of these fields. */
@@ -109,7 +88,7 @@ export class Choices {
     const known = { game: this.#set("game", arena) && isFew };
     this.#offerSizes((isFew && counts) || [1, 1]);
     this.refit();
-    for (const role of ROLES) known[role] = this.#set(role, this.#asTeam(role, bare(String(wanted[role]))));
+    for (const role of ROLES) known[role] = this.#set(role, bare(String(wanted[role])));
     for (const name of ["difficulty", "seed"]) known[name] = this.#set(name, wanted[name]);
     this.#field("shield").checked = ROLES.some((role) => String(wanted[role]).includes(SHIELDED));
     return Object.keys(known).filter((name) => !known[name]);
@@ -127,12 +106,10 @@ export class Choices {
 
   /** Read the form: {pursuer, evader, game, difficulty, seed, level}, agents with `shielded:` if it is checked. */
   read() {
-    const said = Object.fromEntries(new FormData(this.form));
-    const guarded = (name) => (said.shield && name ? SHIELDED + name : name);
-    const named = (name) => (isPerson(name) ? leading(guarded(leadAndMates(name)[1])) : guarded(name));
-    const { difficulty, seed } = said;
+    const { pursuer, evader, shield, difficulty, seed, ...said } = Object.fromEntries(new FormData(this.form));
+    const named = (name) => (shield && name !== YOU ? SHIELDED + name : name);
     const game = this.games[said.game].teams ? said.game : teamName(said.game, this.#counts);
-    return { pursuer: named(said.pursuer), evader: named(said.evader), game, difficulty, seed: Number(seed), level: null };
+    return { pursuer: named(pursuer), evader: named(evader), game, difficulty, seed: Number(seed), level: null };
   }
 
   /**
@@ -155,8 +132,8 @@ export class Choices {
 
 /** A level as what the form would say. */
 export function asChoice(level) {
-  const players = { [level.side]: leading(level.mates && SHIELDED + level.mates), [other(level.side)]: SHIELDED + level.against };
-  return { ...players, game: level.game, difficulty: level.difficulty, seed: level.number, level };
+  const players = { [level.side]: YOU, [other(level.side)]: SHIELDED + level.against };
+  return { ...players, game: level.game, difficulty: level.difficulty, seed: level.seed, level };
 }
 
 /** Return a choice as the query of an address. */
@@ -168,10 +145,10 @@ export function asQuery({ level, ...choice }) {
 export function levelButtons(current, onChoice) {
   return LEVELS.map((level) => {
     const [item, button, about] = ["li", "button", "small"].map((kind) => document.createElement(kind));
-    const best = bestOf(level.key);
-    const told = best ? `${best.isWon ? "✓ won" : "best"}, ${best.seconds.toFixed(1)} s` : "not yet played";
+    const best = bestOf(level);
+    const reached = best === null ? "not yet won" : `✓ won, ${best.toFixed(1)} s`;
     button.textContent = `${level.number}. ${level.name}`;
-    about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty === "told" ? "it knows you" : level.difficulty}; ${told}`;
+    about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}; ${reached}`;
     button.append(about);
     if (level === current) button.setAttribute("aria-current", "true");
     button.addEventListener("click", () => onChoice(level));

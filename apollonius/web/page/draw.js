@@ -1,12 +1,13 @@
-// A match under way on a canvas: the arena, trails, robots. Lengths are in metres, y points up.
+// A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
 
-import { circle, drawArena, drawMap, drawTrail, path } from "./arena.js";
+import { clearanceAlong } from "./calls.js";
 import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
-import { isTooFast, restOf } from "./hints.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
+const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
+const mapPictures = new WeakMap();
 
 /** A state between two others, `share` of the way from the first to the second. */
 export function between(before, after, share) {
@@ -45,6 +46,75 @@ export function begin(canvas, arena) {
   return context;
 }
 
+/** A circle, to be filled or stroked. */
+export function circle(context, x, y, radius) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  return context;
+}
+
+/** Lines from point to point, [x, y] each, to be filled or stroked. */
+export function path(context, points) {
+  context.beginPath();
+  for (const [x, y] of points) context.lineTo(x, y);
+  return context;
+}
+
+/** Two strokes through a point. */
+export function cross(context, { x, y }, half) {
+  for (const rise of [half, -half]) path(context, [[x - half, y - rise], [x + half, y + rise]]).stroke();
+}
+
+/** Obstacles, territory and walls of an arena. Cells of an occupancy map are left out. */
+function drawArena(context, arena, colours) {
+  context.fillStyle = colours.obstacle;
+  for (const disc of arena.discs) circle(context, disc.x, disc.y, disc.radius).fill();
+  for (const { vertices } of arena.polygons ?? []) path(context, vertices).fill();
+  context.lineWidth = 0.05;
+  if (arena.territory) {
+    const { x, y, radius } = arena.territory;
+    context.strokeStyle = colours.evader;
+    circle(context, x, y, radius).stroke();
+  }
+  context.strokeStyle = colours.ink;
+  context.strokeRect(arena.x_min, arena.y_min, arena.x_max - arena.x_min, arena.y_max - arena.y_min);
+}
+
+/** Draw the path of a robot, with a ring around its start. */
+function drawTrail(context, points, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 0.035;
+  path(context, points).stroke();
+  circle(context, ...points[0], 0.08).stroke();
+}
+
+/** Draw the occupied cells of a map. */
+function drawMap(context, map, colour) {
+  const picture = mapPictures.get(map);
+  if (picture?.colour !== colour) mapPictures.set(map, { colour, canvas: paint(map, colour) });
+  const [width, height] = [(map.columns - 1) * map.cell, (map.rows - 1) * map.cell];
+  context.imageSmoothingEnabled = false;
+  context.drawImage(mapPictures.get(map).canvas, map.x, map.y, width, height);
+}
+
+/** A canvas with the cells, the first row at its top, as lengths along y point up. */
+function paint({ rows, columns, field }, colour) {
+  const every = Math.ceil(Math.max(rows - 1, columns - 1) / MOST_PIXELS);
+  const canvas = document.createElement("canvas");
+  canvas.width = Math.ceil((columns - 1) / every);
+  canvas.height = Math.ceil((rows - 1) / every);
+  const context = canvas.getContext("2d");
+  context.fillStyle = colour;
+  for (let row = 0; row < canvas.height; row++) {
+    for (let column = 0; column < canvas.width; column++) {
+      const at = every * (row * columns + column);
+      const corners = field[at] + field[at + 1] + field[at + columns] + field[at + columns + 1];
+      if (corners <= 0) context.fillRect(column, row, 1, 1);
+    }
+  }
+  return canvas;
+}
+
 /** The ground of an arena and what stands on it; `beneath` draws on the bare ground. */
 export function drawGround(context, arena, colours, beneath = null) {
   context.fillStyle = colours.paper;
@@ -59,11 +129,11 @@ export function drawGround(context, arena, colours, beneath = null) {
  *
  * @param canvas sized here to its place in the page and the screen's pixels
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
- *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} whose way
- *   to rest is drawn, `halo`, from 0 to 1, how far a ring around them has widened, `advice`, keys to show beside them,
- *   `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots. Team mates have their numbers, and a robot that is out of play is a cross
+ *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} with a ring
+ *   and their way to rest, `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots. Team mates
+ *   have their numbers, and a robot that is out of play is a cross
  */
-export function draw(canvas, { game, states, now, colours, steered = [], halo = null, advice = null, layers = null }) {
+export function draw(canvas, { game, states, now, colours, steered = [], layers = null }) {
   const { arena } = game;
   const context = begin(canvas, arena);
   drawGround(context, arena, colours, layers?.beneath);
@@ -77,8 +147,9 @@ export function draw(canvas, { game, states, now, colours, steered = [], halo = 
   for (const who of steered) {
     const robot = robotOf(now, who);
     drawWayToRest(context, game, who, robot, colours);
-    if (halo !== null) drawHalo(context, robot, least, halo, colours[who.role]);
-    if (advice) drawAdvice(context, robot, least, advice, colours);
+    context.strokeStyle = colours[who.role];
+    context.lineWidth = 0.3 * least;
+    circle(context, robot.x, robot.y, 2.1 * least).stroke();
   }
   for (const who of robots) drawRobot(context, game, who, now, least, colours);
 }
@@ -88,8 +159,11 @@ function drawRobot(context, game, who, now, least, colours) {
   const { role, number } = who;
   const robot = robotOf(now, who);
   const radius = Math.max(bodyOf(game, who).radius, least);
-  if (!isActive(robot)) drawCross(context, robot, radius, colours[role]);
-  else if (role === PURSUER) drawPursuer(context, robot, radius, game.capture_distance, colours);
+  if (!isActive(robot)) {
+    context.strokeStyle = colours[role];
+    context.lineWidth = 0.4 * radius;
+    cross(context, robot, radius);
+  } else if (role === PURSUER) drawPursuer(context, robot, radius, game.capture_distance, colours);
   else drawEvader(context, robot, radius, colours);
   if (now[role].length > 1) drawNumber(context, robot, radius, number + 1, colours[role]);
 }
@@ -99,54 +173,17 @@ function ahead(robot, length, angle = 0) {
   return [robot.x + length * Math.cos(robot.heading + angle), robot.y + length * Math.sin(robot.heading + angle)];
 }
 
-/** Dots to where a robot would stop if it braked; where it would touch something first, a bold line and a cross. */
+/** Dots to where a robot would stop if it braked straight ahead; where it would touch something first, a bold line and a cross. */
 function drawWayToRest(context, game, who, robot, colours) {
-  const rest = restOf(bodyOf(game, who), robot);
-  const isLate = robot.v > 0 && isTooFast(game, who, robot);
+  const body = bodyOf(game, who);
+  const [x, y] = ahead(robot, robot.v ** 2 / (2 * Math.max(body.u1_max, 1e-6)));
+  const isLate = robot.v > 0 && clearanceAlong(game.arena, robot, { x, y }) < body.radius;
   context.strokeStyle = isLate ? colours.ink : colours[who.role];
   context.lineWidth = isLate ? 0.06 : 0.03;
   context.setLineDash(isLate ? [] : [0.08, 0.1]);
-  path(context, [[robot.x, robot.y], [rest.x, rest.y]]).stroke();
+  path(context, [[robot.x, robot.y], [x, y]]).stroke();
   context.setLineDash([]);
-  if (!isLate) return;
-  for (const tilt of [0.15, -0.15]) path(context, [[rest.x - 0.15, rest.y - tilt], [rest.x + 0.15, rest.y + tilt]]).stroke();
-}
-
-/** A ring that widens and fades: this one is you. */
-function drawHalo(context, robot, radius, share, colour) {
-  context.save();
-  context.globalAlpha = 1 - share;
-  context.strokeStyle = colour;
-  context.lineWidth = 0.3 * radius;
-  circle(context, robot.x, robot.y, radius * (1.5 + 3 * share)).stroke();
-  context.restore();
-}
-
-/** Letters that stand upright, so large [m], around a robot. */
-function beginLetters(context, robot, size) {
-  context.save();
-  context.translate(robot.x, robot.y);
-  context.scale(1, -1);
-  context.font = `${size}px system-ui, sans-serif`;
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-}
-
-/** Keys beside a robot, such as "↑". */
-function drawAdvice(context, robot, radius, keys, colours) {
-  const size = 3.4 * radius;
-  beginLetters(context, robot, size);
-  context.lineWidth = 0.2 * radius;
-  [...keys].forEach((key, index) => {
-    const [x, y] = [(index - (keys.length - 1) / 2) * 1.3 * size, -1.3 * size];
-    context.fillStyle = colours.ink;
-    context.beginPath();
-    context.roundRect(x - 0.58 * size, y - 0.58 * size, 1.16 * size, 1.16 * size, 0.25 * size);
-    context.fill();
-    context.fillStyle = colours.paper;
-    context.fillText(key, x, y);
-  });
-  context.restore();
+  if (isLate) cross(context, { x, y }, 0.15);
 }
 
 /** An arrowhead, and around it a ring as wide as its reach: an evader whose centre comes inside is caught. */
@@ -160,17 +197,15 @@ function drawPursuer(context, robot, radius, reach, colours) {
 
 /** The number of a team mate, beside it. */
 function drawNumber(context, robot, radius, number, colour) {
-  beginLetters(context, robot, 2.2 * radius);
+  context.save();
+  context.translate(robot.x, robot.y);
+  context.scale(1, -1); // letters stand upright
+  context.font = `${2.2 * radius}px system-ui, sans-serif`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
   context.fillStyle = colour;
   context.fillText(`${number}`, 2.4 * radius, -2.4 * radius);
   context.restore();
-}
-
-/** Out of play. */
-function drawCross(context, robot, radius, colour) {
-  context.strokeStyle = colour;
-  context.lineWidth = 0.4 * radius;
-  for (const slope of [radius, -radius]) path(context, [[robot.x - radius, robot.y - slope], [robot.x + radius, robot.y + slope]]).stroke();
 }
 
 /** A disc with a nose. */

@@ -6,7 +6,6 @@ import { readOwn } from "./calls.js";
 import { inTeams, partsOf } from "./game.js";
 
 const read = new Map();
-const withTeams = new WeakMap(); // games of teams by the games of two that they are made of, and then by their names
 
 /** Read a file by a function of its bytes, once. `name` is for messages. */
 async function load(name, path, reads) {
@@ -24,15 +23,11 @@ export const isOwn = ({ files }, name) => files[name]?.endsWith(".wasm");
 /** The network of a trained agent, or a player of a user's own. */
 export const findAgent = (catalogue, name) => load(name, catalogue.files[name], isOwn(catalogue, name) ? readOwn : readAgent);
 
-/** A game, such as `office` or `team-3v1/office`; always the same object, so that its chart is drawn once. */
+/** A game, such as `office` or `team-3v1/office`. */
 export async function findGame(catalogue, name) {
   const [arena, counts] = partsOf(name, catalogue.games);
   const game = await findArena(catalogue, arena);
-  if (!counts) return game;
-  const known = withTeams.get(game) ?? {};
-  known[name] ??= inTeams(game, ...counts);
-  withTeams.set(game, known);
-  return known[name];
+  return counts ? inTeams(game, ...counts) : game;
 }
 
 async function findArena({ games, maps }, name) {
@@ -54,9 +49,4 @@ export function saveAs(name, content, type) {
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-/** The game in a link's fragment, or null; what reads it is loaded for those that have one. */
-export async function inLink(fragment) {
-  return fragment.startsWith("#game=") ? (await import("./gamefile.js")).fromFragment(fragment) : null;
 }

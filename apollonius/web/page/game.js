@@ -37,7 +37,7 @@ export function wrapAngle(angle) {
 export const isContinuous = (action) => Array.isArray(action);
 
 /** Return an action's levels, shares of u1_max and u2_max: of a discrete one -1, 0 or 1 each; others are clipped. */
-export function gears(action) {
+export function actionLevels(action) {
   if (isContinuous(action)) return action.map((share) => clip(share, -1, 1));
   return [Math.floor(action / 3) - 1, (action % 3) - 1];
 }

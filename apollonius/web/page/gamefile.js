@@ -9,18 +9,15 @@ const LONGEST = 100_000; // characters of a link's game, decoded
 
 /** The game of a JSON text. Throws an Error in one line. */
 export function readGame(text) {
-  const said = parsed(text);
-  const map = said?.arena?.map;
-  if (map === undefined) return gameFrom(said);
-  throw new Error(`this game is on the map ${String(map?.file ?? map).slice(0, 60)}: apollonius play --game FILE opens the page with it`);
-}
-
-function parsed(text) {
+  let said;
   try {
-    return JSON.parse(text);
+    said = JSON.parse(text);
   } catch (error) {
     throw new Error(error.message.replace(/\s+/g, " ").slice(0, 120));
   }
+  const map = said?.arena?.map;
+  if (map === undefined) return gameFrom(said);
+  throw new Error(`this game is on the map ${String(map?.file ?? map).slice(0, 60)}: apollonius play --game FILE opens the page with it`);
 }
 
 /** A game as JSON; a map by the name of its YAML file, which lies beside it. */

@@ -1,56 +1,74 @@
-// After a loss that was no crash: from when another in the person's place would have done no better. Games are played on
-// from states that were recorded, by the rules and against the very players of the match, so that a way out that is found
-// is one.
+// A game that is over, looked back at: it ends once more and slowly, from the last moment at which it could have been saved.
 
-import { EVADER, PURSUER, ROLES, isActive, other, robotOf } from "./game.js";
-import { SHIELDED, bare } from "./names.js";
-import { findTeam } from "./players.js";
+import { EVADER, PURSUER, ROLES, bodyOf, clip, isActive, robotOf } from "./game.js";
+import { findPlayer } from "./players.js";
+import { stoppable } from "./why.js";
+import { SHIELDED, bare } from "./words.js";
 
-export const STAND_IN = { [PURSUER]: "P_any", [EVADER]: "E_any" }; // who takes the person's place, shielded
+const LASTS = 3; // of the slow replay, at least [s]
+const SLOWER = 2; // times slower than it was
+const STAND_IN = { [PURSUER]: "P_any", [EVADER]: "E_any" }; // who takes the person's place, shielded
 const GIVEN = { [PURSUER]: 20, [EVADER]: 10 }; // how long a pursuer has to win, and an evader to stay free [s]
-const FARTHEST = 20; // how far back it is looked [s]
+const STRIDE = 1; // between moments that are tried [s]
+const FARTHEST = 20; // before the end [s]
 
-/**
- * Who tries in the place of a robot, {role, number}: as it sees the game and, where no opponent is told what it does,
- * as one who is told what opponents do. Nobody where a player acts by chance, as it would then act otherwise.
- */
-export async function standIns(catalogue, match, { role }) {
+/** The replay of a game that is over: it plays slowly to the end, or holds a moment. */
+export class SlowReplay {
+  constructor(match) {
+    this.match = match;
+    this.last = match.states.length - 1;
+  }
+
+  /** Play from a state, by its number, or from a few seconds before the end if that is earlier; `now` is the time [s]. */
+  play(number, now) {
+    const moments = Math.max(1, Math.round(LASTS / SLOWER / this.match.game.dt));
+    Object.assign(this, { first: clip(number, 0, Math.max(0, this.last - moments)), begun: now, held: null });
+  }
+
+  hold(number) {
+    this.held = number;
+  }
+
+  /** The number of the state that is shown at a time [s], whole or between two. */
+  at(now) {
+    if (this.held !== null) return this.held;
+    return Math.min(this.first + (now - this.begun) / SLOWER / this.match.game.dt, this.last);
+  }
+}
+
+/** Return whether a robot is out of play because it touched a wall or an obstacle. */
+export const hasCrashed = (state, who) => ["hit_obstacle", "out_of_range"].includes(robotOf(state, who).status);
+
+/** The number of the last state from which a robot, {role, number}, that crashed could still have braked in time, or null. */
+export function lastBrake({ game, states }, who) {
+  const isInTime = (robot) => isActive(robot) && stoppable(game, bodyOf(game, who), robot).includes(true);
+  const last = states.findLastIndex((state) => isInTime(robotOf(state, who)));
+  return last < 0 ? null : last;
+}
+
+/** Who tries in the place of a person; null where a player acts by chance, as it would then act otherwise. */
+export async function standIn(catalogue, match, role) {
   const players = ROLES.flatMap((side) => match.players[side]);
-  if (!Object.hasOwn(catalogue.files, STAND_IN[role]) || players.some(({ name }) => bare(name).startsWith("random"))) return [];
-  const isWatched = match.players[other(role)].some(({ isTold }) => isTold);
-  const find = (hard) => findTeam(catalogue, SHIELDED + STAND_IN[role], role, 1, hard, null, (work) => work());
-  return (await Promise.all((isWatched ? ["sharp"] : ["sharp", "told"]).map(find))).flat();
+  if (!Object.hasOwn(catalogue.files, STAND_IN[role]) || players.some(({ name }) => bare(name).startsWith("random"))) return null;
+  return findPlayer(catalogue, SHIELDED + STAND_IN[role], role, "sharp");
 }
 
 /**
- * Look for the last state of a match, as its number, from which one of some stand-ins for a robot would have stayed free for
- * ten seconds or, a pursuer, have won: half as far back again from the loss each time, then by halves between that state and
- * the one tried before. It goes on by one step of a game whenever it is asked.
+ * Look for the last state of a match, second by second before its end, from which a stand-in for a robot would have stayed free
+ * for ten seconds or, a pursuer, have won: the recorded game is played on by the rules and against the very players of the match.
+ * It goes on by one step of a game whenever it is asked.
  *
- * @returns {number, seconds}: what was found, null if nothing; how far back it was looked
+ * @returns the number of the state, or null
  */
-export function* lastChance(match, who, stands) {
+export function* lastChance(match, who, stand) {
   const { dt } = match.game;
   const gone = match.states.findIndex((state) => !isActive(robotOf(state, who)));
   const end = gone < 0 ? match.states.length - 1 : gone;
-  const first = Math.max(0, end - Math.round(FARTHEST / dt));
-  let [found, lost] = [null, end];
-  while (found === null && lost > first) {
-    const number = Math.max(first, end - Math.floor(1.5 * (end - lost)) - 1);
-    if (yield* someoneDoesBetter(match, number, who, stands)) found = number;
-    else lost = number;
+  for (let back = STRIDE; back <= Math.min(FARTHEST, end * dt); back += STRIDE) {
+    const number = end - Math.round(back / dt);
+    if (yield* doesBetter(match, number, who, stand)) return number;
   }
-  while (found !== null && lost - found > 1) {
-    const number = Math.floor((found + lost) / 2);
-    if (yield* someoneDoesBetter(match, number, who, stands)) found = number;
-    else lost = number;
-  }
-  return { number: found, seconds: (end - (found ?? first)) * dt };
-}
-
-function* someoneDoesBetter(match, number, who, stands) {
-  for (const stand of stands) if (yield* doesBetter(match, number, who, stand)) return true;
-  return false;
+  return null;
 }
 
 /** Return whether a stand-in does better from a state on. */

@@ -1,11 +1,14 @@
-// Levels: challenges over arenas, each harder than the one before, and two of teams. What a person has reached is stored in
+// Levels: challenges over arenas, each harder than the one before, and two of teams. What a person has won is stored in
 // this browser alone.
 
 import { EVADER, PURSUER } from "./game.js";
 
-/** In their order: what it is called, whom a person plays, with and against whom, how hard, where, for how long [s]. */
+/**
+ * In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]; in the first one
+ * the person starts with open floor ahead, and a shield brakes for the robot.
+ */
 export const LEVELS = [
-  { name: "Open floor", side: EVADER, against: "P_any", difficulty: "gentle", game: "open", seconds: 20 },
+  { name: "Open floor", side: EVADER, against: "P_any", difficulty: "gentle", game: "open", seconds: 20, seed: 3571, isGuarded: true },
   { name: "Three pillars", side: EVADER, against: "P_any", difficulty: "gentle", game: "paper", seconds: 40 },
   { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60 },
   { name: "A courtyard", side: EVADER, against: "P_any", difficulty: "gentle", game: "courtyard", seconds: 60 },
@@ -14,10 +17,9 @@ export const LEVELS = [
   { name: "The maze", side: EVADER, against: "P_any", difficulty: "fair", game: "maze", seconds: 60 },
   { name: "Three pillars, sharp", side: EVADER, against: "P_optimal", difficulty: "sharp", game: "paper", seconds: 100 },
   { name: "The warehouse", side: EVADER, against: "P_any", difficulty: "sharp", game: "warehouse", seconds: 100 },
-  { name: "It knows you", side: EVADER, against: "P_optimal", difficulty: "told", game: "paper", seconds: 100 },
-  { name: "Lead two others", side: PURSUER, mates: "pure-pursuit", against: "E_any", difficulty: "fair", game: "team-3v1", seconds: 60 },
+  { name: "Lead two others", side: PURSUER, against: "E_any", difficulty: "fair", game: "team-3v1", seconds: 60 },
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
-].map((level, index) => ({ ...level, number: index + 1, key: `level ${level.name}` }));
+].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 
 /** The level of a number in an address, or null. */
 export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
@@ -47,28 +49,17 @@ function read() {
   }
 }
 
-/** Return the best result of a challenge: {isWon, seconds}, or null. */
-export function bestOf(name) {
-  const found = Object.hasOwn(read(), name) ? read()[name] : null;
-  return found && Number.isFinite(found.seconds) ? { isWon: found.isWon === true, seconds: found.seconds } : null;
+/** Return the time [s] of the fastest win of a level, or null. */
+export function bestOf({ name }) {
+  const seconds = read()[name];
+  return Number.isFinite(seconds) ? seconds : null;
 }
 
-/** Return whether one result is better than another: won before not won; then by time, for a pursuer the shorter one. */
-function isBetter(result, before, wantsShort) {
-  if (before === null || result.isWon !== before.isWon) return before === null || result.isWon;
-  return result.isWon && wantsShort ? result.seconds < before.seconds : result.seconds > before.seconds;
-}
-
-/** Return the name of a choice as a challenge: its level, or players, arena and difficulty. */
-export const challengeOf = ({ level, pursuer, evader, game, difficulty }) =>
-  level?.key ?? [pursuer, evader, game, difficulty].join(" ");
-
-/** Keep how a match has ended for the person who played a side if it is the best so far; returns whether it is. */
-export function keepBest(name, match, side) {
-  const result = { isWon: match.winner === side, seconds: Number(match.seconds.toFixed(1)) };
-  if (!isBetter(result, bestOf(name), side === PURSUER)) return false;
+/** Keep the time of a win if it is the fastest of a level; returns whether it is. */
+export function keepWin(level, seconds) {
+  if (seconds >= (bestOf(level) ?? Infinity)) return false;
   try {
-    localStorage.setItem(KEY, JSON.stringify({ ...read(), [name]: result }));
+    localStorage.setItem(KEY, JSON.stringify({ ...read(), [level.name]: seconds }));
   } catch {
     // A browser that keeps nothing: the game is the same.
   }

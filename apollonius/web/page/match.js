@@ -2,7 +2,7 @@
 
 import { step } from "./calls.js";
 import { asRecord } from "./files.js";
-import { EVADER, HOLD, PURSUER, gears, isActive, isContinuous, other, winner } from "./game.js";
+import { EVADER, HOLD, PURSUER, ROLES, actionLevels, isActive, isContinuous, winner } from "./game.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const REPLAY_FORMAT = 1;
@@ -13,31 +13,10 @@ const asRow = ({ pursuer, evader }) => [...pursuer, ...evader].flatMap(({ x, y, 
 /** Return the name of a side: each of its players once, a person first. */
 const nameOf = (players) => [...new Set(players.map(({ name }) => name))].join("+");
 
-/** Return the name of a side in words. */
-export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
-
-/**
- * What all robots do in the last of some states of a game; of those that are not in play it makes no difference.
- *
- * @param ask from a player, its robot {role, number}, and the opponents' actions if they have decided, to an action
- */
-export function decided(players, states, ask) {
-  const state = states.at(-1);
-  const actions = {};
-  // Who is told acts last; if both are, the pursuers are told.
-  const order = players.pursuer.some(({ isTold }) => isTold) ? [EVADER, PURSUER] : [PURSUER, EVADER];
-  for (const role of order) {
-    const told = actions[other(role)];
-    actions[role] = players[role].map((player, number) => (isActive(state[role][number]) ? ask(player, { role, number }, told) : HOLD));
-  }
-  return actions;
-}
-
 export class Match {
   /**
    * @param game rules, as `apollonius.arenas.record.to_dict` writes them, a map with its field
-   * @param players {pursuer, evader}, lists of who plays each robot: {name, isTold, act(game, state, who, states, told) ->
-   *   action}; who is told sees what the opponents are about to do
+   * @param players {pursuer, evader}, lists of who plays each robot: {name, act(game, state, who, states) -> action}
    * @param seed of the starts
    */
   constructor(game, players, seed) {
@@ -92,11 +71,17 @@ export class Match {
     return (this.game.max_steps - this.state.steps) * this.game.dt;
   }
 
+  /** What all robots do now, {pursuer, evader}; of those that are not in play it makes no difference. */
+  decide() {
+    const { game, state, states, players } = this;
+    const act = (player, role, number) => (isActive(state[role][number]) ? player.act(game, state, { role, number }, states) : HOLD);
+    return Object.fromEntries(ROLES.map((role) => [role, players[role].map((player, number) => act(player, role, number))]));
+  }
+
   /** One step of `dt`: all players act, the rules judge. */
   step() {
-    const { game, state, states, players } = this;
-    const actions = decided(players, states, (player, who, told) => player.act(game, state, who, states, told));
-    const after = step(game, state, actions);
+    const actions = this.decide();
+    const after = step(this.game, this.state, actions);
     this.states.push(after.state);
     this.actions.push([...actions.pursuer, ...actions.evader]);
     this.outcome = after.outcome;
@@ -116,7 +101,7 @@ export class Match {
       index: this.number - 1,
       outcome: this.outcome,
       tolerance: REPLAY_TOLERANCE,
-      actions: someContinuous ? this.actions.map((all) => all.map(gears)) : this.actions,
+      actions: someContinuous ? this.actions.map((all) => all.map(actionLevels)) : this.actions,
       states: this.states.map(asRow),
     };
   }

@@ -1,71 +1,34 @@
 // The page: buttons, keys and choices in, frames out. What is played is a `Session`.
 
 import { Choices, asChoice, levelButtons } from "./choices.js";
-import { Drawing } from "./drawing.js";
-import { describeGo, describeGoal } from "./ending.js";
 import { saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
-import { Controllers } from "./gamepad.js";
-import { LAYERS } from "./layers.js";
 import { withOpenFloor } from "./levels.js";
-import { wordsOf } from "./match.js";
 import { Session } from "./session.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
-
-const KEPT = 600; // durations
-
-/** Durations [ms] of the last few hundred of something, and their 95th percentile. */
-class Timing {
-  constructor() {
-    this.durations = [];
-  }
-
-  add(milliseconds) {
-    this.durations.push(milliseconds);
-    if (this.durations.length > KEPT) this.durations.shift();
-  }
-
-  /** Call a function and keep how long it took. */
-  measure(work) {
-    const begun = performance.now();
-    const result = work();
-    this.add(performance.now() - begun);
-    return result;
-  }
-
-  get p95() {
-    const sorted = this.durations.toSorted((a, b) => a - b);
-    return sorted[Math.ceil(0.95 * sorted.length) - 1] ?? NaN;
-  }
-}
+import { LAYERS } from "./why.js";
+import { describeGoal, wordsOf } from "./words.js";
+import { Workshop } from "./workshop.js";
 
 const element = (id) => document.getElementById(id);
-const controllers = new Controllers();
-const steering = new Steering(controllers);
+const steering = new Steering();
 const stage = new Stage(element, steering);
-const timing = { frame: new Timing(), interval: new Timing(), move: new Timing() };
-const measure = (work) => timing.move.measure(work);
-const page = new Session((role, together) => steering.action(role, together), measure, showPhase);
-let choices, drawing;
-let isWhyShown = false;
-globalThis.apollonius = { page, timing }; // for the console, and for tests
+const page = new Session((role, together) => steering.action(role, together), showPhase);
+let choices, workshop;
+globalThis.apollonius = { page }; // for the console, and for tests
 
 // ---- what is said of the session
 
 function showPhase(message) {
-  const { phase } = page;
-  Object.assign(document.body.dataset, { phase, people: page.people.length, me: page.me ?? "" });
+  const { phase, match, choice, me, people } = page;
+  Object.assign(document.body.dataset, { phase, people: people.length, me: me ?? "" });
   element("message").textContent = message;
-  element("go").textContent = describeGo(page);
+  element("go").textContent = page.label;
   element("go").disabled = element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
-  if (page.match) showScore(page);
-}
-
-function showScore({ match, choice, me }) {
-  const number = choice.level ? `${choice.level.number}. ` : "";
-  element("goal").textContent = number + describeGoal(match, me);
+  if (!match) return;
+  element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me);
   for (const role of [PURSUER, EVADER]) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
@@ -88,12 +51,12 @@ const actions = {
     if (element("choices").reportValidity()) choose(choices.read());
   },
   why() {
-    isWhyShown = !isWhyShown;
-    element("why").setAttribute("aria-pressed", String(isWhyShown));
+    const isShown = element("why").getAttribute("aria-pressed") !== "true";
+    element("why").setAttribute("aria-pressed", String(isShown));
     showLayers();
   },
-  draw: () => drawing.open(),
-  "play-here": () => drawing.play(),
+  draw: () => workshop.open(),
+  "play-here": () => workshop.play(),
   back: () => page.again(),
   download() {
     const { match } = page;
@@ -107,7 +70,8 @@ function choose(choice) {
 }
 
 function showLayers() {
-  stage.layers = isWhyShown ? [...element("layers").querySelectorAll(":checked")].map(({ name }) => name) : [];
+  const isShown = element("why").getAttribute("aria-pressed") === "true";
+  stage.layers = isShown ? [...element("layers").querySelectorAll(":checked")].map(({ name }) => name) : [];
 }
 
 // ---- frames
@@ -119,13 +83,10 @@ function frame(now) {
   const passed = last === null ? 0 : (now - last) / 1000;
   last = now;
   if (!page.match) return;
-  if (page.phase === "drawing") return drawing.draw(stage.colours);
-  if (controllers.starts() && !element("games").open) page.go();
-  if (page.phase === "playing") timing.interval.add(1000 * passed);
-  timing.frame.measure(() => {
-    page.pass(passed);
-    stage.show(page, now / 1000);
-  });
+  if (page.phase === "drawing") return workshop.editor.draw(stage.colours);
+  if (steering.starts() && !element("games").open) page.go();
+  page.pass(passed);
+  stage.show(page, now / 1000);
 }
 
 // ---- wiring
@@ -134,7 +95,7 @@ function onKey(event) {
   const isDown = event.type === "keydown";
   const isGone = event.target.closest?.("dialog:not([open])"); // a button of the list that has just closed still has the keys
   const on = (elements) => !isGone && event.target.closest?.(elements);
-  if (page.phase === "drawing" && isDown && !on("input") && drawing.key(event)) event.preventDefault();
+  if (page.phase === "drawing" && isDown && !on("input") && workshop.editor.key(event)) event.preventDefault();
   if (page.phase === "drawing" || event.ctrlKey || event.metaKey || event.altKey || element("games").open) return;
   if (isDown && (on("select, input") || (event.code === "Space" && on("button, summary")))) return;
   const pressed = { Space: actions.go, KeyR: actions.again, KeyN: actions.next, KeyV: actions.why }[event.code];
@@ -186,11 +147,11 @@ async function main() {
   const catalogue = await (await fetch("catalogue.json")).json();
   page.catalogue = { ...catalogue, games: withOpenFloor(catalogue.games) };
   choices = new Choices(element("choices"), catalogue, page.catalogue.games);
-  drawing = new Drawing(element, page, choices);
+  workshop = new Workshop(element, page, choices);
   wire();
   requestAnimationFrame(frame);
-  const unplayable = await drawing.offerLinked(location.hash);
-  const [choice, unknown] = choices.fromAddress(location.search, page.catalogue.games.drawn && "drawn");
+  const [linked, unplayable] = workshop.offerLinked(location.hash);
+  const [choice, unknown] = choices.fromAddress(location.search, linked);
   await page.begin(choice);
   if (page.match && (unplayable ?? unknown)) element("message").textContent = unplayable ?? unknown;
 }

@@ -1,56 +1,56 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
 import { between, draw } from "./draw.js";
-import { EVADER, PURSUER, ROLES, isActive, robotOf } from "./game.js";
-import { layersOf } from "./overlay.js";
-
-const HALO = 1.2; // how long the ring around a person's robot takes to widen [s]
-const STILL_HALO = 0.2; // how wide it is for who wants no motion
+import { EVADER, PURSUER, isActive, robotOf } from "./game.js";
+import { known, layersOf } from "./why.js";
 
 /** Colours by name, as the page's style has them just now. */
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "ink", "obstacle", "other", PURSUER, EVADER];
+  const names = ["paper", "ink", "obstacle", PURSUER, EVADER];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
 export class Stage {
   /** @param element finds a part of the page by its id; `steering` knows which cells of pads are pressed */
   constructor(element, steering) {
-    Object.assign(this, { element, steering, colours: readColours(), layers: [] });
+    Object.assign(this, { element, steering, colours: readColours(), layers: [], known: {} });
     const dark = matchMedia("(prefers-color-scheme: dark)");
     dark.addEventListener("change", () => (this.colours = readColours()));
-    this.calm = matchMedia("(prefers-reduced-motion: reduce)");
   }
 
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
   show(session, now) {
     const { element, colours } = this;
-    const { phase, time, coach, ending, people, me } = session;
-    const { match, insight } = session.seen ?? session;
+    const { phase, time, ending, people } = session;
+    const match = session.seen ?? session.match;
     const replayed = ending && !session.seen ? ending.at(now) : match.states.length - 1;
     const isReplaying = replayed < match.states.length - 1;
     const states = isReplaying ? match.states.slice(0, Math.floor(replayed) + 2) : match.states;
     const [before, after] = states.slice(-2);
     const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
-    const isWaiting = phase === "ready" || phase === "counting";
-    const halo = isWaiting && !this.calm.matches ? (now / HALO) % 1 : STILL_HALO;
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
-    const hasMates = ROLES.some((role) => match.state[role].length > 1);
-    const known = this.layers.length && !isReplaying ? insight.of(this.layers) : null;
+    const layers = this.layers.length && !isReplaying ? layersOf(match, this.#knownOf(match), colours) : null;
     draw(element("canvas"), {
       game: match.game,
       states: isReplaying ? states.slice(0, -1) : states,
       now: after && phase !== "ready" ? between(before, after, share) : match.state,
       colours,
       steered: match.isOver ? [] : own,
-      halo: isWaiting || hasMates ? halo : null,
-      advice: me && phase === "playing" && coach ? coach.advice(match.game[me], match.state[me][0]) : null,
-      layers: known && layersOf(match, known, colours),
+      layers,
     });
     if (ending) this.#showEnding(session, now);
     element("clock").textContent = Math.max(0, match.secondsLeft).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
+  }
+
+  /** What the layers show of a match now, worked out once for each of its states. */
+  #knownOf({ game, state, states, players }) {
+    if (this.known.state !== state || this.known.layers !== this.layers) {
+      const values = (who) => robotOf(players, who).values?.(game, state, who, states) ?? null;
+      this.known = { state, layers: this.layers, found: known(game, state, this.layers, values) };
+    }
+    return this.known.found;
   }
 
   /** Show the moment of the slow replay. */

@@ -1,66 +1,45 @@
 // What is wrong with an arena, as a coarse grid shows it; `apollonius arena check` looks closer and says more.
 
 import { clearance } from "./calls.js";
-import { ROLES } from "./game.js";
 
-const CELLS = 120; // along the arena's longer side
+const ALONG = 120; // cells along the arena's longer side
 const LEAST_PART = 2; // cells; smaller parts are specks of the grid
-const LEAST_START = 0.02; // share of the arena in which a robot should be able to start
 
-/**
- * Survey the arena of a game.
- *
- * @returns {wrong, rows, columns, parts}: what makes games go wrong, a line each; of either side's free space the part
- *   that each cell belongs to, from 1, and 0 where it is not free
- */
-export function survey({ arena, starts, ...game }) {
+/** Return in a line what makes the games of an arena go wrong, or null: free space that is cut off from the rest. */
+export function survey({ arena, pursuer, evader }) {
   const [width, height] = [arena.x_max - arena.x_min, arena.y_max - arena.y_min];
-  const [columns, rows] = [width, height].map((length) => Math.max(1, Math.round((length * CELLS) / Math.max(width, height))));
-  const clearances = Float32Array.from({ length: rows * columns }, (_, cell) => {
+  const [columns, rows] = [width, height].map((length) => Math.max(1, Math.round((length * ALONG) / Math.max(width, height))));
+  const radius = Math.max(pursuer.radius, evader.radius);
+  const isFree = Array.from({ length: rows * columns }, (_, cell) => {
     const [row, column] = [Math.floor(cell / columns), cell % columns];
-    return clearance(arena, arena.x_min + (width * (column + 0.5)) / columns, arena.y_min + (height * (row + 0.5)) / rows);
+    return clearance(arena, arena.x_min + (width * (column + 0.5)) / columns, arena.y_min + (height * (row + 0.5)) / rows) >= radius;
   });
-  const share = (least) => clearances.reduce((count, found) => count + (found >= least), 0) / clearances.length;
-  const wrong = [];
-  const parts = ROLES.map((name) => {
-    const { radius } = game[name];
-    const found = connected(clearances, radius, columns);
-    if (found.count > 1) {
-      wrong.push(
-        `the ${name}'s free space falls into ${found.count} parts, and it never leaves the one it starts in: widen the ` +
-          `passages to more than ${name}.radius = ${radius} m on each side, or fill the closed pockets.`,
-      );
-    }
-    const room = share(starts.clearance + radius);
-    if (room < LEAST_START) {
-      wrong.push(`the ${name} can start on ${(100 * room).toFixed(1)}% of the arena only: make starts.clearance or the obstacles smaller.`);
-    }
-    return found.parts;
-  });
-  return { wrong, rows, columns, parts };
+  const count = parts(isFree, columns);
+  if (count < 2) return null;
+  return (
+    `the free space falls into ${count} parts, and a robot never leaves the one it starts in: widen the passages to more ` +
+    `than radius = ${radius} m on each side, or fill the closed pockets.`
+  );
 }
 
-/** Number the connected parts of the cells with at least some clearance; cells that touch at a corner are connected. */
-function connected(clearances, least, columns) {
-  const parts = new Int32Array(clearances.length);
-  let count = 0;
-  clearances.forEach((_, first) => {
-    if (parts[first] || clearances[first] < least) return;
-    parts[first] = count + 1;
+/** Count the connected parts of the free cells; cells that touch at a corner are connected. */
+function parts(isFree, columns) {
+  const seen = new Set();
+  return isFree.reduce((count, free, first) => {
+    if (!free || seen.has(first)) return count;
     const cells = [first];
+    seen.add(first);
     for (const cell of cells) {
       for (const row of [-columns, 0, columns]) {
         for (const step of [-1, 0, 1]) {
           const next = cell + row + step;
           const isBeside = Math.abs((next % columns) - (cell % columns)) <= 1;
-          if (!isBeside || !(clearances[next] >= least) || parts[next]) continue;
-          parts[next] = count + 1;
+          if (!isBeside || !isFree[next] || seen.has(next)) continue;
+          seen.add(next);
           cells.push(next);
         }
       }
     }
-    if (cells.length >= LEAST_PART) count += 1;
-    else for (const cell of cells) parts[cell] = 0;
-  });
-  return { parts, count };
+    return count + (cells.length >= LEAST_PART ? 1 : 0);
+  }, 0);
 }

@@ -1,31 +1,31 @@
-// Where arenas are drawn: tools, sliders, files and links around the editor.
+// Where arenas are drawn: tools, sliders, files and links around the editor, and the way to the game and back.
 
-import { TOOLS, Editor } from "./editor.js";
+import { Editor, TOOLS } from "./editor.js";
 import { saveAs } from "./files.js";
-import { DEFAULT, asFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
+import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
 import { survey } from "./survey.js";
 
+const DRAWN = "drawn"; // what the arena of this page's person is called among the games
 const HINTS = {
   select: "Drag to move, drag a dot to resize.",
   disc: "Drag from its centre, or tap.",
-  wall: "Drag along it, or tap.",
+  wall: "Drag along it, or tap; leave a gap for a door.",
   block: "Drag from corner to corner, or tap.",
-  room: "Drag from corner to corner: walls with a door.",
-  corridor: "Drag along it: two walls.",
-  door: "Tap a straight wall.",
-  erase: "Tap the shape to remove.",
 };
 const LIMITS = { v_max: [0.2, 3, "top speed, m/s"], u1_max: [0.1, 2, "acceleration, m/s²"], u2_max: [0.1, 3, "turn rate, rad/s"], radius: [0, 0.5, "radius, m"] };
 const STEP = 0.05;
 const LARGEST_FILE = 1_000_000; // bytes
 
 export class Workshop {
-  /** @param element finds a part of the page by its id */
-  constructor(element) {
-    this.element = element;
+  /**
+   * @param element finds a part of the page by its id
+   * @param session that is interrupted, and whose catalogue gets the drawn game
+   * @param choices offer it
+   */
+  constructor(element, session, choices) {
+    Object.assign(this, { element, session, choices, checked: null, problem: null });
     this.editor = new Editor(element("canvas"), (game) => this.#changed(game));
-    Object.assign(this, { found: null, checked: null, problem: null });
     this.#makeTools();
     this.#makeSliders();
     this.#wire();
@@ -37,30 +37,51 @@ export class Workshop {
     return this.checked;
   }
 
-  open(game) {
-    const { record: _record, ...own } = game;
-    this.editor.open({ ...own, arena: { ...own.arena, polygons: own.arena.polygons ?? [] } });
+  /** Open the workshop with the arena of the game that is played. */
+  open() {
+    this.session.enter("drawing");
+    const { teams: _teams, record: _record, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
+    this.editor.open({ ...game, arena: { ...game.arena, polygons: game.arena.polygons ?? [] } });
   }
 
   /** Open the game that a person has chosen or dropped. Says what is wrong with it if it is. */
   async openFile(file) {
-    try {
+    if (!this.editor.game) this.open();
+    this.session.enter("drawing");
+    await this.#trying(async () => {
       const { name, size } = file;
       if (name.endsWith(".toml")) throw new Error(`this page reads JSON, which apollonius arena check ${name} --out ${name.slice(0, -5)}.json writes`);
       if (!name.endsWith(".json")) throw new Error(`${name.slice(0, 60)} is not a game (.json)`);
       if (size > LARGEST_FILE) throw new Error(`${name} is too large: ${Math.round(size / 1e6)} MB`);
-      this.open(readGame(await file.text()));
+      this.editor.open(readGame(await file.text()));
+    });
+  }
+
+  /** Play in the arena as it is drawn, with players that know any. */
+  play() {
+    this.#offer(this.game);
+    this.session.begin(this.choices.read());
+  }
+
+  /** Put a drawn game among the others, and choose it. */
+  #offer(game) {
+    const { map, ...arena } = game.arena;
+    const record = { ...game, arena: { ...arena, map: map && { file: map.file, sha256: map.sha256 } } };
+    const named = map ? { ...game, record } : game;
+    const { catalogue } = this.session;
+    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: named } };
+    this.choices.addGame(DRAWN, named);
+  }
+
+  /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
+  offerLinked(fragment) {
+    try {
+      const game = fromFragment(fragment);
+      if (game) this.#offer(game);
+      return [game && DRAWN, null];
     } catch (error) {
-      this.#say(`${error.message}.`);
+      return [null, `The arena in this link cannot be played: ${error.message}.`];
     }
-  }
-
-  key(event) {
-    return this.editor.key(event);
-  }
-
-  draw(colours) {
-    this.editor.draw(colours, this.found);
   }
 
   // ---- what is said of the arena
@@ -68,27 +89,30 @@ export class Workshop {
   #changed(game) {
     const { element } = this;
     const { map, ...arena } = game.arena;
-    [this.found, this.problem, this.checked] = [null, null, null];
-    this.#show(game);
+    [this.problem, this.checked] = [null, null];
+    for (const show of this.sliders) show(game);
+    element("undo").disabled = !this.editor.past.length;
     try {
       this.checked = gameFrom({ ...game, arena }, map ?? null);
-      this.found = survey(this.checked);
-      const lines = this.found.wrong.map((line) => `✗ ${line}`);
-      this.#list(lines.length ? lines : ["✓ Nothing is wrong with this arena."]);
+      const wrong = survey(this.checked);
+      element("findings").textContent = wrong ? `✗ ${wrong}` : "✓ Nothing is wrong with this arena.";
     } catch (error) {
       this.problem = error;
-      this.#list([`✗ ${error.message}.`]);
+      element("findings").textContent = `✗ ${error.message}.`;
     }
     element("play-here").disabled = this.problem !== null;
   }
 
-  #list(lines) {
-    const items = lines.map((line) => Object.assign(document.createElement("li"), { textContent: line }));
-    this.element("findings").replaceChildren(...items);
-  }
-
   #say(text) {
     this.element("said").textContent = text;
+  }
+
+  async #trying(action) {
+    try {
+      await action();
+    } catch (error) {
+      this.#say(`${error.message}.`);
+    }
   }
 
   // ---- tools and sliders
@@ -148,19 +172,12 @@ export class Workshop {
     }
   }
 
-  #show(game) {
-    for (const show of this.sliders) show(game);
-    this.element("undo").disabled = !this.editor.past.length;
-    this.element("redo").disabled = !this.editor.future.length;
-  }
-
   // ---- files and links
 
   #wire() {
     const { element, editor } = this;
     const on = (id, action) => element(id).addEventListener("click", action);
     on("undo", () => editor.undo());
-    on("redo", () => editor.redo());
     on("remove", () => editor.remove());
     on("clear", () => editor.change(editor.game.arena.map ? DEFAULT : cleared(editor.game)));
     on("save", () => this.#trying(() => this.#save()));
@@ -170,14 +187,8 @@ export class Workshop {
       await this.openFile(target.files[0]);
       target.value = "";
     });
-  }
-
-  async #trying(action) {
-    try {
-      await action();
-    } catch (error) {
-      this.#say(`${error.message}.`);
-    }
+    for (const type of ["dragover", "drop"]) document.addEventListener(type, (event) => event.preventDefault());
+    document.addEventListener("drop", ({ dataTransfer }) => dataTransfer?.files.length && this.openFile(dataTransfer.files[0]));
   }
 
   #save() {

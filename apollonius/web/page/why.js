@@ -1,0 +1,155 @@
+// Why agents do what they do: layers of what can be known of a state of a game, and how they are drawn beneath and above its
+// robots. Lengths are in metres.
+
+import { CELLS, canStop, move, pathsFrom } from "./calls.js";
+import { circle, cross, path } from "./draw.js";
+import { ACTIONS, EVADER, PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
+
+const HELD = 1; // for how long actions are held to show where they lead [s]
+const NO_PATH = 655; // what is at least as long is no path [m]
+const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
+const CROSS = 0.06; // half of its width
+const FAINT = 0.22; // how opaque regions are
+
+/** Labels of the layers. */
+export const LAYERS = {
+  values: "Values: the larger a dot, the more the agent values that action",
+  brakes: "Brakes: crosses mark actions after which the robot could no longer stop in time",
+  regions: "Regions: blue where blue arrives first, on the shortest path at full thrust; turns are ignored",
+};
+
+// ---- what is known
+
+/** Return where each action leads a robot that holds it for a while. */
+function ends(game, body, robot) {
+  const held = Math.max(1, Math.round(HELD / game.dt));
+  return ACTIONS.map((action) => {
+    let end = robot;
+    for (let count = 0; count < held; count++) end = move(body, end, action, game.dt);
+    return end;
+  });
+}
+
+/** Which actions leave a robot room to stop: what the shield lets pass. */
+export const stoppable = (game, body, robot) => ACTIONS.map((action) => canStop(game, body, robot, action));
+
+/** The time [s] that a body takes for a path [m] at full thrust from a speed. */
+function timeFor(body, speed, length) {
+  const v = Math.max(speed, 0);
+  const thrust = Math.max(body.u1_max, 1e-6);
+  const ramp = (body.v_max ** 2 - v ** 2) / (2 * thrust); // until it is at its top speed [m]
+  if (length < ramp) return (Math.sqrt(v ** 2 + 2 * thrust * length) - v) / thrust;
+  return (body.v_max - v) / thrust + (length - ramp) / body.v_max;
+}
+
+/**
+ * Which side is first at each cell of the arena's chart, row by row from the bottom: seconds by which an evader is earlier
+ * than any pursuer's reach; NaN where no path leads, or one side is out of play.
+ */
+function leads(game, state) {
+  const [pursuers, evaders] = ROLES.map((role) => {
+    const robots = robotsOf(state, [role]).filter((who) => isActive(robotOf(state, who)));
+    return robots.map((who) => ({ body: bodyOf(game, who), speed: robotOf(state, who).v, paths: pathsFrom(game, robotOf(state, who)) }));
+  });
+  /** The time of the first of some robots to come so near to a cell; not a number where there are none. */
+  const first = (robots, cell, reach) => {
+    return robots.reduce((least, { body, speed, paths }) => {
+      return paths[cell] < NO_PATH ? Math.min(least, timeFor(body, speed, Math.max(paths[cell] - reach, 0))) : least;
+    }, robots.length ? Infinity : Number.NaN);
+  };
+  return Float32Array.from({ length: CELLS ** 2 }, (_, cell) => first(pursuers, cell, game.capture_distance) - first(evaders, cell, 0));
+}
+
+/** Return values from 0, the worst, to 1, the best; null of none. */
+function scaled(values) {
+  if (!values) return null;
+  const [least, most] = [Math.min(...values), Math.max(...values)];
+  return Array.from(values, (value) => (value - least) / Math.max(most - least, 1e-9));
+}
+
+/**
+ * What layers show of a state.
+ *
+ * @param shown keys of `LAYERS`
+ * @param values from a robot in play, {role, number}, to its player's values of the nine actions, or null
+ * @returns {robots, leads}: of each robot in play {role, number, ends, values, stops}; what is not shown or not known is null
+ */
+export function known(game, state, shown, values = () => null) {
+  const robots = robotsOf(state, ROLES).filter((who) => isActive(robotOf(state, who))).map((who) => ({
+    ...who,
+    ends: ends(game, bodyOf(game, who), robotOf(state, who)),
+    values: shown.includes("values") ? scaled(values(who)) : null,
+    stops: shown.includes("brakes") ? stoppable(game, bodyOf(game, who), robotOf(state, who)) : null,
+  }));
+  return { robots, leads: shown.includes("regions") ? leads(game, state) : null };
+}
+
+// ---- how it is drawn
+
+/** Return functions that draw what is known of a state: on the bare ground, and above the trails. */
+export function layersOf({ game, state }, { leads, robots }, colours) {
+  const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
+  const above = (context) => {
+    context.save();
+    for (const robot of robots) drawActions(context, robotOf(state, robot), robot, colours);
+    context.restore();
+  };
+  return { beneath, above };
+}
+
+let picture, painted; // a pixel for each cell, and the leads that it shows
+
+function drawRegions(context, arena, leads, colours) {
+  if (painted !== leads) paint(leads, colours);
+  const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
+  const side = Math.max(right - x, top - y);
+  context.save();
+  context.globalAlpha = FAINT;
+  context.beginPath();
+  context.rect(x, y, right - x, top - y);
+  context.clip();
+  context.drawImage(picture, x, y, side, side);
+  context.restore();
+}
+
+/** Return leads where each cell without a path, as beside walls, takes the lead of one next to it. */
+function widened(leads) {
+  return leads.map((lead, cell) => {
+    if (!Number.isNaN(lead)) return lead;
+    const column = cell % CELLS;
+    const [left, right] = [column > 0 ? cell - 1 : cell, column < CELLS - 1 ? cell + 1 : cell];
+    const beside = [left, right, cell - CELLS, cell + CELLS].map((other) => leads[other]);
+    return beside.find((other) => other !== undefined && !Number.isNaN(other)) ?? lead;
+  });
+}
+
+/** Each cell in the colour of who is first there. */
+function paint(found, colours) {
+  painted = found;
+  picture ??= new OffscreenCanvas(CELLS, CELLS);
+  const context = picture.getContext("2d");
+  context.clearRect(0, 0, CELLS, CELLS);
+  widened(widened(found)).forEach((lead, cell) => {
+    if (Number.isNaN(lead)) return;
+    context.fillStyle = colours[lead > 0 ? EVADER : PURSUER];
+    context.fillRect(cell % CELLS, Math.floor(cell / CELLS), 1, 1);
+  });
+}
+
+/** Draw where each action leads: a dot by its value, a cross where the robot could then no longer stop. */
+function drawActions(context, from, { role, ends, values, stops }, colours) {
+  ends.forEach(({ x, y }, action) => {
+    const isBest = values?.[action] === 1;
+    context.globalAlpha = isBest ? 1 : 0.55;
+    if (values) {
+      context.fillStyle = context.strokeStyle = colours[role];
+      context.lineWidth = 0.02;
+      if (isBest) path(context, [[from.x, from.y], [x, y]]).stroke();
+      circle(context, x, y, LEAST + (MOST - LEAST) * values[action]).fill();
+    }
+    if (!stops || stops[action]) return;
+    context.strokeStyle = colours.ink;
+    context.lineWidth = 0.03;
+    cross(context, { x, y }, CROSS);
+  });
+}

@@ -1,0 +1,96 @@
+// What is said to a person: names of players in words, the goal, how a game ended. Replays and addresses keep the names.
+
+import { EVADER, PURSUER, ROLES, other } from "./game.js";
+
+export const YOU = "you";
+export const SHIELDED = "shielded:";
+
+const WORDS = {
+  [YOU]: "a person",
+  any: "knows any arena",
+  team: "hunts as a team",
+  optimal: "taught by the solved game",
+  hunter: "learned to catch the best evaders",
+  prioritised: "learned from its own past, longest",
+  robust: "ready for wheels and motors",
+  smooth: "drives smoothly",
+  pool: "learned from many evaders",
+  curriculum: "learned step by step",
+  scratch: "learned from nothing",
+  stage1: "has only caught robots at rest",
+  random: "moves at random",
+  still: "stands still",
+  "pure-pursuit": "drives at the other",
+  intercept: "intercepts the other",
+  "voronoi-pursuit": "shrinks the other's free space",
+  encirclement: "surrounds the other",
+  flee: "drives straight away",
+  "flee-aware": "flees to open space",
+  territory: "plays for the territory",
+};
+
+/** Without what is put before a name. */
+export const bare = (name) => name.replace(SHIELDED, "");
+
+/** A player in words: "knows any arena"; its name where there are none. */
+export function inWords(name) {
+  const known = bare(name);
+  return known === "P_random" ? "learned against random moves" : (WORDS[known.replace(/^[PE]_/, "")] ?? known);
+}
+
+/** Return the name of a side in words. */
+export const wordsOf = (players) => [...new Set(players.map(({ words }) => words))].join("; mates: ");
+
+const COLOUR = { [PURSUER]: "red", [EVADER]: "blue" };
+const asTime = (seconds) => `${seconds.toFixed(1)}\u00a0s`;
+
+/** Return the goal of a match. `me` is the side of the one person who plays, or null. */
+export function describeGoal({ game, players, start }, me) {
+  if (!me) {
+    const [red, blue] = ROLES.map((role) => wordsOf(players[role]));
+    return red === blue ? "Red hunts, blue flees" : `Red ${red}; blue ${blue}`;
+  }
+  const limit = `${Number((game.max_steps * game.dt).toFixed(1))}\u00a0s`;
+  const [ours, theirs] = [start[me].length, start[other(me)].length];
+  const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}`;
+  if (me === EVADER && game.arena.territory) return `${you}: reach the ring within ${limit}`;
+  if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds for ` : ""}${limit}`;
+  const blue = { 1: "blue", 2: "both blues" }[theirs] ?? `all ${theirs} blues`;
+  return game.arena.territory ? `${you}: keep ${blue} from the ring for ${limit}` : `${you}: catch ${blue} within ${limit}`;
+}
+
+/** Return how a game ended, and who has won, from the view of a person on one side, if there is one. */
+export function describeEnd({ game, outcome, start, seconds, winner }, me) {
+  const own = start[me]?.length > 1 ? "your team" : "you";
+  const [red, blue] = ROLES.map((role) => (role === me ? own : COLOUR[role]));
+  const isMine = outcome === "no_result" && me === EVADER && !game.arena.territory;
+  const [role, what] = outcome.startsWith(PURSUER) ? [red, outcome.slice(PURSUER.length + 1)] : [blue, outcome.replace("evader_", "")];
+  const happened = {
+    captured: `${red} caught ${blue}`,
+    hit_obstacle: `${role} hit an obstacle`,
+    out_of_range: `${role} ran into a wall`,
+    both_failed: "both crashed at once",
+    territory_reached: `${blue} reached the ring`,
+    no_result: isMine ? `${own} survived` : "time is up",
+  }[what];
+  const said = `${happened[0].toUpperCase()}${happened.slice(1)} after ${asTime(seconds)}`;
+  if (winner === null) return `${said}: nobody wins.`;
+  if (!me) return `${said}: ${COLOUR[winner]} wins.`;
+  return winner === me ? `${said}. You win!` : `${said}. You lose.`;
+}
+
+/** Return until when a person who crashed could have braked, by the number of a state; empty where that is unknown. */
+export const describeBrake = ({ game }, number) => (number === null ? "" : `Until ${asTime(number * game.dt)} you could have braked in time.`);
+
+/** Return until when the agent in a person's place would have done better, by the number of a state; null for never. */
+export function describeChance({ game }, me, number) {
+  const better = me === EVADER ? "have got away" : "have won";
+  return number === null ? `An agent in your place would not ${better} either.` : `At ${asTime(number * game.dt)} an agent in your place would still ${better}.`;
+}
+
+/** Return how a game is started and steered by a number of people. */
+export function describeReady(people) {
+  const touch = matchMedia("(pointer: coarse)").matches;
+  const how = people ? (touch ? "hold the pad to steer" : "↑ speeds up, ↓ brakes, ← → turn") : "agents play";
+  return `${touch ? "Start" : "Space"} to begin; ${how}`;
+}
