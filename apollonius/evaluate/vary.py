@@ -41,13 +41,11 @@ class VariedMatches:
     Attributes:
         match: the first of the matches: players, number of games, seed and starts are those of all.
         variations: the numbers that were varied.
-        own: the values of these numbers in the game itself.
         results: by the values of the first number, then of the second.
     """
 
     match: Match
     variations: tuple[Variation, ...]
-    own: tuple[float, ...]
     results: tuple[MatchResult, ...]
 
     @property
@@ -134,8 +132,7 @@ def play_varied(
             report(before + done, games * len(matches))
 
         results.append(play_match(replace(match, players=players), report=of_all))
-    own = numbers_of(game)
-    return VariedMatches(matches[0], tuple(variations), tuple(float(own[field]) for field in fields), tuple(results))
+    return VariedMatches(matches[0], tuple(variations), tuple(results))
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:

@@ -5,7 +5,6 @@ Everything but its own position is held fixed, so the pictures are slices of a f
 
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,19 +34,10 @@ _LEVELS = {"brake": "_", "hold": ".", "speed up": "+"}
 """Signs of the three accelerations, by action level."""
 
 
-class Slice(eqx.Module):
-    """Action values of a robot at the cells of an arena.
-
-    Attributes:
-        x, y: of the cells' centres [m].
-        values: of the nine actions at each: a network's discounted reward to come, in the units of its
-            training, or a solved game's discounted payoff; NaN where the robot's body touches an obstacle or a wall by
-            more than a cell.
-    """
-
-    x: Float[np.ndarray, " columns"]
-    y: Float[np.ndarray, " rows"]
-    values: Float[np.ndarray, "rows columns 9"]
+Slice = tuple[Float[np.ndarray, " columns"], Float[np.ndarray, " rows"], Float[np.ndarray, "rows columns 9"]]
+"""x and y of cells' centres [m], and the values of the nine actions there: a network's discounted reward to come, in
+the units of its training, or a solved game's discounted payoff; NaN where the robot's body touches an obstacle or a
+wall by more than a cell."""
 
 
 def slice_values(
@@ -58,7 +48,7 @@ def slice_values(
     opponent: RobotState,
     cells: int = CELLS,
 ) -> Slice:
-    """The values of all actions over the arena.
+    """Return the values of all actions over the arena.
 
     Args:
         role: the side that the player plays.
@@ -87,7 +77,7 @@ def slice_values(
 
         return cell(jnp.asarray(x))
 
-    return Slice(x, y, np.asarray(row(jnp.asarray(y))))
+    return x, y, np.asarray(row(jnp.asarray(y)))
 
 
 def save_slice(
@@ -99,7 +89,7 @@ def save_slice(
     opponent: RobotState,
     path: Path,
 ) -> None:
-    """Two maps of the arena as PNG: the value of a player's best action, and that action.
+    """Save two maps of the arena as PNG: the value of a player's best action, and that action.
 
     Of a solved game the first one shows the barrier too: the line where the estimate of what its side is sure of is
     neither a win nor a loss.
@@ -140,28 +130,28 @@ def _motion(speed: float, heading: float) -> str:
 
 
 def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
-    """The highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
-    best = found.values.max(axis=-1)
-    mesh = axes.pcolormesh(found.x, found.y, best, cmap="viridis", rasterized=True)
+    """Draw the highest value of each cell, on a perceptually uniform scale that grows lighter throughout."""
+    x, y, values = found
+    best = values.max(axis=-1)
+    mesh = axes.pcolormesh(x, y, best, cmap="viridis", rasterized=True)
     label = "estimate of what it is sure of [discounted payoff]" if solved else "value [discounted reward to come]"
     below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
     axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label=label)
     if solved and np.nanmin(best) < 0 < np.nanmax(best):
-        barrier = axes.contour(found.x, found.y, best, levels=[0.0], colors=palette.PAPER, linewidths=1.4)
+        barrier = axes.contour(x, y, best, levels=[0.0], colors=palette.PAPER, linewidths=1.4)
         axes.clabel(barrier, fmt="barrier", fontsize="small")
 
 
 def _draw_actions(axes: Axes, found: Slice) -> None:
-    """Turns as colours, accelerations as signs."""
-    free = ~np.isnan(found.values[..., 0])
-    action = np.where(free, np.argmax(np.nan_to_num(found.values, nan=-np.inf), axis=-1), 0)
+    """Draw turns as colours, accelerations as signs."""
+    x, y, values = found
+    free = ~np.isnan(values[..., 0])
+    action = np.where(free, np.argmax(np.nan_to_num(values, nan=-np.inf), axis=-1), 0)
     turn = np.ma.masked_where(~free, action % 3)
-    axes.pcolormesh(
-        found.x, found.y, turn, cmap=ListedColormap(list(_TURNS.values())), norm=BoundaryNorm([0, 1, 2, 3], 3)
-    )
-    every = max(1, len(found.x) // _SIGNS)
+    axes.pcolormesh(x, y, turn, cmap=ListedColormap(list(_TURNS.values())), norm=BoundaryNorm([0, 1, 2, 3], 3))
+    every = max(1, len(x) // _SIGNS)
     chosen = slice(every // 2, None, every)
-    columns, rows = np.meshgrid(found.x[chosen], found.y[chosen])
+    columns, rows = np.meshgrid(x[chosen], y[chosen])
     for level, sign in enumerate(_LEVELS.values()):
         here = (action[chosen, chosen] // 3 == level) & free[chosen, chosen]
         axes.plot(columns[here], rows[here], sign, color=palette.INK, markersize=4, markeredgewidth=0.9)
@@ -171,14 +161,10 @@ def _draw_actions(axes: Axes, found: Slice) -> None:
 
 
 def _draw_opponent(axes: Axes, role: Role, opponent: RobotState, capture_distance: float) -> None:
-    """The opponent with its heading, and how near the robots must come for a capture."""
+    """Draw the opponent with its heading, and how near the robots must come for a capture."""
     colour = BySide(palette.PURSUER, palette.EVADER)[role.other]
     x, y, heading = float(opponent.x), float(opponent.y), float(opponent.heading)
-    axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=palette.PAPER, linewidth=3))
     axes.add_patch(Circle((x, y), capture_distance, fill=False, edgecolor=colour, linewidth=1.2, linestyle="--"))
     dx, dy = 0.7 * np.cos(heading), 0.7 * np.sin(heading)
-    axes.arrow(
-        x, y, dx, dy, width=0.05, head_width=0.22, length_includes_head=True, facecolor=colour, edgecolor=palette.PAPER,
-        linewidth=0.6,
-    )  # fmt: skip
+    axes.arrow(x, y, dx, dy, width=0.05, head_width=0.22, length_includes_head=True, color=colour)
     axes.plot(x, y, "o", color=colour, markersize=6, markeredgecolor=palette.PAPER)

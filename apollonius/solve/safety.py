@@ -30,7 +30,7 @@ from apollonius.game.types import RobotState, Role, Scalar
 from apollonius.io.limits import require_memory
 from apollonius.solve.grid import FEWER_NODES, TOLERANCE, Grid, Solved, Sweep, iterate, silent
 from apollonius.solve.motion import Motion, last, motion_of
-from apollonius.solve.transition_map import TransitionMap, clearances, transition_map_of
+from apollonius.solve.transition_map import TransitionMap, of_courses, transition_map_of
 
 BYTES_PER_NODE = 4 * (9 + 5)
 """The clearances of nine actions; the table before and after a sweep, padded, and what is between."""
@@ -52,7 +52,7 @@ def solve_safety(game: Game, role: Role, grid: Grid, hold: int, report: Callable
     require_memory("grid", grid.name, grid.size * BYTES_PER_NODE, FEWER_NODES)
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid)
-    held = clearances(motion, grid, transitions)
+    held = of_courses(motion.clearance, grid, transitions)
     x, y = grid.places()
     here = jax.vmap(lambda row: jax.vmap(lambda column: motion.arena.clearance(row, column))(y))(x)
     start = jnp.broadcast_to(here - motion.body.radius, grid.shape)

@@ -151,18 +151,7 @@ def _whole_and_rest(cells: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, 
 
 
 @eqx.filter_jit
-def clearances(motion: Motion, grid: Grid, transitions: TransitionMap) -> Float[Array, "slices 9 x y"]:
-    """Return the least clearance [m] while each action is held from each node."""
-    return _of_courses(motion.clearance, grid, transitions)
-
-
-@eqx.filter_jit
-def failures(motion: Motion, grid: Grid, transitions: TransitionMap) -> UInt8[Array, "slices 9 x y"]:
-    """Return the step in which the robot fails while each action is held from each node; `NEVER` if in none."""
-    return _of_courses(motion.failure, grid, transitions)
-
-
-def _of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap) -> Array:
+def of_courses(of: Callable[[RobotState], Array], grid: Grid, transitions: TransitionMap) -> Array:
     """Return a function's value of each action's course from each node: `[slices 9 x y]`."""
     x, y = grid.places()
 
@@ -213,4 +202,4 @@ def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0)
     """
     motion = motion_of(game, role, hold)
     transitions = transition_map_of(motion, grid, slack)
-    return Side(motion, grid, transitions, failures(motion, grid, transitions))
+    return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

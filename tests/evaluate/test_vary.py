@@ -73,7 +73,7 @@ def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
     save = Figure.savefig
     monkeypatch.setattr(Figure, "savefig", lambda self, *given, **kw: (drawn.append(self), save(self, *given, **kw)))
     pictures.draw_varied(found, tmp_path / "map.png")
-    one = replace(found, variations=(SPEEDS,), own=(1.2,), results=found.results[::2])
+    one = replace(found, variations=(SPEEDS,), results=found.results[::2])
     pictures.draw_varied(one, tmp_path / "curve.png")
     heat, curve = (figure.axes[0] for figure in drawn)
     assert heat.collections[0].get_array().tolist() == (100 * found.win_rates.T).tolist()

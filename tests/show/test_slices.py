@@ -25,21 +25,21 @@ def network():
 @pytest.mark.parametrize("role", Role)
 def test_every_cell_has_the_networks_values_there(network, role):
     game = make_game("paper")
-    found = slice_values(Greedy(network), game, role, OWN, OPPONENT, cells=8)
-    np.testing.assert_allclose(found.x, np.arange(8) * 1.25 + 0.625)
-    assert found.values.shape == (8, 8, 9)
+    x, y, values = slice_values(Greedy(network), game, role, OWN, OPPONENT, cells=8)
+    np.testing.assert_allclose(x, np.arange(8) * 1.25 + 0.625)
+    assert values.shape == (8, 8, 9)
     for row, column in ((0, 0), (2, 5), (7, 1)):
-        own = RobotState(*map(jnp.float32, (found.x[column], found.y[row], *OWN)))
+        own = RobotState(*map(jnp.float32, (x[column], y[row], *OWN)))
         pursuer, evader = (own, OPPONENT) if role == Role.PURSUER else (OPPONENT, own)
         observation = network.observation(look(game, GameState.of_two(pursuer, evader, jnp.int32(0)), role))
-        np.testing.assert_allclose(found.values[row, column], network(observation), atol=1e-5)
+        np.testing.assert_allclose(values[row, column], network(observation), atol=1e-5)
 
 
 def test_there_is_no_value_where_the_body_cannot_be(network):
     game = make_game("robot")
-    found = slice_values(Greedy(network), game, Role.PURSUER, OWN, OPPONENT, cells=200)
-    missing = np.isnan(found.values[..., 0])
-    x, y = np.meshgrid(found.x, found.y)
+    x, y, values = slice_values(Greedy(network), game, Role.PURSUER, OWN, OPPONENT, cells=200)
+    missing = np.isnan(values[..., 0])
+    x, y = np.meshgrid(x, y)
     for disc in game.arena.discs:
         away = np.hypot(x - disc.x, y - disc.y)
         assert missing[away < disc.radius + 0.14].all()

@@ -16,7 +16,7 @@ from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import last, motion_of
 from apollonius.solve.solving import joint_grid, reference_grid
-from apollonius.solve.transition_map import clearances, transition_map_of
+from apollonius.solve.transition_map import of_courses, transition_map_of
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, SMALL, TINY
 
@@ -47,7 +47,7 @@ def test_it_is_the_least_clearance_along_the_hold():
     corner = Polygon(((0.0, 1.0), (1.2, 1.0), (1.2, 1.4), (0.4, 1.4), (0.4, 2.6), (0.0, 2.6)))
     game = replace(SMALL, arena=replace(SMALL.arena, polygons=(corner,)))
     motion, grid = motion_of(game, Role.PURSUER, 5), make_grid(game.arena, BODY, TINY)
-    found = np.asarray(clearances(motion, grid, transition_map_of(motion, grid)))
+    found = np.asarray(of_courses(motion.clearance, grid, transition_map_of(motion, grid)))
     found = found.reshape(*grid.shape[:2], 9, *grid.shape[2:])
     nodes = list(oracle.nodes(oracle.axes(game, TINY)).items())
     pairs = []
