@@ -112,7 +112,7 @@ def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndar
     found = []
     for first in range(0, len(cases.states), _CHUNK):
         index = np.minimum(np.arange(first, first + _CHUNK), len(cases.states) - 1)  # one compilation serves all
-        made = decide(player.policy, player.game, *jax.tree.map(functools.partial(_rows, index), asked))
+        made = decide(player.policy, player.game, *jax.tree.map(lambda leaf, index=index: leaf[index], asked))
         found.append(jax.device_get((made["action"], made["controls"])))
     actions, controls = (np.concatenate(parts)[: len(cases.states)] for parts in zip(*found, strict=True))
     return actions, controls
@@ -121,10 +121,6 @@ def reference(player: Player, cases: Cases) -> tuple[np.ndarray, Float32[np.ndar
 @functools.cache
 def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
     return jax.jit(jax.vmap(decide, in_axes=(None, None, 0, 0, 0, 0)))
-
-
-def _rows(index: np.ndarray, leaf: np.ndarray) -> np.ndarray:
-    return leaf[index]
 
 
 def compare(decide: Decide, player: Player, cases: Cases) -> Parity:

@@ -42,8 +42,12 @@ _LONGEST = 2.0
 """Its longest hold [s]."""
 
 
-def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
+def reference_grid(game: Game, role: Role, coarse: bool = False) -> tuple[Grid, int]:
     """Return a grid on which a hold moves the robot by whole cells of speed, and as nearly as can be of heading.
+
+    Args:
+        coarse: take half as many nodes along x and y, and about one cell of heading for the turn of a hold: for a table
+            that only advises, whose advice is tried out in the continuous game.
 
     Returns:
         The grid, and the control steps for which an action is held.
@@ -56,22 +60,9 @@ def reference_grid(game: Game, role: Role) -> tuple[Grid, int]:
     headings = min(_HEADINGS, key=lambda count: abs(turn * count / tau - round(turn * count / tau)))
     arena = game.arena
     x, y = (min(ceil(size / SPACING) + 1, MOST) for size in (arena.x_max - arena.x_min, arena.y_max - arena.y_min))
+    if coarse:
+        x, y, headings = x // 2 + 1, y // 2 + 1, min(max(round(tau / max(turn, 1e-6)), 8), headings)
     return make_grid(arena, body, (x, y, speeds, headings)), hold
-
-
-def steering_grid(game: Game, role: Role) -> tuple[Grid, int]:
-    """Return a coarser grid, for a table that only advises: its advice is tried out in the continuous game.
-
-    It has half as many nodes along x and y, and a hold turns the robot by about one cell of heading.
-
-    Returns:
-        The grid, and the control steps for which an action is held.
-    """
-    grid, hold = reference_grid(game, role)
-    x, y, speeds, headings = grid.counts
-    turn = float(game.body(role).u2_max) * float(game.dt) * hold
-    headings = min(max(round(tau / max(turn, 1e-6)), 8), headings)
-    return make_grid(game.arena, game.body(role), (x // 2 + 1, y // 2 + 1, speeds, headings)), hold
 
 
 def joint_grid(game: Game, role: Role, pairs: float = PAIRS) -> tuple[Grid, int]:

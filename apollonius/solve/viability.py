@@ -17,7 +17,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import Grid, Table
 from apollonius.solve.motion import motion_of
 from apollonius.solve.safety import solve_safety, steered_brakes
-from apollonius.solve.solving import reference_grid, steering_grid
+from apollonius.solve.solving import reference_grid
 
 _tables = Memory[Table](4)
 _ROUNDS = 1000
@@ -70,7 +70,7 @@ def solve_viability(game: Game) -> Viability:
 
 def _judge(game: Game, role: Role) -> Backup | TableClearance:
     body = game.body(role)
-    grid, hold = (steering_grid if body.brakes_to_rest else reference_grid)(game, role)
+    grid, hold = reference_grid(game, role, coarse=body.brakes_to_rest)
     # All that a table depends on: not rewards or the time limit.
     table = _tables.get((motion_of(game, role, hold), grid), lambda: solve_safety(game, role, grid, hold).table)
     return steered_brakes(game, role, grid, table) if body.brakes_to_rest else TableClearance(grid, table)

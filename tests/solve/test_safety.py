@@ -110,7 +110,7 @@ def test_a_table_is_solved_once_for_all_that_it_depends_on_and_no_more(monkeypat
 
     monkeypatch.setattr(module, "solve_safety", counted)
     monkeypatch.setattr(
-        module, "reference_grid", lambda game, role: (make_grid(game.arena, game.body(role), (5, 5, 3, 8)), 5)
+        module, "reference_grid", lambda game, role, coarse: (make_grid(game.arena, game.body(role), (5, 5, 3, 8)), 5)
     )
     game = replace(MOVING, evader=replace(BODY, v_max=0.4))
     first = solve_viability(game)
