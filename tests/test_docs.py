@@ -362,7 +362,7 @@ def test_the_learner_of_the_tutorial_learns():
     with jax.numpy_dtype_promotion("standard"):  # which optax needs
         exec(learner, names)
     captured, ended = np.array(names["counts"]).reshape(2, -1, 2).sum(1).T
-    assert captured[1] / ended[1] > 2 * captured[0] / ended[0]
+    assert captured[1] / ended[1] > 1.5 * captured[0] / ended[0]
     pytest.importorskip("stable_baselines3")
     exec(library, names)
     assert len(names["outcomes"]) == 500
