@@ -1,7 +1,7 @@
 """Backups a second of the solver on one core: one action at one node, of one robot's grid or of a grid of two.
 
     python benchmarks/solver.py
-    python benchmarks/solver.py --grid 17x17x5x8 --solve     # and how long the whole game of two takes, from both sides
+    python benchmarks/solver.py --grid 17x17x5x8
 
 Pin it to one core (`taskset -c 0`) to measure one; medians of five runs of sweeps, in CPU time of the process.
 """
@@ -18,7 +18,7 @@ import apollonius
 from apollonius.cli.values import nodes
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.solve.grid import lanes_of
-from apollonius.solve.joint import guarantee, make_duel, solve_duel
+from apollonius.solve.joint import guarantee, make_duel
 from apollonius.solve.solving import joint_grids
 from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
@@ -42,7 +42,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of the game of two (default: %(default)s)")
     parser.add_argument("--hold", type=int, default=10)
-    parser.add_argument("--solve", action="store_true", help="solve the whole game of two as well")
     options = parser.parse_args()
     game = apollonius.make_game("paper")
 
@@ -66,13 +65,6 @@ def main() -> None:
     half = seconds(lambda: guarantee(duel, table))
     print(f"pairs of {grids[0].name}: {pairs / 1e6:,.1f} M; one side's backups of them ", end="")
     print(f"{half:.3f} s of CPU time, {pairs * NUM_ACTIONS / half / 1e6:,.0f} M backups/s")
-    del duel, table
-    if options.solve:
-        for role in Role:
-            begun = time.perf_counter()
-            solved = solve_duel(make_duel(make_zero_sum_game(game, grids, options.hold, role)))
-            print(f"{role.name.lower()}: {time.perf_counter() - begun:,.0f} s, {solved.sweeps} sweeps, ", end="")
-            print(f"residual {solved.residual:.1e}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Env steps and updates per second on this machine: `python benchmarks/speed.py env|train [OPTIONS]`.
 
-`env` plays at random with auto-reset, in any game, with any observation; one env step moves the robots of both sides.
+`env` plays at random with auto-reset, in any game; one env step moves the robots of both sides.
 `train` trains in the `paper` game from the first update on. Wall seconds; pin it to a core (`taskset -c 0`).
 """
 
@@ -21,7 +21,6 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.classical import Still
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.uniform import Uniform
-from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
@@ -31,8 +30,6 @@ from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
-from apollonius.observe.observation import AbstractObservation
-from apollonius.observe.registry import find_observation
 from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
 
@@ -44,17 +41,6 @@ CLASSIC = DQNConfig(
 """Plain DQN on the 8 numbers, an update every 4 env steps: how published trainers are measured."""
 
 
-class Reader(Uniform):
-    """A random player whose transitions have the observation that is measured."""
-
-    reads: AbstractObservation = eqx.field(static=True)
-
-    @property
-    def observation(self) -> AbstractObservation:
-        """Return the observation, which the player itself ignores."""
-        return self.reads
-
-
 class Stepped(eqx.Module):
     """Games under way, and what an environment returns of a step: observations, rewards, flags."""
 
@@ -62,14 +48,12 @@ class Stepped(eqx.Module):
     returned: tuple[Array, ...]
 
 
-def measure_env(game: Game, observation: str, games: int) -> dict[str, Any]:
+def measure_env(game: Game, games: int) -> dict[str, Any]:
     """Time random play; every step computes the states, outcomes, rewards and observations of both sides."""
-    reads = find_observation(observation)
-    game = charted(game) if reads.charted else game
     start_key, word_key = jax.random.split(jax.random.key(0))
     drawn = jax.jit(reset_batch, static_argnums=2)(game, start_key, START_ROWS * games)
     starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), drawn)
-    players = BySide(*[solo(Reader(reads))] * 2)
+    players = BySide(*[solo(Uniform())] * 2)
     first, row = (jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1)))
     begun = begin(first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
     carry = _step(game, players, begun, row, jax.random.key(0))
@@ -79,7 +63,7 @@ def measure_env(game: Game, observation: str, games: int) -> dict[str, Any]:
         carry = _random_play(game, players, carry, starts, jax.random.key(repeat))
         return carry
 
-    return {"games": games, **rates("env_steps", games * STEPS, timed(run, 20))}
+    return {"games": games, "env_steps_per_second": games * STEPS / timed(run, 20)}
 
 
 def _step(game: Game, players: BySide[Pool], games: Games, starts: GameState, key: PRNGKeyArray) -> Stepped:
@@ -114,28 +98,18 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
         run(0)
     seconds = timed(run, 9)
     updates = len(state.learners) * plan.iterations_per_chunk * config.updates_per_iteration
-    speed = rates("env_steps", plan.env_steps_per_chunk, seconds) | rates("updates", updates, seconds)
-    return {"games": config.games, **speed}
+    steps = plan.env_steps_per_chunk
+    return {"games": config.games, "env_steps_per_second": steps / seconds, "updates_per_second": updates / seconds}
 
 
-def timed(run: Callable[[int], Any], repeats: int) -> list[float]:
-    """Return the wall seconds of each repeat; one that compiles and warms up goes before."""
+def timed(run: Callable[[int], Any], repeats: int) -> float:
+    """Return the median wall seconds of a repeat; one that compiles and warms up goes before."""
     seconds: list[float] = []
     for repeat in range(repeats + 1):
         began = time.perf_counter()
         jax.block_until_ready(run(repeat))
         seconds.append(time.perf_counter() - began)
-    return seconds[1:]
-
-
-def rates(name: str, amount: int, seconds: list[float]) -> dict[str, float]:
-    """Return the median rate of several repeats, the best and the worst."""
-    each = [amount / one for one in seconds]
-    return {
-        f"{name}_per_second": statistics.median(each),
-        f"{name}_per_second_best": max(each),
-        f"{name}_per_second_worst": min(each),
-    }
+    return statistics.median(seconds[1:])
 
 
 def main() -> None:
@@ -144,12 +118,11 @@ def main() -> None:
     parser.add_argument("what", choices=("env", "train"))
     parser.add_argument("--games", type=int, help="at a time (default: 4096 for env, the profile's for train)")
     parser.add_argument("--game", default="paper", help="of env: a name or file (default: %(default)s)")
-    parser.add_argument("--observation", default="paper", help="of env (default: %(default)s)")
     parser.add_argument("--profile", choices=("classic", *PROFILES), default="classic", help="of train")
     parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
     options = parser.parse_args()
     if options.what == "env":
-        result = measure_env(find_game(options.game), options.observation, options.games or 4096)
+        result = measure_env(find_game(options.game), options.games or 4096)
     else:
         config = {"classic": CLASSIC, **PROFILES}[options.profile]
         config = config if options.games is None else replace(config, games=options.games)

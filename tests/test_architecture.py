@@ -50,15 +50,6 @@ def test_the_document_has_the_rooms_and_the_arrows_that_there_are():
     assert sum(room.files > 1 for room in found.values()) <= 18
 
 
-def test_only_direct_arrows_are_drawn():
-    texts = {"roof": "import wall, stone", "wall": "import stone", "stone": '"""What is below.\n\nAll of it."""'}
-    found = rooms({f"apollonius.{name}": text.replace("import ", "import apollonius.").replace(", ", ", apollonius.")
-                   for name, text in texts.items()})  # fmt: skip
-    assert [(name, room.imports, room.purpose) for name, room in found.items()] == [
-        ("stone", set(), "What is below."), ("wall", {"stone"}, ""), ("roof", {"wall"}, ""),
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     "statement",
     [

@@ -15,12 +15,10 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.network import make_network
 from apollonius.agents.shield import Shielded
-from apollonius.agents.store import describe, save_agent
+from apollonius.agents.store import describe, load_header, save_agent
 from apollonius.agents.trained import ZOO, learned_elsewhere, zoo_names
-from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
-from apollonius.arenas.suite import scenario_game
 from apollonius.catalogue import find_player, find_pool, player_names
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -31,13 +29,6 @@ from tests.acting import act, act_in_rows
 @pytest.fixture(scope="module")
 def pursuer():
     return describe(make_network("encoded", 4, 2, jax.random.key(0)), Role.PURSUER, {}, {"seed": 5})
-
-
-@pytest.mark.parametrize("role", Role)
-@pytest.mark.parametrize(("name", "player"), [("random", Uniform), ("still", Still)])
-def test_built_in_players_play_either_side(name, player, role):
-    found = find_player(name, role)
-    assert (found.name, type(found.policy), found.header) == (name, player, None)
 
 
 def test_a_file_plays_greedily_its_own_side_and_brings_its_header(pursuer, tmp_path):
@@ -112,13 +103,13 @@ def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
         save_agent(agent, tmp_path / f"{index}.safetensors")
     pool = find_pool([files[0], "random", files[1]], Role.PURSUER)
     assert pool.size == 3
-    observation = jnp.tile(jnp.linspace(-1, 1, 17), (6000, 1))
-    words = jax.random.bits(jax.random.key(2), (6000,))
-    actions = [np.asarray(act_in_rows(pool, jnp.full(6000, member), observation, words)) for member in range(3)]
+    observation = jnp.tile(jnp.linspace(-1, 1, 17), (2000, 1))
+    words = jax.random.bits(jax.random.key(2), (2000,))
+    actions = [np.asarray(act_in_rows(pool, jnp.full(2000, member), observation, words)) for member in range(3)]
     for member, name in ((0, files[0]), (2, files[1])):
         alone = act(find_player(name, Role.PURSUER).policy, observation[0], words[0])
         assert (actions[member] == int(alone)).all()
-    assert np.bincount(actions[1], minlength=9).min() > 550
+    assert np.bincount(actions[1], minlength=9).min() > 150
 
 
 @pytest.mark.parametrize("names", [[], ["random", "still"], ["random", "random"]], ids=str)
@@ -129,8 +120,8 @@ def test_players_that_do_not_go_together_make_no_pool(names):
 
 @pytest.mark.parametrize("name", zoo_names())
 def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
-    role = {"P": Role.PURSUER, "E": Role.EVADER}[name[0]]
-    header = find_player(name, role, make_game("paper")).header
+    header = load_header(ZOO / f"{name}.safetensors")
+    assert header.role == {"P": "pursuer", "E": "evader"}[name[0]]
     assert (ZOO / f"{name}.safetensors").stat().st_size < 1_000_000
     assert {"command", "seed", "stage", "env_steps", "episodes", "config"} <= set(header.training)
     assert header.game["arena"]["discs"] or header.game["scenario"].startswith("suite-v1/")
@@ -142,6 +133,5 @@ def test_it_is_known_who_has_learned_in_another_arena_only():
     assert not learned_elsewhere(prioritised, paper)
     assert not learned_elsewhere(prioritised, charted(paper))
     assert learned_elsewhere(prioritised, maze)
-    assert learned_elsewhere(prioritised, scenario_game("suite-v1/maze-00,maze-01"))
     assert not learned_elsewhere(find_player("P_any", Role.PURSUER, maze), maze)
     assert not learned_elsewhere(find_player("still", Role.PURSUER), maze)

@@ -1,6 +1,5 @@
 """The wheel plays where nothing else of the project is: no checkout, and no package that it does not ask for."""
 
-import importlib.util
 import json
 import os
 import re
@@ -143,12 +142,6 @@ def test_both_archives_say_what_they_are(built, wheel):
 def test_one_version_is_said_everywhere():
     assert f"\nversion: {__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
     assert re.search(rf"^## \[(Unreleased|{re.escape(__version__)})\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.M)
-
-
-def test_what_the_comparisons_need_is_installed():
-    """So that none of them is skipped for years: `make test-all` installs it."""
-    names = [Requirement(line).name.replace("-", "_") for line in PROJECT["optional-dependencies"]["peers"]]
-    assert [name for name in [*names, "pyspiel"] if importlib.util.find_spec(name) is None] == []
 
 
 def test_locks_have_hashes_and_no_addresses():

@@ -94,8 +94,9 @@ def suite_arena(suite: str, name: str) -> Arena:
         InvalidInput: for an unknown suite or name, and where the drawn arena is not the published one.
     """
     entries = {entry.name: entry for entry in suite_entries(suite)}
-    some = f"one of {', '.join(list(entries)[:2])} ...; `apollonius arena suite` lists them"
-    require(name in entries, f"arena of {suite}", name, some)
+    require(
+        name in entries, f"arena of {suite}", name, f"one of {', '.join(list(entries)[:2])} ... {list(entries)[-1]}"
+    )
     arena, published = entries[name].draw(), entries[name].sha256
     found, bound = digest(arena), f"{published[:12]}... as published; draw it with the version that published it"
     require(found == published, f"SHA-256 of {suite}/{name}", f"{found[:12]}...", bound)

@@ -1,25 +1,17 @@
-"""`apollonius arena`: list arenas, check one, verify the suite, draw random ones."""
+"""`apollonius arena`: list arenas, check one, draw random ones."""
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from apollonius.arenas.names import KINDS, PARTS
+from apollonius.arenas.names import KINDS
 from apollonius.cli.options import add_json, command, finish
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
 
-SHOWN = 8
-"""Arenas of each kind in a suite's picture: a row."""
 
-
-def add_arena(subparsers: Any) -> None:
-    parser = subparsers.add_parser(
-        "arena", help="list arenas, check one of your own, verify the suite, or make a random one"
-    )
+def add_arena(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     listed = actions.add_parser("list", help="name the games that ship with the package, and draw their arenas")
     listed.add_argument("--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of all of them")
@@ -30,15 +22,6 @@ def add_arena(subparsers: Any) -> None:
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
     add_json(check)
     check.set_defaults(run=run_check)
-    suite = actions.add_parser(
-        "suite", help="list the arenas to learn in and to be judged in, and verify their digests"
-    )
-    suite.add_argument("--part", choices=PARTS, help="of the suite (default: both)")
-    suite.add_argument(
-        "--out", type=new_file(".png", needs={}), metavar="PNG", help="write a picture of some of each kind"
-    )
-    add_json(suite)
-    suite.set_defaults(run=run_suite)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
     draw.add_argument("--kind", choices=KINDS, default="discs", help="of obstacles (default: %(default)s)")
     draw.add_argument("--discs", type=count(DISCS), help="of that kind: their number (default: one on 20 m^2)")
@@ -105,37 +88,6 @@ def run_check(options: argparse.Namespace) -> int:
         watch = command("show", "P_any", "E_any", "--game", options.game, "--out", options.out.with_suffix(".gif"))
         finish(options.out, then=f"mend it, then {again}" if found.wrong else watch, json=options.json)
     return 1 if found.wrong else 0
-
-
-def run_suite(options: argparse.Namespace) -> int:
-    """Generate every arena of the suite and list it; exit status 2 where one differs from the published one."""
-    from apollonius.arenas.file import find_game
-    from apollonius.arenas.suite import SUITES, suite_arena, suite_entries
-    from apollonius.show.canvas import save_gallery
-
-    suite = SUITES[-1]
-    entries = suite_entries(suite, options.part)
-    options.display.begin("drawing the arenas")
-    for number, entry in enumerate(entries):
-        suite_arena(suite, entry.name)
-        options.display.report(number + 1, len(entries))
-    options.display.end()
-    if options.json:
-        print(to_json({"suite": suite, "arenas": [asdict(entry) for entry in entries]}))
-    else:
-        for entry in entries:
-            gap = f"gap {entry.gap:4.2f} m" if entry.gap else ""
-            size = f"{entry.width:5.2f} x {entry.height:5.2f} m"
-            print(f"{suite}/{entry.name:<10} {entry.part:<8} {entry.kind:<7} {size}  {gap:<10}  {entry.sha256[:12]}")
-        print(f"{len(entries)} arenas, all as they were published")
-    if options.out:
-        options.display.begin("drawing the picture")
-        kinds = dict.fromkeys(entry.kind for entry in entries)
-        some = [entry for kind in kinds for entry in [one for one in entries if one.kind == kind][:SHOWN]]
-        save_gallery({entry.name: find_game(f"{suite}/{entry.name}") for entry in some}, options.out, SHOWN)
-        play = command("show", "P_any", "E_any", "--game", f"{suite}/{some[0].name}", "--out", "game.gif")
-        finish(options.out, then=play, json=options.json)
-    return 0
 
 
 def run_random(options: argparse.Namespace) -> int:

@@ -1,7 +1,6 @@
 """`apollonius evaluate`: play many games between two agents and count; vary numbers of the game."""
 
 import argparse
-from typing import Any
 
 from apollonius.cli.options import (
     add_match_options,
@@ -17,8 +16,7 @@ from apollonius.io.document import to_json
 from apollonius.io.errors import require
 
 
-def add_evaluate(subparsers: Any) -> None:
-    parser = subparsers.add_parser("evaluate", help="play many games between two agents and count")
+def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
     parser.add_argument(
         "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",

@@ -1,7 +1,6 @@
 """`apollonius export`: a player as C or ONNX, which need no JAX."""
 
 import argparse
-from typing import Any
 
 from apollonius.cli.options import command, finish
 from apollonius.cli.values import known_agent, known_game, new_file
@@ -10,8 +9,7 @@ from apollonius.io.errors import require
 FORMATS = {"c": ".c", "onnx": ".onnx"}
 
 
-def add_export(subparsers: Any) -> None:
-    parser = subparsers.add_parser("export", help="write a player as C or ONNX, which need no JAX")
+def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("agent", type=known_agent, metavar="AGENT", help="any player: its name, or a .safetensors file")
     parser.add_argument("--to", choices=FORMATS, required=True, help="C99, or ONNX")
     parser.add_argument(

@@ -27,14 +27,36 @@ from apollonius.io.interrupts import INTERRUPTED, status, stopped
 from apollonius.version import __version__
 
 COMMANDS = {
-    "Learn": (add_train, add_resume),
-    "Judge": (add_evaluate, add_tournament, add_exploit, add_simulate),
-    "Solve": (add_solve, add_regret, add_pursuers),
-    "Watch and play": (add_show, add_play, add_slice, add_report),
-    "Arenas and robots of your own": (add_arena, add_export),
-    "The paper": (add_reproduce,),
+    "Learn": {
+        "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
+        "resume": (add_resume, "go on with a training run that was stopped", "runs/mine"),
+    },
+    "Judge": {
+        "evaluate": (add_evaluate, "play many games between two agents and count", "P_pool E_scratch --games 1000"),
+        "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
+        "exploit": (add_exploit, "let every kind of attacker try to beat an agent that they know", "evader E_scratch"),
+        "simulate": (add_simulate, "play many games between robots with bodies, in MuJoCo", "P_any random --games 300"),
+    },
+    "Solve": {
+        "solve": (add_solve, "solve for optimal play on a grid, and keep the table", "safety"),
+        "regret": (add_regret, "how far an agent is from what the solved game says can be had", "P_curriculum"),
+        "pursuers": (add_pursuers, "how many pursuers are enough in an arena", "office"),
+    },
+    "Watch and play": {
+        "show": (add_show, "a game as a picture or an animation, and as a replay file", "P_any E_any --game office"),
+        "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
+        "slice": (add_slice, "an agent's action values and actions over the arena", "P_pool --opponent 5 5"),
+        "report": (add_report, "a training run as one HTML page, games included", "runs/mine"),
+    },
+    "Arenas and robots of your own": {
+        "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
+        "export": (add_export, "write a player as C or ONNX, which need no JAX", "P_any --to c --out player.c"),
+    },
+    "The paper": {
+        "reproduce": (add_reproduce, "train, evaluate and draw all that the paper shows", "--budget quick"),
+    },
 }
-"""By purpose, in the order of the help."""
+"""By purpose, in the order of the help: each adds its arguments, says what it does, and has an example."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -104,22 +126,9 @@ def build_parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     groups = []
     for purpose, commands in COMMANDS.items():
-        group = _Group(subparsers)
-        for add in commands:
-            add(group)
-        groups.append("\n".join([f"{purpose}:", *group.lines]))
+        groups.append("\n".join([f"{purpose}:", *(f"  {name:<12}{does}" for name, (_, does, _) in commands.items())]))
+        for name, (add, does, example) in commands.items():
+            description = f"{does[0].upper()}{does[1:]}."
+            add(subparsers.add_parser(name, description=description, epilog=f"Example: apollonius {name} {example}"))
     parser.epilog = "\n\n".join([*groups, "apollonius COMMAND --help says more. To begin with: apollonius play"])
     return parser
-
-
-class _Group:
-    """Commands of one purpose, with a line each in the help of the whole, which also heads their own help."""
-
-    def __init__(self, subparsers: Any) -> None:
-        self._subparsers = subparsers
-        self.lines: list[str] = []
-
-    def add_parser(self, name: str, help: str) -> argparse.ArgumentParser:
-        """Return a parser for a command, with a line about its purpose."""
-        self.lines.append(f"  {name:<12}{help}")
-        return self._subparsers.add_parser(name, description=f"{help[0].upper()}{help[1:]}.")

@@ -163,17 +163,9 @@ def requested_grid(
     return grid, hold
 
 
-_NAMED = 3
-"""Most files that are named one by one."""
-
-
 def finish(*written: Path, then: str = "", json: bool = False) -> None:
     """Print on standard error the written files and folders and, unless a program reads, the next sensible step."""
     lines = [f"wrote {path} ({_size(path)})" for path in written]
-    if len(written) > _NAMED:
-        lines = [
-            f"wrote {len(written)} files in {written[0].parent} ({_size(*written)}), first of all {written[0].name}"
-        ]
     if then and not json:
         lines.append(f"next: {then}")
     print(*lines, sep="\n", file=sys.stderr, flush=True)
@@ -196,7 +188,7 @@ def finish_with_replays(written: list[Path], options: argparse.Namespace) -> Non
     """Print the last lines of a command that may have recorded games."""
     if written:
         then = command("show", written[0], "--out", written[0].with_suffix(".gif"))
-        finish(*written, then=then, json=options.json)
+        finish(options.replays, then=then, json=options.json)
 
 
 def command(*words: object) -> str:
@@ -204,8 +196,8 @@ def command(*words: object) -> str:
     return shlex.join(["apollonius", *map(str, words)])
 
 
-def _size(*paths: Path) -> str:
-    """Return the size of files, and of all in folders, in the unit that keeps it short."""
-    files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
+def _size(path: Path) -> str:
+    """Return the size of a file, or of all in a folder, in the unit that keeps it short."""
+    files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
     size = sum(file.stat().st_size for file in files)
     return f"{size / 10**6:.1f} MB" if size >= 10**6 else f"{size / 1000:.0f} kB" if size >= 1000 else f"{size} bytes"

@@ -4,7 +4,6 @@ import argparse
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Any
 
 from apollonius.cli.options import finish, warn
 from apollonius.cli.values import count, known_agent, known_game, new_folder
@@ -16,8 +15,7 @@ PLAYER = (
 """Help for an argument that names a player of the page."""
 
 
-def add_play(subparsers: Any) -> None:
-    parser = subparsers.add_parser("play", help="play in a browser against a trained agent")
+def add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as", dest="side", choices=("evader", "pursuer"), default="evader", help="your side (default: %(default)s)"
     )
@@ -50,7 +48,6 @@ def add_play(subparsers: Any) -> None:
 def run_play(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.game.types import Role
-    from apollonius.io.document import whole_folder
     from apollonius.io.errors import require
     from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site
@@ -61,8 +58,7 @@ def run_play(options: argparse.Namespace) -> int:
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
-        with whole_folder(options.site) as folder:
-            write_site(folder, choice)
+        write_site(options.site, choice)
         options.display.end()
         finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0

@@ -5,6 +5,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import add_json, warn
+from apollonius.cli.terminal import columns
 from apollonius.cli.values import known_game
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
@@ -13,8 +14,7 @@ if TYPE_CHECKING:
     from apollonius.solve.enough import Enough
 
 
-def add_pursuers(subparsers: Any) -> None:
-    parser = subparsers.add_parser("pursuers", help="how many pursuers are enough in an arena")
+def add_pursuers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("game", type=known_game, metavar="ARENA", help="the name of a game, or a .toml or .json file")
     add_json(parser)
     parser.set_defaults(run=run_pursuers)
@@ -37,10 +37,8 @@ def run_pursuers(options: argparse.Namespace) -> int:
             f"'{options.game}' has too many obstacles: the game on its graph would have more than {MOST_NODES:,} nodes "
             "that matter; take a part of it."
         )
-    if options.json:
-        print(to_json(_facts(options.game, enough)))
-    else:
-        print(_text(options.game, enough))
+    facts = _facts(options.game, enough)
+    print(to_json(facts) if options.json else _text(facts, enough.verdict))
     return 0 if enough.agree else 1
 
 
@@ -65,18 +63,14 @@ def _facts(name: str, enough: "Enough") -> dict[str, Any]:
     }
 
 
-def _text(name: str, enough: "Enough") -> str:
+def _text(facts: dict[str, Any], verdict: str) -> str:
+    graphs = facts["graphs"]
+    cells = [[f"{value:.2f}" if isinstance(value, float) else str(value) for value in one.values()] for one in graphs]
     lines = [
-        f"{name}: {enough.verdict}",
+        f"{facts['arena']}: {verdict}",
         "equally fast, without inertia, turn by turn, seeing each other; robots of the game may need more",
-        f"{'cells':>8}  {'turned':>6}  {'nodes':>6}  {'core':>6}  {'islands seen':>12}  enough",
+        *columns([[name.replace("_", " ") for name in graphs[0]], *cells]),
     ]
-    for reading in enough.readings:
-        tiling, seen = reading.tiling, f"{reading.tiling.holes} of {enough.space.islands}"
-        lines.append(
-            f"{tiling.spacing:>6.2f} m  {degrees(tiling.angle):>5.0f}°  {len(tiling.places):>6}  "
-            f"{len(reading.core):>6}  {seen:>12}  {reading.pursuers:>6}"
-        )
-    if enough.space.parts > 1:
-        lines.append(f"the free space falls into {enough.space.parts} parts; this is about the largest")
+    if facts["parts"] > 1:
+        lines.append(f"the free space falls into {facts['parts']} parts; this is about the largest")
     return "\n".join(lines)

@@ -2,7 +2,6 @@
 
 import argparse
 from dataclasses import asdict
-from typing import Any
 
 from apollonius.cli.options import (
     AGENT,
@@ -14,17 +13,14 @@ from apollonius.cli.options import (
     warn,
     write_replays,
 )
-from apollonius.cli.solve import SOLVING, add_table_options, requested_tables
+from apollonius.cli.solve import add_table_options, requested_tables
 from apollonius.cli.values import count, known_agent
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAMES
 
-_PLAYING = "playing against the table"
 
-
-def add_regret(subparsers: Any) -> None:
-    parser = subparsers.add_parser("regret", help="how far an agent is from what the solved game says can be had")
+def add_regret(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("agent", type=known_agent, metavar="AGENT", help=AGENT)
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), default="pursuer", help="the agent's side (default: %(default)s)"
@@ -54,11 +50,10 @@ def run_regret(options: argparse.Namespace) -> int:
     role, display = Role[options.role.upper()], options.display
     agent = find_player(options.agent, role, game)
     warn(options, game, [agent])
-    display.plan(dict.fromkeys([*SOLVING, _PLAYING], 1.0))
     tables = requested_tables(options, game)
     own, other = tables[role], tables[role.other]
     match = Match(game, BySide.of(role, agent, Named(TABLE, other)), options.games, options.seed)
-    display.begin(_PLAYING, compiles=True)
+    display.begin("playing against the table", compiles=True)
     card = measure_card(match, own, display.report)
     written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
     display.end()

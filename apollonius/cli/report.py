@@ -2,15 +2,13 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from apollonius.cli.options import finish
 from apollonius.cli.values import existing_folder, new_file
 from apollonius.io.errors import require, require_extra
 
 
-def add_report(subparsers: Any) -> None:
-    parser = subparsers.add_parser("report", help="a training run as one HTML page, games included")
+def add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=existing_folder, metavar="RUN", help="folder of a training run")
     parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
     parser.set_defaults(run=run_report)

@@ -2,7 +2,6 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, PLACES_HELP, command, finish
 from apollonius.cli.values import count, engine, new_folder
@@ -11,12 +10,8 @@ from apollonius.io.interrupts import go_on
 from apollonius.io.jobs import ENGINES
 from apollonius.io.limits import GAMES, SEEDS
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
-
-def add_reproduce(subparsers: Any) -> None:
-    parser = subparsers.add_parser("reproduce", help="train, evaluate and draw all that the paper shows")
+def add_reproduce(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget", choices=LENGTHS, default="quick",
         help="length of each training: quick (default), standard or paper",
@@ -38,10 +33,8 @@ def run_reproduce(options: argparse.Namespace) -> int:
     display = options.display
     go_on(f"go on with: {again}")
 
-    def watch(what: str, poll: "Callable[[], tuple[float, float]]") -> None:
-        display.begin(what, poll=poll)
-
-    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on, watch=watch):
+    display.begin("reproducing the paper")
+    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):
         raise KeyboardInterrupt
     display.end()
     finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))

@@ -2,7 +2,6 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from apollonius.cli.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
 from apollonius.cli.values import known_agent, new_file, real
@@ -12,8 +11,7 @@ MOVING = (".gif", ".webp", ".mp4")
 """Formats of moving pictures."""
 
 
-def add_show(subparsers: Any) -> None:
-    parser = subparsers.add_parser("show", help="a game as a picture or an animation, and as a replay file")
+def add_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("pursuer", type=known_agent, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
     parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
     add_game_options(parser)

@@ -3,14 +3,12 @@
 import argparse
 from math import radians
 from pathlib import Path
-from typing import Any
 
 from apollonius.cli.options import add_game, chosen_rules, command, finish, warn
 from apollonius.cli.values import known_agent, new_file, real
 
 
-def add_slice(subparsers: Any) -> None:
-    parser = subparsers.add_parser("slice", help="an agent's action values and actions over the arena")
+def add_slice(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "agent", type=known_agent, metavar="AGENT", help="a zoo agent, or a .safetensors file, of solve game too"
     )

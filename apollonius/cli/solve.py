@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from apollonius.cli.options import (
     add_game,
@@ -80,8 +80,7 @@ def requested_tables(options: argparse.Namespace, game: "Game") -> "BySide[Saddl
     return solved_game(options.display, game, counts, cache_folder("tables"))
 
 
-def add_solve(subparsers: Any) -> None:
-    parser = subparsers.add_parser("solve", help="solve for optimal play on a grid, and keep the table")
+def add_solve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", choices=("safety", "reach", "game"),
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "

@@ -1,11 +1,10 @@
 """Results as text: the progress of a training, and tables."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from apollonius.cli.display import Display
-
 if TYPE_CHECKING:
+    from apollonius.cli.display import Display
     from apollonius.evaluate.card import Card
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.tournament import Tournament
@@ -28,7 +27,7 @@ def training_notes(line: "MetricsLine") -> dict[str, str]:
     return notes
 
 
-def sweeps_on(display: Display) -> "Callable[[Sweep], None]":
+def sweeps_on(display: "Display") -> "Callable[[Sweep], None]":
     """Return a report callback that shows sweeps of value iteration on a display."""
     first: list[float] = []
 
@@ -47,72 +46,54 @@ def match_heading(match: "Match") -> str:
 
 
 def match_table(match: "Match", result: "MatchResult") -> str:
-    """Return a match as lines of text, in the order of the paper's Tables II and III."""
-    width = max(len(name) for name in result.outcomes)
-    lines = [match_heading(match)]
-    lines += [
-        f"  {name.replace('_', ' '):<{width}}  {count:>7,}  {count / result.games:>6.1%}"
+    """Return a match as lines of text: the verdict, what was played, and the outcomes that occurred."""
+    pursuer, evader = result.pursuer_win_interval, result.evader_win_interval
+    ahead = "the pursuer" if pursuer[0] > evader[1] else "the evader" if evader[0] > pursuer[1] else "nobody surely"
+    sides = zip(match.players, (result.pursuer_win_rate, result.evader_win_rate), (pursuer, evader), strict=True)
+    won = [f"{player.name} {rate:.2%} of games {within(interval)}" for player, rate, interval in sides]
+    rows = [
+        (f"  {name.replace('_', ' ')}", f"{count:,}", f"{count / result.games:.1%}")
         for name, count in result.outcomes.items()
+        if count
     ]
-    for side, rate, (low, high) in (
-        ("pursuer wins", result.pursuer_win_rate, result.pursuer_win_interval),
-        ("evader wins", result.evader_win_rate, result.evader_win_interval),
-    ):
-        lines.append(f"  {side:<{width}}  {rate:>7.2%}  95 % interval {low:.2%} to {high:.2%}")
-    lines.append(f"  {'evader undefeated':<{width}}  {result.evader_undefeated_rate:>7.2%}")
-    lines.append(f"  {'mean steps':<{width}}  {result.mean_steps:>7.1f}")
-    if result.mean_capture_steps is not None and result.capture_steps_deviation is not None:
-        lines.append(
-            f"  {'mean capture steps':<{width}}  {result.mean_capture_steps:>7.1f}  "
-            f"standard deviation {result.capture_steps_deviation:.1f}"
-        )
-    for side, change in (("pursuer", result.pursuer_change), ("evader", result.evader_change)):
-        if change is not None:
-            name = f"{side}'s change of u"
-            parts = f"u1 {change[0]:.3f}, u2 {change[1]:.3f} of the largest, per step"
-            lines.append(f"  {name:<{width}}  {sum(change) / 2:>7.3f}  {parts}")
-    doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
-    lines.append(f"  {'doomed starts':<{width}}  {doomed:>7}")
-    if result.robots is not None:
-        for side, counts in (("pursuers", result.robots.pursuers), ("evaders", result.robots.evaders)):
-            total = sum(counts.values())
-            share = ", ".join(
-                f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count
-            )
-            lines.append(f"  {side:<{width}}  {total:>7,}  {share}")
-    if result.arenas is not None:
-        arenas, (low, high) = result.arenas, result.arenas.interval
-        share = f"mean of {len(arenas.wins)}, 95 % interval {low:.2%} to {high:.2%}"
-        lines.append(f"  {'pursuer, by arenas':<{width}}  {arenas.mean:>7.2%}  {share}")
-        lines.append(f"  {'in the worst tenth':<{width}}  {arenas.worst:>7.2%}  in the worst of all {arenas.least:.0%}")
+    lines = [f"{ahead} wins more: {', '.join(won)}", match_heading(match), *columns(rows)]
+    lines.append(f"  mean steps {result.mean_steps:.1f}")
+    if result.mean_capture_steps is not None:
+        lines[-1] += f", until a capture {result.mean_capture_steps:.1f}"
+    if result.doomed_start_rate != 0:
+        doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
+        lines.append(f"  starts lost before they begin: {doomed}")
+    for side, counts in (result.robots or {}).items():
+        total = sum(counts.values())
+        shares = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
+        lines.append(f"  {total:,} {side}: {shares}")
+    if arenas := result.arenas:
+        lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
+        lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
     return "\n".join(lines)
 
 
+def within(interval: tuple[float, float], form: str = ".2%") -> str:
+    """Return a 95 % interval in words."""
+    return "(95 % interval {:{form}} to {:{form}})".format(*interval, form=form)
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows as lines of text with aligned cells, the first to the left and the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
+
+
 def tournament_table(tournament: "Tournament", starts: str) -> str:
-    """Return the pursuers' win rates as a Markdown table, and below it the mixtures in equilibrium."""
+    """Return the pursuers' win rates as lines of text, and below them the ratings."""
     rates = tournament.win_rates
-    header = ["pursuer \\ evader", *tournament.evaders, "mean"]
-    rows = [
-        [name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]]
-        for name, row in zip((*tournament.pursuers, "mean"), [*rates, rates.mean(axis=0)], strict=True)
-    ]
-    widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
-    rule = ["-" * widths[0], *["-" * (width - 1) + ":" for width in widths[1:]]]
-    lines = [
-        "| " + " | ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) + " |"
-        for row in [header, rule, *rows]
-    ]
-    mixed = tournament.equilibrium
-    sides = (("pursuers", tournament.pursuers, mixed.rows), ("evaders", tournament.evaders, mixed.columns))
-    lines.append(
-        f"\nStarts: {starts}. 95 % intervals are within {100 * tournament.widest_interval:.1f} points of the rates."
-    )
-    lines.append(f"In equilibrium the pursuer wins {mixed.value:.1%}:")
-    for side, names, shares in sides:
-        playing = sorted(zip(shares, names, strict=True), reverse=True)
-        lines.append(f"  {side} " + ", ".join(f"{name} {share:.0%}" for share, name in playing if share >= 0.005))
+    table = [["pursuer \\ evader", *tournament.evaders, "mean"]]
+    for name, row in zip((*tournament.pursuers, "mean"), [*rates, rates.mean(axis=0)], strict=True):
+        table.append([name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]])
+    ends = [match.pursuer_win_interval for row in tournament.matches for match in row]
+    widest = 50 * max(high - low for low, high in ends)
     ratings = tournament.ratings
-    lines.append("Elo, with 95 % intervals:")
+    lines = [*columns(table), f"Starts: {starts}. 95 % intervals are within {widest:.1f} points of the rates.", "Elo:"]
     for side, names, points, reach in (
         ("pursuers", tournament.pursuers, ratings.pursuers, ratings.pursuer_reach),
         ("evaders", tournament.evaders, ratings.evaders, ratings.evader_reach),
@@ -126,38 +107,29 @@ def varied_table(varied: "VariedMatches") -> str:
     """Return a sweep as lines of text: a row for each value of the first number, a column for each of the second."""
     first, *second = varied.variations
     corner = " \\ ".join(one.field for one in varied.variations)
-    columns = [f"{value:g}" for value in second[0].values] if second else ["pursuer wins"]
+    header = [f"{value:g}" for value in second[0].values] if second else ["pursuer wins"]
     cells = [
         f"{100 * result.pursuer_win_rate:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
         for result in varied.results
         for low, high in [result.pursuer_win_interval]
     ]
-    rows = [
-        [f"{value:g}", *cells[row * len(columns) : (row + 1) * len(columns)]] for row, value in enumerate(first.values)
-    ]
-    table = [[corner, *columns], *rows]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = ["  ".join(map(str.rjust, row, widths)) for row in table]
-    return "\n".join([match_heading(varied.match), "the pursuer's wins in % of games, with 95 % intervals", *lines])
+    table = [[corner, *header]]
+    for row, value in enumerate(first.values):
+        table.append([f"{value:g}", *cells[row * len(header) : (row + 1) * len(header)]])
+    about = "the pursuer's wins in % of games, with 95 % intervals"
+    return "\n".join([match_heading(varied.match), about, *columns(table)])
 
 
 def card_table(agent: str, starts: str, card: "Card") -> str:
     """Return a regret card as lines of text."""
-    won, lost, payoff = (
-        f"{share} ({low} to {high})"
-        for share, low, high in (
-            (f"{card.won:.2%}", *(f"{end:.2%}" for end in card.won_interval)),
-            (f"{card.lost:.2%}", *(f"{end:.2%}" for end in card.lost_interval)),
-            (f"{card.payoff:+.3f}", *(f"{end:+.3f}" for end in card.payoff_interval)),
-        )
-    )
     lines = [
-        f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}; 95 % intervals",
-        f"  won {won}, lost {lost}, payoff {payoff}",
+        f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}",
+        f"  won {card.won:.2%} {within(card.won_interval)}, lost {card.lost:.2%} {within(card.lost_interval)}",
+        f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}",
         f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds off their nodes",
-        f"  gap to its own table's estimate {card.gap:.3f} ({card.gap_interval[0]:.3f} to {card.gap_interval[1]:.3f})",
+        f"  gap to its own table's estimate {card.gap:.3f} {within(card.gap_interval, '.3f')}",
+        "  most is lost in these games (--record K writes them):",
     ]
-    lines.append("  most is lost in these games (--record K writes them):")
     for game in card.worst:
         lines.append(f"    {game['game']:>6}  {game['outcome']} after {game['seconds']} s, gap {game['gap']:+.3f}")
     return "\n".join(lines)

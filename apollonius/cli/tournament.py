@@ -1,17 +1,14 @@
 """`apollonius tournament`: every pursuer against every evader."""
 
 import argparse
-from typing import Any
 
 from apollonius.cli.options import AGENT, add_game_options, add_json, chosen_rules, command, finish, warn
-from apollonius.cli.values import count, known_agent, new_file, new_folder
+from apollonius.cli.values import count, known_agent, new_file
 from apollonius.io.document import to_json
-from apollonius.io.interrupts import go_on
 from apollonius.io.limits import GAMES
 
 
-def add_tournament(subparsers: Any) -> None:
-    parser = subparsers.add_parser("tournament", help="play every pursuer against every evader")
+def add_tournament(parser: argparse.ArgumentParser) -> None:
     everyone = "default: all that need no file and fit the game"
     parser.add_argument("--pursuers", type=known_agent, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
     parser.add_argument(
@@ -19,12 +16,6 @@ def add_tournament(subparsers: Any) -> None:
     )
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
-    parser.add_argument(
-        "--keep",
-        type=new_folder,
-        metavar="DIR",
-        help="keep matches in this folder, and do not play again what lies there",
-    )
     parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
     add_json(parser)
     parser.set_defaults(run=run_tournament)
@@ -34,7 +25,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
     from apollonius.cli.terminal import tournament_table
-    from apollonius.evaluate.match import MatchResult
+    from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.start_filter import starting
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
@@ -47,24 +38,14 @@ def run_tournament(options: argparse.Namespace) -> int:
 
     warn(options, game, (*pursuers, *evaders))
 
-    def tell(pursuer: str, evader: str, result: MatchResult) -> None:
+    def tell(match: Match, result: MatchResult) -> None:
         if not options.json:
-            options.display.tell(f"{pursuer} against {evader}: {result.pursuer_win_rate:.1%}")
+            names = " against ".join(player.name for player in match.players)
+            options.display.tell(f"{names}: {result.pursuer_win_rate:.1%}")
 
-    if options.keep:
-        go_on(f"the matches in {options.keep} are kept: give the same command again")
     options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
-    tournament = play_tournament(
-        game,
-        pursuers,
-        evaders,
-        options.games,
-        options.seed,
-        tell,
-        starts,
-        options.keep,
-        options.display.report,
-    )
+    report = options.display.report
+    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, starts, report)
     if options.plot:
         from apollonius.show.matches import draw_tournament
 
@@ -75,8 +56,7 @@ def run_tournament(options: argparse.Namespace) -> int:
         print(to_json(settings | tournament.to_dict()))
     else:
         print(tournament_table(tournament, starts.word(game)))
-    written = [path for path in (options.plot, options.keep) if path]
-    if written:
+    if options.plot:
         ratings = tournament.ratings
         best = [
             (asked or names)[points.tolist().index(max(points))]
@@ -85,5 +65,6 @@ def run_tournament(options: argparse.Namespace) -> int:
                 (options.evaders, tournament.evaders, ratings.evaders),
             )
         ]
-        finish(*written, then=command("show", *best, *chosen_rules(options), "--out", "best.gif"), json=options.json)
+        then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
+        finish(options.plot, then=then, json=options.json)
     return 0

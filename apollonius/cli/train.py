@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, command, finish
-from apollonius.cli.solve import SOLVING, solved_game
+from apollonius.cli.solve import solved_game
 from apollonius.cli.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
 from apollonius.io.errors import require
 from apollonius.io.interrupts import asked_to_stop, go_on
@@ -23,18 +23,11 @@ PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
 BY_TABLE = ("evader-by-table", "pursuer-by-table")
 """Names of the presets of a distillation."""
-_SOLVING_WORK = 10_000_000
-"""Env steps of one learning side that solving for one side takes about as long as."""
-
-_JUDGING = "judging"
 _JUDGED_GAMES = 2000
 """Games of each match that judges a run."""
-_JUDGING_SHARE = 0.1
-"""About how much judging takes, of the work of training."""
 
 
-def add_train(subparsers: Any) -> None:
-    parser = subparsers.add_parser("train", help="train a pursuer and an evader, then judge them")
+def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset", choices=(*LENGTHS, *BY_TABLE), default="quick",
         help="length of training: quick (minutes, default), standard or paper; or evader-by-table, pursuer-by-table: "
@@ -68,8 +61,7 @@ def add_train(subparsers: Any) -> None:
     parser.set_defaults(run=run_train)
 
 
-def add_resume(subparsers: Any) -> None:
-    parser = subparsers.add_parser("resume", help="go on with a training run that was stopped")
+def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
     parser.set_defaults(run=run_resume)
 
@@ -136,30 +128,20 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
 
-    notes: dict[str, str] = {}
-
     def report(line: "MetricsLine", share: float) -> None:
-        if display.what != line.stage:
-            display.begin(line.stage)
-            notes.clear()
-        display.report(share, 1)
-        notes.update(training_notes(line))
-        display.note(notes)
-        later = stages[stages.index(line.stage) + 1 :]
-        if share >= 1 and later:
-            display.begin(later[0], compiles=True)
+        before = sum(amount for stage, amount in run.work.items() if stages.index(stage) < stages.index(line.stage))
+        display.report(before + share * run.work[line.stage], sum(run.work.values()))
+        display.note({"stage": line.stage} | training_notes(line))
 
     run = Run(config, folder, report)
     stages = list(run.work)
     distils = config.stages == "distillation"
-    solving = dict.fromkeys(SOLVING, _SOLVING_WORK) if distils else {}
-    display.plan(solving | run.work | {_JUDGING: _JUDGING_SHARE * sum(run.work.values())})
     go_on(f"go on with: apollonius resume {folder}")
     if distils:
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
+    display.begin("training", compiles=True)
     with asked_to_stop() as run.should_stop:
-        display.begin(stages[0], compiles=True)
         finished = run.execute()
     if not finished:
         raise KeyboardInterrupt
@@ -168,23 +150,18 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
         (agent,) = (folder / "agents").glob("*.safetensors")
         finish(folder, then=command("exploit", config.distillation.role, agent))
     else:
-        display.begin(_JUDGING, compiles=True)
         _judge(config, folder, display)
     return 0
 
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     from apollonius.cli.terminal import match_table
-    from apollonius.evaluate.pairings import evaluate_run, self_play_trend
-    from apollonius.learn.config import SELF_PLAY
-    from apollonius.learn.metrics import evaluations_of, load_metrics
+    from apollonius.evaluate.pairings import evaluate_run
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match, result), end="\n\n", flush=True)
 
+    display.begin("judging", compiles=True)
     evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
     display.end()
-    looks = evaluations_of(load_metrics(folder / "metrics.jsonl"), SELF_PLAY)
-    if trend := self_play_trend([(look.env_steps, look.outcomes) for look in looks]):
-        print(trend, end="\n\n")
     finish(folder, then=command("report", folder))

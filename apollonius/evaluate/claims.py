@@ -4,12 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apollonius.evaluate.statistics import (
-    difference_interval,
-    rate_difference_interval,
-    rate_interval,
-    wilson_interval,
-)
+from apollonius.evaluate.statistics import mean_interval, rate_interval
 
 STAGE_1 = 0.96
 """Share of games captured against an evader that stays, after 200,000 episodes (section IV, Fig. 4)."""
@@ -40,14 +35,13 @@ TABLE_3 = {
 
 
 def paper_shares(pursuer: str, evader: str) -> dict[str, float]:
-    """The paper's shares of outcomes for a pairing, in [0, 1]; of those that it does not report, nothing."""
+    """Return the paper's shares of outcomes for a pairing, in [0, 1]; nothing where it reports none."""
     if (pursuer, evader) == ("P_stage1", "still"):
         return {"captured": STAGE_1}
     counts = {"random": TABLE_2, "E_scratch": TABLE_3}.get(evader, {}).get(pursuer, {})
     return {outcome: count / sum(counts.values()) for outcome, count in counts.items()}
 
 
-Interval = tuple[float, float]
 FULL_BUDGET = "paper"
 """The preset that trains for as long as the paper."""
 FEWEST_SEEDS = 3
@@ -56,7 +50,7 @@ FEWEST_SEEDS = 3
 
 @dataclass(frozen=True)
 class Claim:
-    """Something the paper says, or that we hold ourselves to. Rates are in [0, 1]."""
+    """A statement of the paper with a bound that our agents have to reach. Rates are in [0, 1]."""
 
     name: str
     source: str
@@ -65,17 +59,15 @@ class Claim:
     """The paper's value."""
     bound: float
     """What has to be reached."""
-    at_most: bool
-    """Whether the bound is an upper one."""
-    seeds: tuple[tuple[float, Interval], ...]
-    """Measured, seed by seed, each with its interval over games."""
-    interval: Interval
+    seeds: tuple[float, ...]
+    """Measured, seed by seed."""
+    interval: tuple[float, float]
     """95 % interval of the mean: over seeds, or of a single one over its games."""
 
     @property
     def mean(self) -> float:
         """Mean over seeds."""
-        return sum(value for value, _ in self.seeds) / len(self.seeds)
+        return sum(self.seeds) / len(self.seeds)
 
     def verdict(self, is_full: bool = True) -> str:
         """Return `holds` or `does not hold` where the whole interval says so, else `undecided`.
@@ -88,29 +80,21 @@ class Claim:
         if len(self.seeds) < FEWEST_SEEDS or not is_full:
             return "not enough"
         low, high = self.interval
-        if self.at_most:
-            low, high = -high, -low
-        bound = -self.bound if self.at_most else self.bound
-        if low >= bound:
+        if low >= self.bound:
             return "holds"
-        return "does not hold" if high < bound else "undecided"
+        return "does not hold" if high < self.bound else "undecided"
 
     def to_dict(self, is_full: bool = True) -> dict[str, Any]:
         """Return the claim with its mean, interval and verdict, as JSON-like data."""
         return asdict(self) | {"mean": self.mean, "verdict": self.verdict(is_full)}
 
 
-def rate_claim(
-    name: str, source: str, paper: float, bound: float, counts: Sequence[tuple[int, int]], at_most: bool = False
-) -> Claim:
-    """A claim about how often something happens; `counts` are (times, games) of each seed."""
-    seeds = tuple((times / games, wilson_interval(times, games)) for times, games in counts)
-    return Claim(name, source, paper, bound, at_most, seeds, rate_interval(counts))
+def rate_claim(name: str, source: str, paper: float, bound: float, counts: Sequence[tuple[int, int]]) -> Claim:
+    """Return a claim about how often something happens; `counts` are (times, games) of each seed."""
+    return Claim(name, source, paper, bound, tuple(times / games for times, games in counts), rate_interval(counts))
 
 
-def difference_claim(
-    name: str, source: str, paper: float, bound: float, rates: Sequence[tuple[float, float]], games: int
-) -> Claim:
-    """A claim about how much more often one thing happens than another; `rates` are both, of each seed."""
-    seeds = tuple((first - second, difference_interval(first, second, games)) for first, second in rates)
-    return Claim(name, source, paper, bound, False, seeds, rate_difference_interval(rates, games))
+def difference_claim(name: str, source: str, paper: float, bound: float, rates: Sequence[tuple[float, float]]) -> Claim:
+    """Return a claim about how much more often one thing happens than another; `rates` are both, of each seed."""
+    differences = tuple(first - second for first, second in rates)
+    return Claim(name, source, paper, bound, differences, mean_interval(differences, -1.0, 1.0))

@@ -1,13 +1,12 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray, UInt32
+from jaxtyping import Array, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
@@ -16,50 +15,14 @@ from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
 from apollonius.evaluate.start_filter import StartFilter, starting
-from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.dynamics import action_levels
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.io.errors import require
 from apollonius.io.limits import GAMES, SEED
-from apollonius.play.playout import AbstractWatcher, Report, Results, play_out
+from apollonius.play.playout import Report, Results, play_out
 from apollonius.play.replay import Replay, Trajectory, as_rows, trace
-from apollonius.play.rollout import Transition
-
-
-class Course(eqx.Module):
-    """A game so far: both sides' latest levels, the sums of their changes, and the number of steps.
-
-    Rows are the pursuer and the evader, columns u1 and u2, as shares of their largest values.
-    """
-
-    levels: Float[Array, "2 2"]
-    changes: Float[Array, "2 2"]
-    steps: Int[Array, ""]
-
-
-class Changes(AbstractWatcher):
-    """Adds up |change of u|."""
-
-    def begin(self) -> Course:
-        return Course(jnp.zeros((2, 2)), jnp.zeros((2, 2)), jnp.zeros((), jnp.int32))
-
-    def follow(self, known: Course, transition: Transition) -> Course:
-        now = jnp.stack([jnp.stack(action_levels(side.action)) for side in transition.sides])
-        change = jnp.where(known.steps > 0, jnp.abs(now - known.levels), 0.0)
-        return Course(now, known.changes + change, known.steps + 1)
-
-
-def mean_change(results: Results) -> Float[np.ndarray, "2 2"]:
-    """Return the mean |change of u| per step of games that `Changes` watched; rows and columns as in `Course`.
-
-    A control that goes from one end to the other changes by 2. Games of a single step have none to change.
-    """
-    course: Course = results.watched
-    changed = np.maximum(np.asarray(course.steps) - 1, 0).sum()
-    return np.asarray(course.changes, np.float64).sum(axis=0) / max(1, changed)
 
 
 @dataclass(frozen=True)
@@ -142,10 +105,31 @@ def play_match(match: Match, slots: int | None = None, report: Report = lambda d
     return count(match, play_games(match, slots, report))
 
 
+def play_matches(
+    matches: Sequence[Match],
+    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
+    report: Report = lambda done, total: None,
+) -> list[MatchResult]:
+    """Play matches one after the other.
+
+    Args:
+        on_match: called after each.
+        report: called with the games of all matches together, as by `play_match`.
+
+    Raises:
+        InvalidInput: as `play_match`.
+    """
+    results, total = list[MatchResult](), sum(match.games for match in matches)
+    for match in matches:
+        before = sum(result.games for result in results)
+        results.append(play_match(match, report=lambda done, _, before=before: report(before + done, total)))
+        on_match(match, results[-1])
+    return results
+
+
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
     """Play the games of a match; arguments and errors as those of `play_match`."""
-    watcher = None if match.game.teams else Changes()
-    return play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=watcher, report=report)
+    return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
@@ -185,27 +169,13 @@ def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
 def count(match: Match, results: Results) -> MatchResult:
     """Return the result of the games of a match, played to their ends."""
     outcome, steps = np.asarray(results.outcome), np.asarray(results.steps)
-    games = len(outcome)
-    counts = np.bincount(outcome, minlength=len(Outcome))
-    pursuer_won = int(counts[list(PURSUER_WINS)].sum())
-    evader_won = int(counts[list(evader_winning(match.game.reward.time_limit_wins))].sum())
-    both_failed = int(counts[Outcome.BOTH_FAILED])
     captured = outcome == Outcome.CAPTURED
-    pursuer_change, evader_change = mean_change(results).tolist() if results.watched is not None else (None, None)
     return MatchResult(
-        games=games,
-        outcomes=counts_by_name(counts),
-        pursuer_win_rate=pursuer_won / games,
-        pursuer_win_interval=wilson_interval(pursuer_won, games),
-        evader_win_rate=evader_won / games,
-        evader_win_interval=wilson_interval(evader_won, games),
-        evader_undefeated_rate=(games - pursuer_won - both_failed) / games,
+        outcomes=counts_by_name(np.bincount(outcome, minlength=len(Outcome))),
         mean_steps=float(np.mean(steps)),
         mean_capture_steps=float(np.mean(steps[captured])) if captured.any() else None,
         doomed_start_rate=match.starts.doomed_rate(match.game),
-        capture_steps_deviation=float(np.std(steps[captured])) if captured.any() else None,
-        pursuer_change=pursuer_change and tuple(pursuer_change),
-        evader_change=evader_change and tuple(evader_change),
+        time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         robots=count_robots(results.status) if results.status else None,
     )

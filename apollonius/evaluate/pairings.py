@@ -1,23 +1,16 @@
 """The matches by which the agents at the end of a training run are judged."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from apollonius.agents.store import load_header
 from apollonius.catalogue import find_player
-from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.outcome import PURSUER_WINS, names_of
 from apollonius.game.types import ROLES
 from apollonius.io.document import to_json, write_atomically
-from apollonius.io.errors import require
 from apollonius.play.playout import Report
-
-MOST_MATCHES = 32
-"""Most matches between the agents of one run; those that training leaves there meet in three."""
 
 
 def last_agents(run: Path) -> dict[str, Path]:
@@ -41,15 +34,9 @@ def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
 
 
 def last_matches(run: Path, game: Game, games: int, seed: int) -> dict[tuple[str, str], Match]:
-    """Return the matches of a run's last agents, by the names that they have in it.
-
-    Raises:
-        InvalidInput: for more than `MOST_MATCHES`.
-    """
+    """Return the matches of a run's last agents, by the names that they have in it."""
     agents, found = last_agents(run), {}
-    pairs = pairings(agents)
-    require(len(pairs) <= MOST_MATCHES, f"matches of the agents in '{run}'", len(pairs), f"at most {MOST_MATCHES}")
-    for pair in pairs:
+    for pair in pairings(agents):
         files = BySide(*pair).map(lambda name: str(agents.get(name, name)))
         players = ROLES.map(lambda role, files=files: find_player(files[role], role, game))
         found[pair] = Match(game, players, games, seed)
@@ -67,59 +54,9 @@ def evaluate_run(
 
     Args:
         games: in each match.
-        on_match: called after each.
-        report: called with the games of all matches together, as by `play_match`.
+        on_match, report: as of `play_matches`.
     """
     matches = last_matches(run, game, games, seed=1)
-    record: dict[str, Any] = {}
-
-    def of_all(before: int, done: int, total: int) -> None:
-        report(before + done, total * len(matches))
-
-    for number, ((pursuer, evader), match) in enumerate(matches.items()):
-        result = play_match(match, report=partial(of_all, number * games))
-        record[f"{pursuer} against {evader}"] = result.to_dict()
-        on_match(match, result)
+    results = play_matches([*matches.values()], on_match, report)
+    record = {" against ".join(pair): result.to_dict() for pair, result in zip(matches, results, strict=True)}
     write_atomically(run / "evaluation.json", to_json(record, indent=2).encode())
-
-
-_MUCH = 0.1
-"""A fall of the pursuer's wins that wants a word."""
-
-
-def self_play_trend(looks: Sequence[tuple[int, Mapping[str, int]]]) -> str:
-    """Compare how greedy games ended at the first look at self-play and at the last, and say where wins went.
-
-    Args:
-        looks: env steps before each greedy evaluation, and its games by outcome.
-
-    Returns:
-        Some sentences; empty where there are fewer than two looks.
-    """
-    if len(looks) < 2:
-        return ""
-    first, last = (_shares(outcomes) for _, outcomes in (looks[0], looks[-1]))
-    parts = [f"{what} from {first[what]:.0%} to {last[what]:.0%}" for what in list(first)[1:]]
-    said = (
-        f"Self-play, greedy games, from {looks[0][0]:,} to {looks[-1][0]:,} env steps: "
-        f"the pursuer's wins went from {first['wins']:.0%} to {last['wins']:.0%}: {', '.join(parts)}."
-    )
-    fallen, given = (first[what] - last[what] for what in ("wins", "the evader's own failures"))
-    if fallen >= _MUCH and given >= fallen / 2:
-        said += (
-            " So most of the early wins were the evader's own mistakes, which it has learned to avoid; catching one "
-            "that makes none is the harder task, and what the pursuer still wins is the measure of it."
-        )
-    return said
-
-
-def _shares(outcomes: Mapping[str, int]) -> dict[str, float]:
-    games = max(1, sum(outcomes.values()))
-    wins = sum(outcomes.get(name, 0) for name in names_of(PURSUER_WINS)) / games
-    captured = outcomes.get("captured", 0) / games
-    return {
-        "wins": wins,
-        "captures": captured,
-        "the evader's own failures": wins - captured,
-        "games without result": outcomes.get("no_result", 0) / games,
-    }

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from apollonius.agents.shield import BRAKING
 from apollonius.game.by_side import one_each
 from apollonius.game.game import Game, sample_starts
 from apollonius.game.types import Role
@@ -15,7 +14,6 @@ from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.reach import Reach
-from apollonius.solve.safety import steered_brakes
 from apollonius.solve.solving import zero_sum_game_of
 from apollonius.solve.store import Solution
 
@@ -37,24 +35,12 @@ def about(solution: Solution, game: Game) -> dict[str, Any]:
 
 
 def _about_safety(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    body = game.body(role)
-    grid = make_grid(game.arena, body, tuple(solution.problem.counts))
+    grid = make_grid(game.arena, game.body(role), tuple(solution.problem.counts))
     moving = replace(game, starts=replace(game.starts, speed="moving"))
     starts = sample_starts(moving, jax.random.key(0), STARTS)
     robots = one_each(starts.robots)[role]
-    if not body.brakes_to_rest:
-        kept = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
-        return {"moving starts lost, by the table": float(np.mean(np.asarray(kept) < 0))}
-    backup = steered_brakes(game, role, grid, solution.table)  # the shield's own manoeuvres come first
-    judged = jax.jit(jax.vmap(lambda robot: (grid.interpolate(solution.table, robot), backup.clearances(robot))))(
-        robots
-    )
-    kept, clearances = map(np.asarray, judged)
-    return {
-        "moving starts lost, by the table": float(np.mean(kept < 0)),
-        "moving starts lost, if it brakes as the table steers": float(np.mean(clearances.max(axis=1) < 0)),
-        "moving starts lost, if it brakes": float(np.mean(clearances[:, : len(BRAKING)].max(axis=1) < 0)),
-    }
+    values = jax.jit(jax.vmap(lambda robot: grid.interpolate(solution.table, robot)))(robots)
+    return {"moving starts lost, by the table": float(np.mean(np.asarray(values) < 0))}
 
 
 def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used: `scipy.stats` alone takes 0.4 s
 from jaxtyping import Bool, Float
 
-_Z = NormalDist().inv_cdf(0.975)
+Z = NormalDist().inv_cdf(0.975)
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
@@ -19,24 +19,11 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes in {trials} trials")
-    rate, z = successes / trials, _Z
+    rate, z = successes / trials, Z
     middle = rate + z**2 / (2 * trials)
     reach = z * sqrt(rate * (1 - rate) / trials + z**2 / (4 * trials**2))
     low, high = ((middle + side * reach) / (1 + z**2 / trials) for side in (-1, 1))
     return low if successes else 0.0, high if successes < trials else 1.0
-
-
-def difference_interval(first: float, second: float, trials: int) -> tuple[float, float]:
-    """95 % interval of the difference of two rates, `first - second`, each from as many independent trials.
-
-    Newcombe's hybrid score interval (method 10 of Newcombe, "Interval estimation for the difference between
-    independent proportions", 1998): built from Wilson's intervals of both. On paired starts, where both rates rise and
-    fall together, it is too wide.
-    """
-    (low_1, high_1), (low_2, high_2) = (wilson_interval(round(rate * trials), trials) for rate in (first, second))
-    below = sqrt((first - low_1) ** 2 + (high_2 - second) ** 2)
-    above = sqrt((high_1 - first) ** 2 + (second - low_2) ** 2)
-    return first - second - below, first - second + above
 
 
 def paired_difference_interval(
@@ -49,7 +36,7 @@ def paired_difference_interval(
     """
     trials = len(first) + 2
     more, less = ((int(np.sum(one & ~other)) + 1) / trials for one, other in ((first, second), (second, first)))
-    reach = _Z * sqrt((more + less - (more - less) ** 2) / trials)
+    reach = Z * sqrt((more + less - (more - less) ** 2) / trials)
     return max(more - less - reach, -1.0), min(more - less + reach, 1.0)
 
 
@@ -84,33 +71,10 @@ def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
         ValueError: without seeds, or for counts that cannot be.
     """
     times, trials = (sum(column) for column in zip(*counts, strict=True))
-    return _over_seeds([here / there for here, there in counts], wilson_interval(times, trials), least=0.0)
-
-
-def rate_difference_interval(rates: Sequence[tuple[float, float]], trials: int) -> tuple[float, float]:
-    """95 % interval of the difference of two rates, `first - second`, of one seed over its games, of several over
-    seeds: Student's, never narrower than that of all games together (`difference_interval`).
-
-    Args:
-        rates: both, of each seed.
-        trials: of either rate, with each seed.
-
-    Returns:
-        Lower and upper end, in [-1, 1].
-
-    Raises:
-        ValueError: without seeds.
-    """
-    first, second = (sum(column) / len(rates) for column in zip(*rates, strict=True))
-    of_games = difference_interval(first, second, trials * len(rates))
-    return _over_seeds([one - other for one, other in rates], of_games, least=-1.0)
-
-
-def _over_seeds(values: Sequence[float], of_games: tuple[float, float], least: float) -> tuple[float, float]:
-    """Of numbers from `least` to 1: the interval over seeds, widened to that of their games."""
-    if len(values) == 1:
+    of_games = wilson_interval(times, trials)
+    if len(counts) == 1:
         return of_games
-    low, high = mean_interval(values, least, 1.0)
+    low, high = mean_interval([here / there for here, there in counts], 0.0, 1.0)
     return min(low, of_games[0]), max(high, of_games[1])
 
 

@@ -1,64 +1,82 @@
-"""A tournament: every pursuer against every evader, on the same starts, and what comes of it as a whole."""
+"""A tournament: every pursuer against every evader, on the same starts, and the Elo ratings that follow."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from math import log
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.arenas.record import from_dict, to_dict
-from apollonius.evaluate.match import Match, MatchResult, play_match
-from apollonius.evaluate.ratings import Equilibrium, Ratings, equilibrium, rate
+from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.evaluate.start_filter import StartFilter
+from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.io.cache import cached, content, digest, entry
-from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
 from apollonius.io.errors import require
 from apollonius.play.playout import Report
 
+SCALE = 400 / log(10)
+"""Elo points in a unit of log-odds: 400 points ahead wins ten games of eleven."""
+MEAN = 1500.0
+"""Mean rating of all players of a tournament; only differences mean anything."""
+_PRIOR = 0.5
+"""Wins and losses that are added to every match, or a player who wins every game would have no rating (Haldane and
+Anscombe's correction of log-odds)."""
+_NEWTON_STEPS = 30
+Points = Float[np.ndarray, " _"]
+"""Numbers of the players of one side."""
 
-def cached_match(folder: Path, match: Match, report: Report = lambda done, total: None) -> MatchResult:
-    """Return what a match comes to, as `play_match`: from its file in a folder, or played and kept there.
 
-    Raises:
-        InvalidInput: as `play_match`.
-        OSError: when the file cannot be written.
+@dataclass(frozen=True)
+class Ratings:
+    """Elo ratings of all players of a tournament.
+
+    Attributes:
+        pursuers, evaders: the ratings.
+        pursuer_reach, evader_reach: half the width of each one's 95 % interval, relative to the mean of all.
     """
-    players = match.players
-    key = {
-        "pursuer": content(players.pursuer.policy),  # two players may share a name
-        "evader": content(players.evader.policy),
-        "game": to_dict(match.game),
-        "games": match.games,
-        "seed": match.seed,
-        "viable": match.starts is StartFilter.VIABLE,
-    }
-    name = f"{players.pursuer.name}--{players.evader.name}.json"
 
-    def save(made: MatchResult, path: Path) -> None:
-        data = to_dict(made)
-        write_atomically(path, to_json({"key": key, "result": data, "sha256": digest(data)}, indent=1).encode())
-
-    def load(path: Path) -> MatchResult:
-        fields = parse_json(read_bytes(path, "a result that was kept", "remove it"), f"'{path}' is no such result")
-        data, stated = fields.get("result"), fields.get("sha256")
-        require(isinstance(data, dict) and stated == digest(data), "sha256", stated, "that of the result")
-        return from_dict(MatchResult, fields["result"], str(path))
-
-    return cached(entry(folder, name, key), lambda: play_match(match, report=report), save, load)
+    pursuers: Points
+    evaders: Points
+    pursuer_reach: Points
+    evader_reach: Points
 
 
-Points = Float[np.ndarray, " players"]
+def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> Ratings:
+    """Return the most likely ratings where pursuer i beats evader j with the odds exp((r_i - s_j) / SCALE).
+
+    The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), of two sides that never meet
+    their own; the evader wins what the pursuer does not. Intervals are Wald's, from the curvature of the likelihood: of
+    the games' chance alone, as if players did not beat each other in circles.
+
+    Args:
+        wins: of the pursuer in each match.
+        games: in each match.
+    """
+    pursuers, evaders = wins.shape
+    trials = games + 2 * _PRIOR
+    design = np.concatenate(
+        [np.repeat(np.eye(pursuers), evaders, axis=0), -np.tile(np.eye(evaders), (pursuers, 1))], axis=1
+    )
+    won, strength, covariance = wins.ravel() + _PRIOR, np.zeros(pursuers + evaders), np.zeros(0)
+    for _ in range(_NEWTON_STEPS):  # on the log-likelihood, which is concave
+        expected = scipy.special.expit(design @ strength)
+        curvature = trials * design.T @ (design * (expected * (1 - expected))[:, None])
+        # The pseudo-inverse leaves out the one direction that means nothing, all players stronger together.
+        covariance = scipy.linalg.pinvh(curvature)
+        strength = strength + covariance @ design.T @ (won - trials * expected)
+    rating, reach = MEAN + SCALE * (strength - strength.mean()), Z * SCALE * np.sqrt(np.diag(covariance))
+    return Ratings(rating[:pursuers], rating[pursuers:], reach[:pursuers], reach[pursuers:])
 
 
 @dataclass(frozen=True)
 class Tournament:
-    """Who met whom, and how it ended.
+    """The players of both sides and their matches.
 
     Attributes:
         pursuers, evaders: what the players are called.
@@ -74,40 +92,15 @@ class Tournament:
         """The pursuer's share of wins in each match."""
         return np.array([[match.pursuer_win_rate for match in row] for row in self.matches])
 
-    @property
-    def games(self) -> int:
-        """Games in each match."""
-        return self.matches[0][0].games
-
-    @property
-    def wins(self) -> Float[np.ndarray, "pursuers evaders"]:
-        """Games that the pursuer won in each match."""
-        return np.round(self.win_rates * self.games)
-
-    @cached_property
-    def equilibrium(self) -> Equilibrium:
-        """The broadest mixtures from which neither side gains by leaving: Nash averaging."""
-        return equilibrium(self.win_rates)
-
     @cached_property
     def ratings(self) -> Ratings:
         """Elo ratings of all players."""
-        return rate(self.wins, self.games)
-
-    @property
-    def widest_interval(self) -> float:
-        """Half the width of the widest of the matches' 95 % intervals of the pursuer's win rate."""
-        ends = [match.pursuer_win_interval for row in self.matches for match in row]
-        return max(high - low for low, high in ends) / 2
+        wins = np.array([[match.pursuer_wins for match in row] for row in self.matches], float)
+        return rate(wins, self.matches[0][0].games)
 
     def to_dict(self) -> dict[str, Any]:
-        """The tournament as JSON-like data.
-
-        `equilibrium` is Nash averaging: the shares of the broadest equilibrium, and how much more than its value each
-        player gets against the other side's mixture, 0 for those who have a share and negative for the rest. `ratings`
-        are Elo points with 95 % intervals.
-        """
-        mixed, ratings = self.equilibrium, self.ratings
+        """Return the tournament as JSON-like data; `ratings` are Elo points with 95 % intervals."""
+        ratings = self.ratings
 
         def rated(names: tuple[str, ...], points: Points, reach: Points) -> dict[str, dict[str, float]]:
             columns = zip(names, points.tolist(), reach.tolist(), strict=True)
@@ -121,23 +114,11 @@ class Tournament:
                 for pursuer, row in zip(self.pursuers, self.matches, strict=True)
                 for evader, match in zip(self.evaders, row, strict=True)
             ],
-            "equilibrium": {
-                "value": mixed.value,
-                "pursuers": _named(self.pursuers, mixed.rows),
-                "evaders": _named(self.evaders, mixed.columns),
-                "pursuer_skill": _named(self.pursuers, self.win_rates @ mixed.columns - mixed.value),
-                "evader_skill": _named(self.evaders, mixed.value - mixed.rows @ self.win_rates),
-            },
             "ratings": {
                 "pursuers": rated(self.pursuers, ratings.pursuers, ratings.pursuer_reach),
                 "evaders": rated(self.evaders, ratings.evaders, ratings.evader_reach),
-                "misfit": ratings.misfit,
             },
         }
-
-
-def _named(names: tuple[str, ...], values: Points) -> dict[str, float]:
-    return dict(zip(names, values.tolist(), strict=True))
 
 
 def play_tournament(
@@ -146,19 +127,16 @@ def play_tournament(
     evaders: Sequence[Named],
     games: int,
     seed: int,
-    on_match: Callable[[str, str, MatchResult], None] = lambda pursuer, evader, result: None,
+    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     starts: StartFilter = StartFilter.ALL,
-    keep: Path | None = None,
     report: Report = lambda done, total: None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader. All matches have the same starts.
 
     Args:
         games: in each match.
-        on_match: called after each.
         starts: as of a `Match`.
-        keep: folder for the matches; those that lie there already are not played again.
-        report: called with the games of all matches together, as by `play_match`.
+        on_match, report: as of `play_matches`.
 
     Raises:
         InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
@@ -166,18 +144,7 @@ def play_tournament(
     for side, players in (("pursuers", pursuers), ("evaders", evaders)):
         names = [player.name for player in players]
         require(names and len(set(names)) == len(names), side, ", ".join(names) or "none", "one at least, each once")
-    rows, total = [], games * len(pursuers) * len(evaders)
-    for pursuer in pursuers:
-        row = []
-        for evader in evaders:
-            before = games * (len(rows) * len(evaders) + len(row))
-            report(before, total)
-
-            def of_all(done: int, _: int, before: int = before) -> None:
-                report(before + done, total)
-
-            match = Match(game, BySide(pursuer, evader), games, seed, starts)
-            row.append(cached_match(keep, match, of_all) if keep else play_match(match, report=of_all))
-            on_match(pursuer.name, evader.name, row[-1])
-        rows.append(tuple(row))
-    return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), tuple(rows))
+    pairs = itertools.product(pursuers, evaders)
+    results = play_matches([Match(game, BySide(*pair), games, seed, starts) for pair in pairs], on_match, report)
+    rows = tuple(tuple(results[first : first + len(evaders)]) for first in range(0, len(results), len(evaders)))
+    return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), rows)

@@ -13,10 +13,10 @@ from jaxtyping import Float
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import Backup, Shielded
-from apollonius.evaluate.match import Match, MatchResult, play_match
+from apollonius.evaluate.match import Match, MatchResult, play_matches
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput, require
 from apollonius.play.playout import Report
 
@@ -122,17 +122,16 @@ def play_varied(
     grid = itertools.product(*(one.values for one in variations))
     rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
     matches = [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
-    policies = ROLES.map(lambda role: alike([match.players[role].policy for match in matches]))
-    results: list[MatchResult] = []
-    for match, *both in zip(matches, *policies, strict=True):
-        players = BySide(*(replace(player, policy=one) for player, one in zip(match.players, both, strict=True)))
-        before = games * len(results)
-
-        def of_all(done: int, _: int, before: int = before) -> None:
-            report(before + done, games * len(matches))
-
-        results.append(play_match(replace(match, players=players), report=of_all))
+    for role in Role:
+        policies = alike([match.players[role].policy for match in matches])
+        matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
+    results = play_matches(matches, report=report)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
+
+
+def _with_policy(match: Match, role: Role, policy: AbstractPolicy) -> Match:
+    player = replace(match.players[role], policy=policy)
+    return replace(match, players=BySide.of(role, player, match.players[role.other]))
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:

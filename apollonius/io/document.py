@@ -4,10 +4,8 @@ import json
 import math
 import os
 import secrets
-import tempfile
 import tomllib
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -72,23 +70,6 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
         raise
 
 
-@contextmanager
-def whole_folder(folder: Path) -> Generator[Path, None, None]:
-    """Fill a new or empty folder: with everything that the block writes, or not at all.
-
-    Yields:
-        A temporary folder to write to, which is renamed in the end.
-    """
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
-        filled = Path(beside) / "folder"
-        filled.mkdir()
-        yield filled
-        if folder.exists():
-            folder.rmdir()
-        os.replace(filled, folder)
-
-
 def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
     """Return data as JSON.
 
@@ -134,23 +115,19 @@ def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
 
 def _check(data: Any, about: str) -> None:
     """Refuse numbers that are not finite, and nesting so deep that no recursive function could walk through it."""
-    level = [data]
+    level: list[tuple[str, Any]] = [("", data)]
     for _ in range(_DEEPEST):
-        values = [value for outer in level for value in (outer.values() if isinstance(outer, dict) else outer)]
-        if not all(math.isfinite(value) for value in values if isinstance(value, float)):
-            name, value = next(_not_finite(data))
-            raise InvalidInput(f"{about} ({name} = {value} is not possible: it must be a finite number).")
-        level = [value for value in values if isinstance(value, dict | list)]
+        inner = [found for name, outer in level for found in _named(name, outer)]
+        for name, value in inner:
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InvalidInput(f"{about} ({name} = {value} is not possible: it must be a finite number).")
+        level = [(name, value) for name, value in inner if isinstance(value, dict | list)]
         if not level:
             return
     raise InvalidInput(f"{about} (nested too deeply).")
 
 
-def _not_finite(data: Any, name: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the dotted names and values of all numbers that are not finite."""
-    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-        inner = f"{name}.{key}" if name else str(key)
-        if isinstance(value, dict | list):
-            yield from _not_finite(value, inner)
-        elif isinstance(value, float) and not math.isfinite(value):
-            yield inner, value
+def _named(name: str, outer: dict[str, Any] | list[Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the values of a table or list with their dotted names."""
+    for key, value in outer.items() if isinstance(outer, dict) else enumerate(outer):
+        yield f"{name}.{key}" if name else str(key), value

@@ -5,18 +5,15 @@ may run anywhere and be started any number of times.
 """
 
 import os
-import queue
 import signal
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from apollonius.io.cache import keep_compilations
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.interrupts import SIGNALS, answer, asked_to_stop, listen
+from apollonius.io.interrupts import SIGNALS, asked_to_stop, listen
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -27,6 +24,8 @@ STOPPED = 130
 """Exit status of a job that was stopped early."""
 _ENDS = {0, STOPPED, *(128 + number for number in SIGNALS), *(-number for number in SIGNALS)}
 """Exit statuses of jobs that did not fail; signals may reach them again while they leave."""
+_POLL_SECONDS = 0.2
+"""Time between two looks at whether to stop."""
 ShouldStop = Callable[[], bool]
 
 
@@ -65,68 +64,43 @@ def run_jobs(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], 
 
 
 def _run_locally(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str], None]) -> bool:
-    """Run as many at a time as there are cores.
+    """Run as many at a time as there are cores; none begins after one was stopped or failed.
 
     Where one process is killed, a `ProcessPoolExecutor` ends all jobs and names none; one for each job is no shorter.
     """
     import multiprocessing
-    from concurrent.futures import ThreadPoolExecutor, as_completed
-    from multiprocessing import resource_tracker
+    from multiprocessing import connection, resource_tracker
 
-    free: queue.SimpleQueue[int] = queue.SimpleQueue()
-    for core in cores:
-        free.put(core)
-    over, stopped = threading.Event(), threading.Event()
-    processes: list[SpawnProcess] = []
-
-    def run(job: Job) -> bool | None:
-        """Run one job in a process of its own, on a core that is free. None begins after one was stopped or failed."""
-        core = free.get()
-        if over.is_set():
-            free.put(core)
-            return None
-        _signals(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
-        # A process that spawns inherits no threads of JAX; a forked one may hang.
-        process = multiprocessing.get_context("spawn").Process(target=_work, args=(job, core, os.getpid()))
-        process.start()
-        processes.append(process)
-        if stopped.is_set():
-            _tell(process)
-        process.join()
-        free.put(core)
-        if process.exitcode != 0:
-            over.set()
-        if process.exitcode not in _ENDS:
-            raise InvalidInput(f"{job.name} failed, see above: mend the cause and go on.")
-        return process.exitcode == 0
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        """Every process stops by itself. From a terminal all hear of Ctrl-C, and hear of it again; else only this."""
-        answer()
-        over.set()
-        stopped.set()
-        for process in processes:
-            _tell(process)
-
+    spawn = multiprocessing.get_context("spawn")  # which inherits no threads of JAX; a forked process may hang
+    waiting, free, failed, over, told = list(jobs), list(cores), list[str](), False, False
+    running: dict[int, tuple[Job, SpawnProcess, int]] = {}
     resource_tracker.ensure_running()  # begins with the first process else, and then unblocks Ctrl-C
-    before = [(number, signal.signal(number, stop)) for number in SIGNALS]
-    try:
-        with ThreadPoolExecutor(len(cores)) as pool:
-            running = {pool.submit(run, job): job for job in jobs}
-            for future in as_completed(running):
-                ended = future.result()
-                if ended is not None:
-                    report(f"{'done' if ended else 'stopped'}: {running[future].name}")
-            return not over.is_set()
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
-
-
-def _tell(process: "SpawnProcess") -> None:
-    """Send a Ctrl-C to a process that is still at work."""
-    if process.pid is not None and process.is_alive():
-        os.kill(process.pid, signal.SIGINT)
+    with asked_to_stop(again=False) as asked:
+        while running or (waiting and not over):
+            while waiting and free and not over:
+                job, core = waiting.pop(0), free.pop()
+                process = spawn.Process(target=_work, args=(job, core, os.getpid()))
+                _signals(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
+                process.start()
+                _signals(signal.SIG_UNBLOCK)
+                running[process.sentinel] = job, process, core
+            for ended in connection.wait(list(running), timeout=_POLL_SECONDS):
+                assert isinstance(ended, int)
+                job, process, core = running.pop(ended)
+                process.join()
+                free.append(core)
+                over = over or process.exitcode != 0
+                if process.exitcode in _ENDS:
+                    report(f"{'stopped' if process.exitcode else 'done'}: {job.name}")
+                else:
+                    failed.append(job.name)
+            if asked() and not told:  # from a terminal the processes have heard of Ctrl-C as well, else only this one
+                over = told = True
+                for _, process, _ in running.values():
+                    process.terminate()
+    if failed:
+        raise InvalidInput(f"{failed[0]} failed, see above: mend the cause and go on.")
+    return not over
 
 
 def _signals(how: int) -> None:

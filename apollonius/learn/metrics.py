@@ -18,8 +18,6 @@ _MOST_BYTES = 2**24
 """Largest `metrics.jsonl` [bytes]: some 40,000 chunks."""
 _LARGEST_MEAN = 1e12
 """Bound on mean returns and losses, beyond which a training has diverged."""
-_TAIL = 8192
-"""Bytes in which the last line of metrics is looked for; a line has less than a thousand."""
 
 
 @dataclass(frozen=True)
@@ -137,17 +135,6 @@ def load_metrics(path: Path, size: int | None = None, within: Path | None = None
 def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]:
     """Return the greedy evaluations in the course of a stage."""
     return [line.evaluation for line in lines if line.stage == stage and line.evaluation]
-
-
-def last_metrics(path: Path) -> tuple[str | None, int]:
-    """Return the stage and env steps of the last whole line of a `metrics.jsonl`; None and 0 without one."""
-    if not path.is_file():
-        return None, 0
-    with open(path, "rb") as file:
-        file.seek(max(0, path.stat().st_size - _TAIL))
-        whole = [line for line in file.read().splitlines(keepends=True) if line.startswith(b"{") and line[-1:] == b"\n"]
-    line = _read_line(whole[-1], f"the last line of '{path}'") if whole else None
-    return (line.stage, line.env_steps) if line else (None, 0)
 
 
 def _read_line(line: bytes, source: str) -> MetricsLine:

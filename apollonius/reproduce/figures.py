@@ -1,10 +1,10 @@
-"""The paper's figures 4 to 8, its Tables II and III, and what our pursuer is held to beyond: functions of a study."""
+"""The paper's figures 4 to 8, its Tables II and III: functions of a study."""
 
 from pathlib import Path
 
 import jax.numpy as jnp
 
-from apollonius import MatchResult, Outcome
+from apollonius import Outcome
 from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, difference_claim, rate_claim
 from apollonius.evaluate.match import record_game
 from apollonius.game.outcome import pursuer_wins
@@ -136,9 +136,6 @@ def figure_8(study: Study) -> Finding:
     return Finding("Fig. 8: the same start", text, ("figure8.png",), data={"game": index, "ends": ends})
 
 
-SHIELDED_PURSUER = "shielded:P_curriculum"
-
-
 def table_2(study: Study) -> Finding:
     """Play both pursuers against the random evader: wins, and direct captures."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
@@ -151,7 +148,7 @@ def table_2(study: Study) -> Finding:
         rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
         difference_claim(
             "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
-            list(zip(captures["P_random"], captures["P_curriculum"], strict=True)), study.games,
+            list(zip(captures["P_random"], captures["P_curriculum"], strict=True)),
         ),
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
@@ -164,30 +161,7 @@ def table_3(study: Study) -> Finding:
     pairs = zip(results["P_curriculum"], results["P_random"], strict=True)
     rates = [(one.pursuer_win_rate, other.pursuer_win_rate) for one, other in pairs]
     claim = difference_claim(
-        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates, study.games
+        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates
     )
     text = beside_the_paper(results, TABLE_3)
     return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))
-
-
-def beyond(study: Study) -> Finding:
-    """Play P_curriculum behind a shield: wins, direct captures, games lost by its own fault, one agent all at once."""
-    random, trained = (study.matches(SHIELDED_PURSUER, evader) for evader in ("random", "E_scratch"))
-    captures = [(match.outcomes["captured"], match.games) for match in random]
-    source = "beyond"
-    claims = (
-        rate_claim("shielded: wins against random", source, 0.93, 0.93, [win_count(match) for match in random]),
-        rate_claim("shielded: direct captures of random", source, 0.12, 0.67, captures),
-        rate_claim("shielded: own failures against random", source, 0.07, 0.01, own_failures(random), at_most=True),
-        rate_claim("shielded: wins against E_scratch", source, 0.706, 0.85, [win_count(match) for match in trained]),
-        rate_claim("shielded: own failures against E_scratch", source, 0.17, 0.01, own_failures(trained), at_most=True),
-    )
-    results = {"against random": random, "against E_scratch": trained}
-    text = "P_curriculum of each seed behind a shield. Own failures are its crashes and exits.\n\n"
-    return Finding("Beyond the paper", text + beside_the_paper(results, {}), claims=claims, data=as_data(results))
-
-
-def own_failures(matches: list[MatchResult]) -> list[tuple[int, int]]:
-    """Return in how many games the pursuer failed, both robots at once included, and how many there were."""
-    failures = ("pursuer_hit_obstacle", "pursuer_out_of_range", "both_failed")
-    return [(sum(match.outcomes[name] for name in failures), match.games) for match in matches]

@@ -8,13 +8,11 @@ from apollonius.io.jobs import available_cores
 from apollonius.io.limits import SEEDS, STUDY_GAMES
 from apollonius.learn.config import PRESETS
 from apollonius.learn.trainings import train_runs
-from apollonius.reproduce.figures import beyond, figure_4, figure_5, figure_6, figure_7, figure_8, table_2, table_3
+from apollonius.reproduce.figures import figure_4, figure_5, figure_6, figure_7, figure_8, table_2, table_3
 from apollonius.reproduce.finding import write_report
 from apollonius.reproduce.study import Study
 
-Watch = Callable[[str, Callable[[], tuple[float, float]]], None]
-"""A function of a piece of work that begins, in words, and of one that returns how much is done, and of how much."""
-SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8, beyond)
+SECTIONS = (figure_4, figure_5, figure_6, figure_7, table_2, table_3, figure_8)
 """In the order of the report."""
 
 
@@ -26,7 +24,6 @@ def reproduce(
     games: int = 10_000,
     report: Callable[[str], None] = print,
     on: str = "local",
-    watch: Watch = lambda what, poll: None,
 ) -> bool:
     """Train the agents of all seeds, then make every section and write the report.
 
@@ -38,7 +35,6 @@ def reproduce(
         games: games in a match.
         report: called with every line of progress.
         on: where trainings run, as `run_jobs` has it.
-        watch: called when a piece of work begins.
 
     Returns:
         Whether it is finished; False after Ctrl-C.
@@ -55,11 +51,9 @@ def reproduce(
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    watch("training the agents", study.work_done)
     if not train_runs(study.trainings(), available_cores(), report, on):
         return False
     findings = []
-    watch("playing the matches, drawing the figures", lambda: (len(findings), len(SECTIONS)))
     for section in SECTIONS:
         findings.append(section(study))
         report(f"done: {findings[-1].title}")

@@ -4,14 +4,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from apollonius import Game, Match, Named, Role, find_player
-from apollonius.catalogue import SHIELDED
 from apollonius.evaluate.claims import FULL_BUDGET
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
 from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import agent_file
-from apollonius.learn.metrics import MetricsLine, evaluations_of, last_metrics, load_metrics
+from apollonius.learn.metrics import MetricsLine, evaluations_of, load_metrics
 from apollonius.play.playout import Results
 
 RUN_OF = {
@@ -77,14 +76,10 @@ class Study:
         return self.folder / f"seed-{seed}" / name
 
     def agent(self, name: str, role: Role, seed: int, percent: int = 100) -> Named:
-        """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it.
-
-        `shielded:` before its name puts it behind a shield.
-        """
-        bare = name.removeprefix(SHIELDED)
-        moment = percent if bare in SELF_PLAYED else 100
-        player = str(agent_file(self.run(RUN_OF[bare], seed), bare, moment)) if bare in RUN_OF else bare
-        return replace(find_player(SHIELDED + player if bare != name else player, role, self.game), name=name)
+        """Return an agent of a seed, `random` or `still`; of self-play's, as it was at a percentage of it."""
+        moment = percent if name in SELF_PLAYED else 100
+        player = str(agent_file(self.run(RUN_OF[name], seed), name, moment)) if name in RUN_OF else name
+        return replace(find_player(player, role, self.game), name=name)
 
     def pairing(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Match:
         """Return the match between two agents of a seed, as `agent` finds them."""
@@ -115,16 +110,3 @@ class Study:
             for seed in self.seeds
             for name, config in run_configs(self.preset, seed).items()
         }
-
-    def work_done(self) -> tuple[float, float]:
-        """Return the env steps done and in all, counted once for each side that learns."""
-        done = whole = 0.0
-        for folder, (config, _) in self.trainings().items():
-            stages = {"fixed-target": config.fixed_target.env_steps, "self-play": 2 * config.self_play.env_steps}
-            work = stages if config.stages == "both" else {config.stages: stages[config.stages]}
-            stage, env_steps = last_metrics(folder / "metrics.jsonl")
-            before = list(work)[: list(work).index(stage)] if stage in work else []
-            here = env_steps * (2 if stage == "self-play" else 1)
-            done += min(sum(work.values()), sum(work[earlier] for earlier in before) + here)
-            whole += sum(work.values())
-        return done, whole

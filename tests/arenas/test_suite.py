@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from PIL import Image
 
 from apollonius.arenas import suite
 from apollonius.arenas.file import find_game, game_names
@@ -85,7 +84,7 @@ def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
     monkeypatch.setattr(suite, "_published", lambda suite: entries)
     with pytest.raises(InvalidInput, match=r"SHA-256 of suite-v1/discs-00 = b73cd2122739... .* 000000000000... as pub"):
         suite_arena(NAME, "discs-00")
-    assert main(["arena", "suite"]) == 2
+    assert main(["evaluate", "still", "still", "--game", "suite-v1/discs-00"]) == 2
 
 
 @pytest.mark.parametrize(
@@ -93,7 +92,7 @@ def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
     [
         (lambda: suite_arena("suite-v0", "discs-00"), "suite = suite-v0 .* one of suite-v1"),
         (lambda: suite_names(NAME, "test"), "part = test .* one of train, held-out"),
-        (lambda: suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* arena suite. lists them"),
+        (lambda: suite_arena(NAME, "racks-99"), "arena of suite-v1 = racks-99 .* one of discs-00"),
         (lambda: find_game("suite-v1/"), "no game is called 'suite-v1/': choose .* as 'suite-v1/racks-07'"),
         (lambda: find_game("suite-v1/none"), "arena of suite-v1 = none"),
     ],
@@ -102,22 +101,6 @@ def test_an_arena_that_comes_out_otherwise_is_refused(monkeypatch):
 def test_what_is_not_in_it_is_refused(act, said):
     with pytest.raises(InvalidInput, match=said):
         act()
-
-
-def test_the_command_lists_verifies_and_draws(tmp_path, monkeypatch, capsys):
-    some = tuple(entry for name, entry in ENTRIES.items() if name.endswith(("07", "house")))
-    monkeypatch.setattr(suite, "_published", lambda suite: some)
-    picture = tmp_path / "new" / "suite.png"
-    assert main(["arena", "suite", "--part", "held-out", "--out", str(picture)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split()[:3] == ["suite-v1/racks-07", "held-out", "racks"]
-    assert lines[3] == "3 arenas, all as they were published"
-    with Image.open(picture) as drawn:
-        assert drawn.width == 3 * 256 + 16
-    assert main(["arena", "suite", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert [entry["name"] for entry in said["arenas"]] == [entry.name for entry in some]
-    assert said["suite"] == NAME
 
 
 THREE = "suite-v1/discs-01,racks-07,caves-07"
@@ -194,7 +177,7 @@ def test_wins_are_counted_by_arenas(three):
     outcome = jnp.asarray([Outcome.CAPTURED, Outcome.NO_RESULT, Outcome.EVADER_OUT_OF_RANGE] * 3 + [1])
     found = count_by_arena(three.scenario, Results(outcome, jnp.ones(10, jnp.int32)))
     assert found == ByArena((4, 0, 3), (4, 3, 3))
-    assert (found.rates, found.mean, found.least) == ([1.0, 0.0, 1.0], pytest.approx(2 / 3), 0.0)
+    assert (found.rates, found.mean) == ([1.0, 0.0, 1.0], pytest.approx(2 / 3))
     assert found.worst == 0.0
     assert found.interval == (0.0, 1.0)
 
@@ -208,6 +191,6 @@ def test_the_interval_over_few_arenas_is_students():
 def test_a_match_in_several_arenas_tells_of_them(capsys):
     assert main(["evaluate", "intercept", "still", "--game", THREE, "--games", "6"]) == 0
     out = capsys.readouterr().out
-    assert "pursuer, by arenas" in out
-    assert "mean of 3, 95 % interval" in out
+    assert "by arenas the pursuer wins " in out
+    assert "a mean of 3" in out
     assert "in the worst tenth" in out

@@ -23,7 +23,7 @@ def test_it_prints_both_matches_and_records_games(short, capsys, tmp_path):
     assert main([*short, "--record", "1"]) == 0
     said = capsys.readouterr().out
     assert "pure-pursuit (pursuer) against flee (evader), 3 games, starts: rest" in said
-    assert "by the rules   with bodies" in said
+    assert "by the rules  with bodies" in said
     assert "no result" in said
     (replay,) = (tmp_path / "replays").iterdir()
     assert main(["show", str(replay), "--out", "game.gif"]) == 0

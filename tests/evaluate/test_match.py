@@ -1,23 +1,20 @@
 """A match: counts, rates and pairing."""
 
+import json
 from dataclasses import replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from apollonius.agents.classical import Still
-from apollonius.agents.network import make_actor
-from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.squashed import SquashedGaussian
 from apollonius.agents.uniform import Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, count, mean_change, play_games, play_match, replay_game
-from apollonius.evaluate.result import count_robots
+from apollonius.evaluate.match import Match, count, play_match
+from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.start_filter import StartFilter
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
@@ -26,10 +23,9 @@ from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import Outcome
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.registry import find_observation
 from apollonius.play import playout
 from apollonius.play.playout import Results
-from apollonius.solve.viability import doomed_start_rate, solve_viability
+from apollonius.solve.viability import solve_viability
 from tests.matches import a_match
 from tests.solve.small import BODY, MOVING
 
@@ -83,15 +79,6 @@ def test_other_players_meet_the_same_starts(starts):
     assert not np.any(first.pursuer.x == other.pursuer.x)
 
 
-def test_a_game_out_of_time_has_no_result():
-    result = play_match(a_match(replace(PAPER, max_steps=1), Uniform(), Uniform(), GAMES, seed=0))
-    assert result.outcomes["no_result"] == GAMES
-    assert result.pursuer_win_rate == result.evader_win_rate == 0
-    assert result.evader_undefeated_rate == 1
-    assert result.mean_steps == 1
-    assert result.mean_capture_steps is None
-
-
 @pytest.mark.parametrize(
     ("game", "evader_wins"), [(PAPER, 1 + 3), (ZERO_SUM, 1 + 3 + 3)], ids=["time has no winner", "time is the evader's"]
 )
@@ -115,25 +102,18 @@ def test_rates_are_those_of_the_counts(game, evader_wins):
     assert result.evader_win_rate == evader_wins / 20
     assert result.evader_win_interval == wilson_interval(evader_wins, 20)
     assert result.evader_undefeated_rate == (1 + 3 + 3) / 20
+    assert read_result(json.loads(json.dumps(result.to_dict())), "file") == result
     assert result.mean_steps == 19.5
-    assert (result.mean_capture_steps, result.capture_steps_deviation) == (12, np.sqrt(2))
+    assert result.mean_capture_steps == 12
     assert result.doomed_start_rate == 0, "all start at rest"
 
 
-@pytest.mark.parametrize(
-    ("asked", "speed", "word"),
-    [
-        (None, "moving", "moving"),
-        ("rest", "rest", "rest"),
-        ("moving", "moving", "moving"),
-        ("viable", "moving", "viable"),
-    ],
-)
-def test_starts_are_the_games_own_unless_others_are_asked_for(tmp_path, asked, speed, word):
+@pytest.mark.parametrize(("asked", "speed"), [(None, "moving"), ("rest", "rest"), ("viable", "moving")])
+def test_starts_are_the_games_own_unless_others_are_asked_for(tmp_path, asked, speed):
     path = tmp_path / "moving.toml"
     path.write_text('[starts]\nspeed = "moving"\n')
     asked_for = Match.of_names(str(path), "still", "still", games=1, starts=asked)
-    assert (asked_for.game.starts.speed, asked_for.starts_played) == (speed, word)
+    assert (asked_for.game.starts.speed, asked_for.starts_played) == (speed, asked or "moving")
 
 
 @pytest.mark.parametrize(
@@ -157,17 +137,6 @@ def test_viable_starts_of_several_arenas_are_refused_before_any_player_is_looked
 
 
 @pytest.mark.slow
-def test_doomed_starts_are_counted_unless_they_are_left_out():
-    results = Results(jnp.array([7]), jnp.array([1]))
-    expected = doomed_start_rate(MOVING, solve_viability(MOVING))
-    match = a_match(MOVING, Still(), Still(), 1)
-    assert count(match, results).doomed_start_rate == expected > 0.02
-    assert count(replace(match, starts=StartFilter.VIABLE), results).doomed_start_rate == 0
-    in_arrays = jax.tree.map(jnp.asarray, MOVING)
-    assert abs(doomed_start_rate(in_arrays, solve_viability(in_arrays)) - expected) < 1e-3
-
-
-@pytest.mark.slow
 def test_viable_starts_are_met_by_all_players_and_are_not_doomed(starts):
     for pursuer in (Uniform(), Still()):
         play_match(a_match(MOVING, pursuer, Still(), GAMES, seed=0, starts=StartFilter.VIABLE))
@@ -188,54 +157,12 @@ def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them
     monkeypatch.setattr(match, "charted", lambda game: replace(game, max_steps=3))
     asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Charted(), Still()))
     assert (asked.game, asked.rules.max_steps, bare.rules) == (PAPER, 3, PAPER)
-    assert play_match(asked).mean_steps == 3
 
 
 @pytest.mark.parametrize(("games", "seed", "named"), [(0, 0, "games = 0"), (-3, 0, "games = -3"), (5, -1, "seed = -1")])
 def test_matches_that_cannot_be_played_are_refused(games, seed, named):
     with pytest.raises(InvalidInput, match=named):
         a_match(PAPER, Still(), Still(), games, seed)
-
-
-GAME = make_game("one-large")
-WILD = SquashedGaussian(make_actor("paper", 8, 1, jax.random.key(0)), jnp.asarray(1.0))
-
-
-class Always(AbstractPolicy):
-    """One and the same action."""
-
-    action: int = eqx.field(static=True)
-
-    observation = find_observation("paper")
-
-    def __call__(self, observation, memory, bits):
-        return jnp.asarray(self.action, jnp.int32), memory
-
-
-def as_levels(actions):
-    """Gears of discrete actions; others are their own."""
-    return actions if actions.ndim == 3 else np.stack([actions // 3 - 1, actions % 3 - 1], axis=-1)
-
-
-@pytest.mark.parametrize("evader", [Uniform(), WILD], ids=["discrete", "continuous"])
-def test_changes_are_those_of_the_games_step_by_step(evader):
-    """More games than slots, so that a game takes the place of another and begins with no change."""
-    games = 6
-    match = a_match(GAME, Uniform(), evader, games, seed=2)
-    results = play_games(match, slots=2)
-    total, changes = np.zeros((2, 2)), 0
-    for index in range(games):
-        levels = as_levels(np.asarray(replay_game(match, index).actions))
-        total += np.abs(np.diff(levels, axis=0)).sum(axis=0)
-        changes += len(levels) - 1
-    np.testing.assert_allclose(mean_change(results), total / changes, rtol=1e-4)
-
-
-def test_random_actions_change_as_chance_would_have_it_and_constant_ones_never():
-    """Two of the levels -1, 0, 1 are on average 8 / 9 apart."""
-    match = play_match(a_match(GAME, Uniform(), Always(7), 200, seed=0))
-    assert match.pursuer_change == pytest.approx((8 / 9, 8 / 9), abs=0.02)
-    assert match.evader_change == (0.0, 0.0)
 
 
 UNLIKE = """
@@ -251,11 +178,11 @@ radius = 0.25
 
 
 def test_robots_are_counted_by_their_status():
-    counts = count_robots(BySide((jnp.array([0, 2, 3]), jnp.array([0, 0, 2])), (jnp.array([1, 1, 3]),)))
-    assert counts.pursuers == {"active": 3, "captured": 0, "hit_obstacle": 2, "out_of_range": 1}
-    assert counts.evaders == {"active": 0, "captured": 2, "hit_obstacle": 0, "out_of_range": 1}
-    assert (counts.captured, counts.lost) == (2, BySide(3, 1))
-    assert count_robots(BySide((jnp.array([4, 0]),), (jnp.array([0, 0]),))).pursuers["hit_mate"] == 1
+    counts = count_robots(BySide((jnp.array([0, 2, 3]), jnp.array([0, 0, 2])), (jnp.array([1, 1, 4]),)))
+    assert counts == {
+        "pursuers": {"active": 3, "captured": 0, "hit_obstacle": 2, "out_of_range": 1},
+        "evaders": {"active": 0, "captured": 2, "hit_obstacle": 0, "out_of_range": 0, "hit_mate": 1},
+    }
 
 
 @pytest.mark.slow
@@ -264,17 +191,5 @@ def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
     path = tmp_path / "unlike.toml"
     path.write_text(UNLIKE)
     result = play_match(Match.of_names(str(path), "shielded:random", "random", games=40))
-    assert result.robots.lost.pursuer == 0
-    assert result.robots.lost.evader > 20
     assert result.to_dict()["robots"]["pursuers"] == {"active": 80, "captured": 0, "hit_obstacle": 0, "out_of_range": 0}
-
-
-@pytest.mark.slow
-def test_the_team_of_the_zoo_catches_who_gets_away_from_two_that_do_not_see_each_other():
-    """200 games from the same starts; the evader knows any arena, and the nearest pursuer only."""
-    caught = [
-        play_match(Match.of_names("team-2v1", f"shielded:{name}", "shielded:E_any", games=200)).outcomes["captured"]
-        for name in ("P_team", "P_any")
-    ]
-    assert caught[0] >= 194
-    assert caught[0] > caught[1]
+    assert result.robots["evaders"]["hit_obstacle"] + result.robots["evaders"]["out_of_range"] > 20

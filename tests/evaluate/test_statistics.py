@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from apollonius.evaluate.statistics import (
-    difference_interval,
     mean_band,
     mean_interval,
     paired_difference_interval,
-    rate_difference_interval,
     rate_interval,
     wilson_interval,
 )
@@ -19,7 +17,7 @@ Z = 1.959963984540054
 """Half of the remaining 5 % of a normal distribution lies beyond this many standard deviations."""
 
 
-@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (0, 7), (1, 3), (50, 100), (9870, 10_000), (10, 10)])
+@pytest.mark.parametrize(("successes", "trials"), [(0, 7), (1, 3), (9870, 10_000), (10, 10)])
 def test_the_interval_is_wilsons_formula(successes, trials):
     rate = successes / trials
     centre = (rate + Z**2 / (2 * trials)) / (1 + Z**2 / trials)
@@ -40,9 +38,8 @@ def test_the_band_of_a_mean_is_students():
     np.testing.assert_allclose(high, [2 + reach, 5], rtol=1e-6)
 
 
-@pytest.mark.parametrize("seeds", [3, 5])
-@pytest.mark.parametrize(("mean", "spread"), [(0.7, 0.04), (0.7, 0.0), (0.02, 0.005)])
-def test_the_interval_of_a_rate_over_seeds_holds_it_at_least_as_often_as_it_says(seeds, mean, spread):
+@pytest.mark.parametrize(("mean", "spread", "seeds"), [(0.7, 0.04, 3), (0.7, 0.0, 5), (0.02, 0.005, 3)])
+def test_the_interval_of_a_rate_over_seeds_holds_it_at_least_as_often_as_it_says(mean, spread, seeds):
     """Where seeds do not differ it is that of their games, or Student's, whichever reaches further."""
     generator = np.random.default_rng(2)
     studies = generator.binomial(2000, np.clip(generator.normal(mean, spread, size=(1000, seeds)), 0, 1))
@@ -61,24 +58,6 @@ def test_the_interval_of_a_rate_is_students_where_seeds_differ_and_wilsons_where
     assert rate_interval([(0, 2000)] * 3) == wilson_interval(0, 6000)
     assert rate_interval(counts[:1]) == wilson_interval(600, 1000)
     assert rate_interval([(0, 10), (10, 10)]) == (0, 1)
-
-
-def test_the_interval_of_a_difference_of_rates_is_of_the_same_kind():
-    rates = [(0.7, 0.4), (0.5, 0.4), (0.6, 0.4)]
-    assert rate_difference_interval(rates, 1000) == pytest.approx(mean_interval([0.3, 0.1, 0.2]))
-    assert rate_difference_interval([(0.7, 0.4)] * 3, 1000) == pytest.approx(difference_interval(0.7, 0.4, 3000))
-    assert rate_difference_interval(rates[:1], 1000) == difference_interval(0.7, 0.4, 1000)
-    assert rate_difference_interval([(0.0, 1.0), (1.0, 0.0)], 10) == (-1, 1)
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "trials", "interval"),
-    [(0.9, 0.3, 10, (0.1705, 0.8090)), (1.0, 0.0, 10, (0.6075, 1.0))],
-    ids=str,
-)
-def test_the_interval_of_a_difference_is_newcombes(first, second, trials, interval):
-    """Table II of his paper, method 10."""
-    assert difference_interval(first, second, trials) == pytest.approx(interval, abs=1e-4)
 
 
 def test_a_lone_seed_has_no_band():

@@ -10,7 +10,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from apollonius.agents.shield import BRAKING, Shielded
-from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.cli.terminal import varied_table
 from apollonius.evaluate.match import Match, play_match
@@ -26,10 +25,9 @@ from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.show import matches as pictures
-from tests.cli.test_cli import assert_refused, run_main
 
 PAPER = replace(make_game("paper"), max_steps=150)
-NAMES = BySide("pure-pursuit", "flee-aware")
+NAMES = BySide("pure-pursuit", "still")
 SPEEDS = Variation("pursuer.v_max", (0.6, 1.2, 2.4))
 RADII = Variation("arena.discs.0.radius", (0.5, 0.7))
 
@@ -63,8 +61,7 @@ def test_as_text_and_as_data_each_result_is_beside_its_values(found):
     assert rows[1].split(maxsplit=1)[0] == "1.2"
     assert rows[1].split(maxsplit=1)[1].startswith(shown)
     data = json.loads(json.dumps(found.to_dict()))["matches"]
-    at = [(one["pursuer.v_max"], one["arena.discs.0.radius"]) for one in data]
-    assert at == [(speed, radius) for speed in SPEEDS.values for radius in RADII.values]
+    assert [one["pursuer.v_max"] for one in data] == [speed for speed in SPEEDS.values for _ in RADII.values]
     assert [one["outcomes"] for one in data] == [one.outcomes for one in found.results]
 
 
@@ -111,19 +108,6 @@ def test_numbers_that_cannot_be_are_refused(numbers, named):
         with_numbers(PAPER, numbers)
 
 
-def test_the_command_prints_json_draws_and_refuses(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    words = ("evaluate", "pure-pursuit", "still", "--games", "5")
-    assert run_main(*words, "--vary", "pursuer.v_max=1:1.5:3", "--json", "--out", "a.png") == 0
-    printed, said = capsys.readouterr()
-    assert [one["pursuer.v_max"] for one in json.loads(printed)["matches"]] == [1, 1.25, 1.5]
-    assert said.splitlines()[-1].startswith("wrote a.png (")
-    for text, named in (("dt", "FIELD=FROM:TO:COUNT"), ("dt=0.1:x:2", "= x"), ("dt=1:1.0:2", "different ends"),
-                        ("dt=0:0.1:1", "at least 2"),
-                        ("pursuer.v_max=-1:1:3", "with pursuer.v_max = -1"), ("u2=1:2:2", "did you mean")):  # fmt: skip
-        assert_refused(capsys, *words, "--vary", text, naming=(named,))
-
-
 SQUARES = tuple(
     Polygon(((x, y), (x + 0.5, y), (x + 0.5, y + 0.5), (x, y + 0.5))) for x, y in ((3.0, 3.0), (6.0, 3.0), (3.0, 6.0))
 )
@@ -153,8 +137,3 @@ def test_shields_get_one_structure_and_leave_as_much_room_as_before():
         found = np.asarray(clearances(old.backup, places))
         assert found.shape == (200, len(BRAKING))
         np.testing.assert_allclose(clearances(new.backup, places), found, atol=1e-5)
-
-
-def test_players_without_a_shield_are_left_as_they_are():
-    players = [Uniform(), Uniform()]
-    assert all(one is other for one, other in zip(alike(players), players, strict=True))

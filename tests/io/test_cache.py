@@ -66,21 +66,14 @@ def test_all_that_was_asked_for_and_the_version_make_the_key(tmp_path, monkeypat
     assert len(names | {entry(tmp_path, "a.json", KEY)}) == 5
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
+def test_the_content_of_a_pytree_is_all_of_it():
+    others = [
         replace(GAME, dt=0.2), replace(GAME, starts=replace(GAME.starts, speed="moving")), replace(GAME, max_steps=7),
         replace(GAME, arena=replace(GAME.arena, discs=GAME.arena.discs[:2])), GAME.pursuer,
-    ],
-    ids=["number", "static", "integer", "structure", "kind"],
-)  # fmt: skip
-def test_the_content_of_a_pytree_is_all_of_it(other):
-    assert content(make_game("paper")) == content(GAME) != content(other)
-
-
-def test_shapes_and_number_types_are_content():
-    arrays = [jnp.zeros(4), jnp.zeros((2, 2)), jnp.zeros(4, jnp.int32), jnp.zeros(8, jnp.float16)]
-    assert len({content(array) for array in arrays}) == len(arrays)
+        jnp.zeros(4), jnp.zeros((2, 2)), jnp.zeros(4, jnp.int32), jnp.zeros(8, jnp.float16),
+    ]  # fmt: skip
+    assert content(make_game("paper")) == content(GAME)
+    assert len({content(one) for one in [GAME, *others]}) == 10
 
 
 KILLED = """
@@ -118,15 +111,10 @@ def test_a_process_that_is_killed_while_it_writes_leaves_nothing_broken(words, t
 
 def test_any_number_of_writers_leave_one_whole_file(tmp_path):
     contents = [bytes([number]) * 300_000 for number in range(8)]
-
-    def write(number):
-        for _ in range(5):
-            write_atomically(tmp_path / "one", contents[number])
-            assert (tmp_path / "one").read_bytes() in contents
-
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(write, range(8)))
+        list(pool.map(lambda content: write_atomically(tmp_path / "one", content), contents * 5))
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
+    assert (tmp_path / "one").read_bytes() in contents
 
 
 @pytest.fixture
@@ -177,18 +165,17 @@ def test_the_least_recently_used_make_room(home):
     assert names(home / "tables") == ["0", "2", "3"]
     table(home, "huge", 400)
     assert names(home / "tables") == ["0", "2", "3"], "what is larger than all may be goes first"
-
-
-def test_only_the_persons_own_cache_is_bounded(home, tmp_path):
     for number in range(9):
-        asked(entry(tmp_path / "run", f"{number}.json", KEY))
-    assert len(names(tmp_path / "run")) == 9
+        asked(entry(home / "run", f"{number}.json", KEY))
+    assert len(names(home / "run")) == 9, "only the person's own cache is bounded"
 
 
 @pytest.mark.parametrize("word", ["off", "OFF", "0"])
 def test_a_variable_switches_all_of_it_off(word, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, word)
     assert [cache_folder(kind) for kind in cache.LARGEST] == [None, None]
+    monkeypatch.setattr(cache, "environment", None)
+    keep_compilations()
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only_and_another_folder_is_an_error(home):
@@ -246,12 +233,6 @@ def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_pa
     assert compiled(tmp_path)["cache_misses"] == 0
 
 
-def test_a_variable_switches_it_off(monkeypatch):
-    monkeypatch.setenv(VARIABLE, "off")
-    monkeypatch.setattr(cache, "environment", None)
-    keep_compilations()
-
-
 def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
     before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
@@ -260,15 +241,6 @@ def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
     assert jax.config.values["jax_compilation_cache_dir"] == before
     assert compilation_cache.get_file_cache is made_by
     assert not (tmp_path / "other").exists()
-
-
-def test_another_processor_and_another_version_have_folders_of_their_own(monkeypatch):
-    names = {environment()}
-    monkeypatch.setattr(cache, "processor", lambda: "flags: avx512f")
-    names.add(environment())
-    monkeypatch.setattr("importlib.metadata.version", lambda package: "99")
-    names.add(environment())
-    assert len(names) == 3
 
 
 def test_an_entry_is_whole_or_not_there(tmp_path):
@@ -286,10 +258,3 @@ def test_an_entry_is_whole_or_not_there(tmp_path):
     nowhere = Entries(path / "a file is no folder")
     nowhere.put("one", b"value")
     assert nowhere.get("one") is None
-
-
-def test_where_nothing_can_be_written_nothing_is_kept(tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    entries_here = Entries(tmp_path / "file" / "here")
-    entries_here.put("one", b"value")
-    assert entries_here.get("one") is None

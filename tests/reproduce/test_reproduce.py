@@ -67,26 +67,6 @@ def test_every_agent_figure_and_claim_is_there(study):
 
 
 @pytest.mark.slow
-def test_a_training_that_was_stopped_ends_with_the_agents_of_one_that_was_not(study, tmp_path):
-    config = run_configs(RUN, 0)["scratch"]
-    create_run(config, tmp_path / "run")
-    assert Run(config, tmp_path / "run").execute()
-    resumed = study / "seed-0" / "scratch" / "agents"
-    agents = sorted((tmp_path / "run" / "agents").glob("*.safetensors"))
-    assert {path.name for path in agents} == {path.name for path in resumed.iterdir()}
-    for path in agents:
-        assert (resumed / path.name).read_bytes() == path.read_bytes()
-
-
-@pytest.mark.slow
-def test_results_count_the_matches_of_the_agents_in_the_folder(study):
-    table = json.loads((study / "results.json").read_text())["findings"]["Table II: against the random evader"]
-    for matches in table["data"].values():
-        for match in matches:
-            assert sum(match["outcomes"].values()) == match["games"] == GAMES
-
-
-@pytest.mark.slow
 def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
     before = {name: (study / name).read_bytes() for name in ("results.json", "report.md")}
     (study / "report.md").unlink()

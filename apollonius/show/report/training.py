@@ -9,7 +9,7 @@ from matplotlib.ticker import EngFormatter
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.evaluate.claims import STAGE_1, paper_shares
-from apollonius.evaluate.pairings import last_matches, self_play_trend
+from apollonius.evaluate.pairings import last_matches
 from apollonius.evaluate.result import read_result
 from apollonius.game.game import Game
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
@@ -185,7 +185,5 @@ def _learning(stage: str, lines: Sequence[MetricsLine], config: RunConfig, plan:
         f"Greedy games: {plan.evaluation_games:,} from fixed starts, with Wilson 95 % intervals over games as bands. "
         "Rewards and losses: running means over the games and updates of training, in which players explore."
     ]
-    if stage == SELF_PLAY:
-        words.append(self_play_trend([(look.env_steps, look.outcomes) for look in evaluations_of(lines, stage)]))
     pictures = [Markup(svg) for svg in learning_pictures(lines, against=config.evaders)]
     return Section(f"Learning: {stage}", words, pictures)

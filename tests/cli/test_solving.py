@@ -1,4 +1,4 @@
-"""`apollonius solve game` and what its files are good for: to play, to judge by, to attack with."""
+"""`apollonius solve`, what its files are good for (to play, to judge by, to attack with), and `pursuers`."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,10 @@ import pytest
 from apollonius.play.replay import load_replay
 from apollonius.solve.store import load_solution
 from tests.cli.test_cli import assert_refused, run_main
+from tests.documents import REPOSITORY
 
+COARSE, COARSER = ("--grid", "21x21x9x16"), ("--grid", "11x11x3x8")
+"""Too coarse for anything but the command itself."""
 GRID = ("--grid", "4x4x2x4", "--hold", "10")
 """Too coarse for anything but the commands themselves."""
 
@@ -89,23 +92,6 @@ def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(cap
         assert again["attackers"][0]["loses"] == found["worst"]["loses"], "judged on the games of the next seed"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("solve", "game", "--target", "1", "2"), ("--target", "left out otherwise")),
-        (("regret", "P_stage1", "--role", "robot"), ("--role", "robot")),
-        (("regret", "P_stage1", "--record", "11"), ("--record", "from 0 to 10")),
-        (("exploit", "pursuer", "P_stage1", "--attackers", "nobody"), ("--attackers", "nobody")),
-        (
-            ("exploit", "pursuer", "P_stage1", "--tables", "t.safetensors", "e.safetensors"),
-            ("--tables = t.safetensors", "check the path"),
-        ),
-    ],
-)
-def test_what_does_not_go_together_is_refused(capsys, arguments, words):
-    assert_refused(capsys, *arguments, naming=words)
-
-
 @pytest.mark.slow
 def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
     twice = ("--tables", tables["evader"], tables["evader"])
@@ -113,3 +99,55 @@ def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
     both = ("--tables", tables["pursuer"], tables["evader"])
     assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert_refused(capsys, "exploit", "evader", "still", *twice, naming=("--tables", "a pursuer's and an evader's"))
+
+
+@pytest.mark.slow
+def test_safety_says_which_starts_are_lost_and_keeps_the_table(capsys):
+    facts = run_json(capsys, "solve", "safety", *COARSE)
+    assert facts["grid"] == "21x21x9x16"
+    assert facts["hold [s]"] == 0.5
+    assert facts["residual"] == 0
+    assert 0.005 < facts["moving starts lost, by the table"] < 0.04
+    solution = load_solution(Path(facts["file"]))
+    assert facts["file"] == "safety-paper.safetensors"
+    assert solution.table.shape == (9, 16, 21, 21)
+    assert (solution.problem.kind, solution.problem.role, solution.sweeps) == ("safety", "pursuer", facts["sweeps"])
+
+
+def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
+    arguments = ("solve", "reach", *COARSER, "--out", "tables/six.safetensors", "--target", "6")
+    first = run_json(capsys, *arguments, "2")
+    assert first["starts with a capture"] > 0.2
+    assert first["median time to capture [s]"] > 3
+    with monkeypatch.context() as patch:
+        patch.setattr("apollonius.solve.solving.solve_reach", None)
+        assert run_json(capsys, *arguments, "2") == first
+    assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
+    Path("t.safetensors").write_text("mine")
+    assert_refused(
+        capsys, "solve", "safety", *COARSER, "--out", "t.safetensors", naming=("t.safetensors", "not a whole")
+    )
+    assert run_main(*arguments, "3", "--force") == 0
+    assert load_solution(Path("tables/six.safetensors")).problem.target == [6.0, 3.0]
+
+
+def test_one_obstacle_needs_two(capsys):
+    facts = run_json(capsys, "pursuers", "one-large")
+    assert (facts["pursuers"], facts["agree"], facts["islands"]) == (2, True, 1)
+    assert [graph["islands_seen"] for graph in facts["graphs"]] == [1, 1, 1]
+    assert [round(graph["turned_degrees"]) for graph in facts["graphs"]] == [30, 0, 30]
+
+
+def test_an_arena_without_obstacles_needs_one(capsys, tmp_path):
+    file = tmp_path / "empty.toml"
+    file.write_text("[arena]\ndiscs = []\n")
+    assert run_main(*["pursuers", str(file)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"{file}: 1 pursuer is enough, for idealised robots on this graph"
+    assert len(said) == 6
+
+
+@pytest.mark.slow
+def test_corridors_along_a_dodecahedron_need_three(capsys):
+    assert run_main(*["pursuers", str(REPOSITORY / "examples" / "dodecahedron.toml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["pursuers"] == 3
