@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.oracle import numpy_duel as oracle
-from tests.solve.small import BODY, CRAMPED, FEW, HOLD
+from tests.solve.small import BODY, CRAMPED, FEWER, HOLD
 
 
 @pytest.fixture(scope="session")
 def robot():
-    return oracle.Robot(CRAMPED, FEW, HOLD)
+    return oracle.Robot(CRAMPED, FEWER, HOLD)
 
 
 @pytest.fixture(scope="session")

@@ -25,6 +25,8 @@ CRAMPED = Game(pursuer=BODY, evader=BODY, arena=Arena(x_max=1.6, y_max=1.2), cap
 """So small that a grid of few nodes has captures, escapes and crashes."""
 FEW = (4, 3, 2, 5)
 """Nodes of either robot there."""
+FEWER = (4, 3, 2, 4)
+"""Few enough for plain loops over pairs of nodes and of actions."""
 HOLD = 5
 """Steps for which actions are held there."""
 TINY = (5, 6, 3, 7)

@@ -19,7 +19,7 @@ from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle import numpy_chase
 from tests.oracle import numpy_duel as oracle
-from tests.solve.small import BODY, CRAMPED, FEW, HOLD, SMALL, as_matrix
+from tests.solve.small import BODY, CRAMPED, FEW, FEWER, HOLD, SMALL, as_matrix
 
 MORE = (5, 7, 3, 6)
 
@@ -40,7 +40,7 @@ def solved(game, role, counts, tolerance=1e-4, **options):
 def test_the_table_is_that_of_brute_force(robot, captures, role):
     """After its last sweep and one more; where nothing ends within a hold, a player is sure of just that."""
     told, pursuing = [], role == Role.PURSUER
-    duel = make_duel(zero_sum_game(CRAMPED, role, FEW))
+    duel = make_duel(zero_sum_game(CRAMPED, role, FEWER))
     found = solve_duel(duel, told.append, tolerance=1e-2)
     assert found.residual <= 1e-2 < told[-2].residual
     steps = captures if pursuing else captures.transpose(1, 0, 3, 2)
