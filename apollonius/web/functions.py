@@ -37,8 +37,6 @@ def step(
     capture_distance: Scalar,
     dt: Scalar,
     left: Int[Array, ""],
-    *,
-    mates_collide: bool = False,
 ) -> dict[str, Any]:
     """Return the robots after a step, pursuers first, and the outcome.
 
@@ -46,7 +44,7 @@ def step(
         left: steps until the time limit.
     """
     (first, *pursuers), (other, *evaders) = (robots.side(robots.bodies, second) for second in (False, True))
-    teams = Teams(tuple(pursuers), tuple(evaders), mates_collide)
+    teams = Teams(tuple(pursuers), tuple(evaders))
     game = Game(first, other, floor.arena(field), capture_distance, dt, left, teams=teams)
 
     def both(values: Any) -> BySide[tuple[Any, ...]]:

@@ -1,6 +1,5 @@
 """The programs of the page, and of a user's own player: the functions of `functions.py`, translated."""
 
-import functools
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
@@ -108,9 +107,7 @@ def page_programs() -> Iterator[Program]:
         shapes[name] for name in ("body", "robot", "robots", "floor", "field", "chart")
     )
     real, whole, pair = (shapes[name] for name in ("real", "whole", "pair"))
-    stepping = robots, floor, field, shapes["levels"], real, real, whole
-    yield _made(step, *stepping)
-    yield _made(functools.partial(step, mates_collide=True), *stepping, name="step_of_bodies")
+    yield _made(step, robots, floor, field, shapes["levels"], real, real, whole)
     yield _made(move, body, robot, pair, real)
     yield _made(clearance, floor, field, real, real)
     yield _made(clearance_along, floor, field, robot, robot)

@@ -83,6 +83,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     rules.arena.require_only((Disc, Polygon, OccupancyMap), bound)
     for side, bodies in zip(("pursuers", "evaders"), rules.bodies, strict=True):
         require(len(bodies) <= ROBOTS, side, len(bodies), f"at most {ROBOTS} in the page; simulate larger teams")
+    collide = rules.teams is not None and rules.teams.mates_collide
+    require(not collide, "mates_collide", collide, "false in the page, where team mates pass through each other")
     team, of_two = split_team(game)
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other

@@ -67,11 +67,6 @@ const answers = {
     }
     return { rows, outcomes, statuses };
   }),
-  chart(rules) {
-    calls.pathsFrom(rules, { x: rules.arena.x_min + 1, y: rules.arena.y_min + 1 });
-    const { field, visible, lengths } = programs.given.chart();
-    return { field: [...field], visible: [...visible], lengths: Buffer.from(lengths.buffer, lengths.byteOffset, lengths.byteLength).toString("base64") };
-  },
   agent({ path, game: rules, role, observations, rows }) {
     const network = read(path);
     const chosen = (player) => rows.map((row) => game.actionLevels(player(rules, asState(rules, row), { role, number: 0 })[0]));

@@ -46,15 +46,15 @@ def tabs(browser, address):
     return {name: Tab(browser, address, **screen) for name, screen in (("desk", DESK), ("phone", PHONE))}
 
 
-@pytest.fixture
-def desk(tabs):
-    """A tab on a desktop's screen; what it opens complains about nothing."""
-    yield tabs["desk"]
-    assert tabs["desk"].complaints == []
+def opened(name):
+    """A tab on such a screen; what it opens complains about nothing."""
+
+    @pytest.fixture
+    def tab(tabs):
+        yield tabs[name]
+        assert tabs[name].complaints == []
+
+    return tab
 
 
-@pytest.fixture
-def phone(tabs):
-    """The same on a phone's."""
-    yield tabs["phone"]
-    assert tabs["phone"].complaints == []
+desk, phone = opened("desk"), opened("phone")

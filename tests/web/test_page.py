@@ -25,10 +25,6 @@ from tests.web.browser import needs_chromium, playwright
 pytestmark = needs_chromium
 SPIRAL = "f63105241f97fcc7d034200f0279c7f25cbfc03a294e6820e00f7088ef3323b3"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
-PIXEL = """share => {
-  const canvas = document.getElementById("canvas");
-  return [...canvas.getContext("2d").getImageData(0.3 * canvas.width, share * canvas.height, 1, 1).data];
-}"""
 
 
 def saved(page, path):
@@ -262,17 +258,6 @@ def test_agents_are_a_show_at_any_speed(desk):
     desk.let_pass(1.5)
     assert 8 < desk.match("seconds") < 15
     assert page.inner_text("#pursuer-name") == "stands still"
-
-
-def test_an_agent_plays_on_a_map(desk):
-    page = desk.open("?pursuer=P_any&evader=still&game=hall")
-    page.click("#go")
-    desk.let_pass(1.5)
-    assert desk.match("actions.length") >= 10
-    block, aisle = (page.evaluate(PIXEL, share) for share in (0.56, 0.4))
-    assert block != aisle
-    replay = desk.match("replay()")
-    assert set(replay["game"]["arena"]["map"]) == {"file", "sha256"}
 
 
 def test_why_shows_every_robot_in_play(desk):

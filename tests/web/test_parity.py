@@ -1,6 +1,5 @@
 """The page's modules in Node: what it runs does what the package does, and what is drawn on it is the package's."""
 
-import base64
 import json
 import shutil
 import subprocess
@@ -23,7 +22,6 @@ from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.chart import NO_PATH
 from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.occupancy import OccupancyMap, distance_field
@@ -308,20 +306,6 @@ def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, their
     for game in lost:
         assert game["better"] == ([] if game["found"] is None else [game["found"]])
     assert any(game["found"] is not None for game in lost) == finds
-
-
-@pytest.mark.parametrize("name", ["map", *(slow(name) for name in ("paper", "polygons", "team-3v2/office"))])
-def test_charts_are_alike(name):
-    """Rounding decides which of two stops that are equally far is the nearest, and on whole centimetres."""
-    game = GAMES[name]()
-    found, chart = ask(chart=as_on_the_page(game)), charted(game).arena.chart
-    field, lengths, visible = (np.asarray(leaf).ravel() for leaf in (chart.field, chart.lengths, chart.visible))
-    np.testing.assert_allclose(found["field"], field, atol=1e-5)
-    assert np.mean(np.asarray(found["visible"]) != visible) < 1e-3
-    theirs = np.frombuffer(base64.b64decode(found["lengths"]), np.uint16)
-    np.testing.assert_array_equal(theirs == NO_PATH, lengths == NO_PATH)
-    np.testing.assert_allclose(theirs, lengths.astype(int), atol=1)
-    assert 0.2 < np.mean(lengths < NO_PATH) < 1
 
 
 # ---- arenas that are drawn

@@ -72,16 +72,11 @@ def test_serves_nothing_above_its_folder_and_no_listing(server, capsys):
     assert not capsys.readouterr().err
 
 
-def test_half_requests_end_in_silence(server, monkeypatch, capsys):
-    monkeypatch.setattr(FolderHandler, "timeout", 1.0)
-    half = [socket.create_connection((LOOPBACK, server.server_port)) for _ in range(20)]
-    for connection in half:
-        connection.sendall(b"GET / HTTP/1.0\r\nHost:")
-    for connection in half:
-        connection.settimeout(30)
-        assert connection.recv(1) == b""
-        connection.close()
-    assert get(server, "/")[0].status == 200
+def test_half_a_request_ends_in_silence(server, monkeypatch, capsys):
+    monkeypatch.setattr(FolderHandler, "timeout", 0.3)
+    with socket.create_connection((LOOPBACK, server.server_port), timeout=30) as half:
+        half.sendall(b"GET / HTTP/1.0\r\nHost:")
+        assert half.recv(1) == b""
     assert not capsys.readouterr().err
 
 

@@ -69,6 +69,9 @@ def test_a_game_of_teams_is_a_game_of_two_by_another_name(tmp_path):
     assert (choose(Role.PURSUER, None, "team-3v1/office", 0).game) == "team-3v1/office"
     choice = choose(Role.EVADER, "P_any", f"team-3v1/{tmp_path / 'hall.toml'}", 0)
     assert (choice.game, choice.games["hall"].size) == ("team-3v1/hall", "1 v 1")
+    (tmp_path / "bodies.toml").write_text("pursuers = 2\nmates_collide = true\n")
+    with pytest.raises(InvalidInput, match=r"mates_collide = True .* false in the page"):
+        choose(Role.EVADER, None, str(tmp_path / "bodies.toml"), 0)
     (tmp_path / "pack.toml").write_text("pursuers = 4\n")
     choice = choose(Role.PURSUER, None, str(tmp_path / "pack.toml"), 0)
     write_site(tmp_path / "site", choice)

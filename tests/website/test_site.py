@@ -90,11 +90,6 @@ def test_what_is_searched_for_is_found(browser, address):
         assert any("reference/api/game.html" in link for link in links)
 
 
-def test_the_report_draws_its_games(browser, address):
-    with opened(browser, address, "reports/demo.html") as tab:
-        tab.locator("canvas").first.wait_for()
-
-
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_pages_are_as_light_or_dark_as_the_reader_likes(browser, address, theme):
     with opened(browser, address, "reference/rules.html", color_scheme=theme) as tab:

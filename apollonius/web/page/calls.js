@@ -98,8 +98,7 @@ export function step(game, state, actions) {
   ROLES.forEach((role, side) => {
     state[role].forEach((robot, index) => given.levels().set(isActive(robot) ? actionLevels(actions[role][index]) : [0, 0], 2 * (side * MOST_ROBOTS + index)));
   });
-  const judged = game.teams?.mates_collide ? run.step_of_bodies : run.step;
-  const found = judged(game.capture_distance, game.dt, game.max_steps - state.steps);
+  const found = run.step(game.capture_distance, game.dt, game.max_steps - state.steps);
   const { x, y, v, heading } = found.states();
   const [status, [outcome]] = [found.status(), found.outcome()];
   const after = (role, side) => state[role].map((_, index) => {

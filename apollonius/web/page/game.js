@@ -9,7 +9,7 @@ export const EVADER = "evader";
 export const ROLES = [PURSUER, EVADER];
 export const HOLD = 4; // the action that keeps the speed and goes straight
 export const ACTIONS = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-export const STATUSES = ["active", "captured", "hit_obstacle", "out_of_range", "hit_mate"];
+export const STATUSES = ["active", "captured", "hit_obstacle", "out_of_range"];
 export const OUTCOMES = [
   "ongoing",
   "captured",

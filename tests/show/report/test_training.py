@@ -8,20 +8,18 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.evaluate.claims import paper_shares
-from apollonius.evaluate.match import Match, play_games, record_game
+from apollonius.evaluate.match import Match
 from apollonius.evaluate.pairings import last_agents, pairings
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn.folder import load_config
 from apollonius.show.report import page as page_module
 from apollonius.show.report.page import GAMES, MAX_BYTES, SEED, games_to_show, render, replay_script, save_page
 from apollonius.show.report.training import training_page
@@ -95,29 +93,19 @@ def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, finishe
 
 def test_the_games_are_those_of_the_runs_agents_worst_first(document, finished_run):
     agents, games = last_agents(finished_run), document.games
-    game = load_config(finished_run / "config.toml").game
     assert pairings(agents) == [("P_curriculum", "random"), ("P_curriculum", "E_curriculum"), ("P_stage1", "still")]
     shown = [tuple(f"demo/{name}" if name in agents else name for name in names) for names in pairings(agents)]
     assert list(dict.fromkeys((one["pursuer"], one["evader"]) for one in games)) == shown
-    for names, ours in zip(pairings(agents), shown, strict=True):
-        own = [one for one in games if (one["pursuer"], one["evader"]) == ours]
-        ranks = [rank(Outcome[one["outcome"].upper()]) for one in own]
+    times = [int(count) for count in re.findall(rf"(\d+) of {GAMES}", document.text)]
+    lengths = re.findall(rf"([\d.]+) s · \d+ of {GAMES}", document.text)
+    assert lengths == [f"{(len(one['states']) - 1) / 10:.1f}" for one in games]
+    for ours in shown:
+        own = [index for index, one in enumerate(games) if (one["pursuer"], one["evader"]) == ours]
+        outcomes = [Outcome[games[index]["outcome"].upper()] for index in own]
+        ranks = [0 if one in PURSUER_FAILS else 2 if one in PURSUER_WINS else 1 for one in outcomes]
         assert ranks == sorted(ranks)
-        pursuer, evader = (
-            find_player(str(agents.get(name, name)), role)
-            for name, role in zip(names, (Role.PURSUER, Role.EVADER), strict=True)
-        )
-        match = Match(game, BySide(pursuer, evader), GAMES, SEED)
-        outcomes = np.asarray(play_games(match).outcome)
-        assert {Outcome[one["outcome"].upper()] for one in own} == {Outcome(outcome) for outcome in outcomes}
-        replay = record_game(match, own[0]["index"])
-        np.testing.assert_allclose(own[0]["states"], replay.states, atol=6e-4)
-        times = np.sum(outcomes == replay.outcome)
-        assert f"{len(replay.actions) * game.dt:.1f} s · {times} of {GAMES}" in document.text
-
-
-def rank(outcome):
-    return 0 if outcome in PURSUER_FAILS else 2 if outcome in PURSUER_WINS else 1
+        assert len(set(outcomes)) == len(outcomes)
+        assert sum(times[index] for index in own) == GAMES, "every way in which they end"
 
 
 def test_names_are_shown_as_they_are_written(page):
