@@ -8,15 +8,14 @@ import jax
 import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
-from apollonius.agents.greedy import Greedy
+from apollonius.agents.classical import Uniform
+from apollonius.agents.greedy import Greedy, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
 from apollonius.agents.names import SHIELDED
 from apollonius.agents.network import QNetwork
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.shield import shielded
-from apollonius.agents.squashed import SquashedMean
 from apollonius.agents.trained import Trained, exploring
-from apollonius.agents.uniform import Uniform
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require

@@ -18,9 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.classical import Still
+from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.pool import Pool, solo
-from apollonius.agents.uniform import Uniform
 from apollonius.arenas.file import find_game
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch

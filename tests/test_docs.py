@@ -147,7 +147,7 @@ def made_by(words, options):
             kind = "scratch" if options["stage"] == "self-play" and not options["pursuer"] else "curriculum"
             both = {f"P_{kind}", f"E_{kind}"} if options["stage"] != "fixed-target" else set()
             folder = options["out"]
-            names = {"P_optimal", "E_optimal"} if str(options["preset"]).endswith("-by-table") else stage1 | both
+            names = {"P_optimal", "E_optimal"} if "optimal" in str(options["config"]) else stage1 | both
             made = {f"{folder}/agents/{name}*.safetensors" for name in names} if folder else set()
             made |= {f"{folder}/config.toml"}
         case ["apollonius", "reproduce", *_]:

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 from apollonius.agents.chasing import Intercept, PurePursuit
-from apollonius.agents.classical import AbstractClassical, Still
+from apollonius.agents.classical import AbstractClassical, Still, Uniform
 from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
 from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
-from apollonius.agents.uniform import Uniform
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require

@@ -1,4 +1,4 @@
-"""Players that follow a rule instead of a network: the one that stands still, and what the others share."""
+"""Players without a network: the one that stands still, the random one, and what those with a rule share."""
 
 from abc import abstractmethod
 from typing import Any
@@ -33,6 +33,25 @@ class Still(AbstractPolicy):
         return jnp.full((), BRAKE_STRAIGHT, jnp.int32), memory
 
 
+def uniform_action(bits: UInt32[Array, ""]) -> Int[Array, ""]:
+    """Return one of the 9 actions from the upper half of random bits, uniform to 1.5e-5."""
+    return (((bits >> 16) * NUM_ACTIONS) >> 16).astype(jnp.int32)
+
+
+class Uniform(AbstractPolicy):
+    """Each of the 9 actions with equal probability at every step (section V-B of the paper)."""
+
+    @property
+    def observation(self) -> AbstractObservation:
+        """The paper's observation, for those who collect its transitions; it does not look."""
+        return PAPER
+
+    def __call__(
+        self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]
+    ) -> tuple[Int[Array, ""], Memory]:
+        return uniform_action(bits), memory
+
+
 class AbstractClassical(AbstractActionValuePolicy):
     """A player that reads the view and follows a rule.
 
@@ -60,10 +79,6 @@ class AbstractClassical(AbstractActionValuePolicy):
             InvalidInput: when its rule does not fit the game.
         """
         return cls(game.dt, **rule)
-
-    @abstractmethod
-    def values(self, seen: View) -> Float[Array, "9"]:
-        """Return how well each of the nine actions follows the rule: the higher the better."""
 
     def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:
         """Return a robot's state after one step."""

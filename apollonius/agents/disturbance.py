@@ -16,7 +16,7 @@ from apollonius.game.by_side import BySide, one_each
 from apollonius.game.dynamics import Unicycle, wrap_angle
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, GameState, Real, RobotState, Role, Scalar, Timestep
-from apollonius.io.errors import require
+from apollonius.io.errors import require_within
 
 _HANDICAP, _NOISE = 1, 2
 """What random bits are used for besides the player's own use of it."""
@@ -41,10 +41,9 @@ class Disturbance:
     """Of a heading [rad]."""
 
     def __post_init__(self) -> None:
-        require(0 <= self.delay <= 100, "delay", self.delay, "from 0 to 100 steps")
-        require(0 <= self.limits < 1, "limits", self.limits, "at least 0 and less than 1")
-        for name in ("turn_time", "position_noise", "speed_noise", "heading_noise"):
-            require(0 <= getattr(self, name) < 1e3, name, getattr(self, name), "at least 0 and less than 1000")
+        require_within(self, 0, 100, "delay")
+        require_within(self, 0, 0.99, "limits")
+        require_within(self, 0, 1000, "turn_time", "position_noise", "speed_noise", "heading_noise")
 
     @property
     def has_sensor_noise(self) -> bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -58,7 +58,8 @@ class GaussianActor(eqx.Module):
     ) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch 2"]]:
         """Return the means and standard deviations that the last layer's outputs stand for."""
         mean, spread = jnp.split(outputs, 2, axis=-1)
-        return mean, _deviation(spread)
+        least, most = _LOG_DEVIATION
+        return mean, jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
 
 
 MOST_WIDTH = 8_192
@@ -71,12 +72,6 @@ _LOG_DEVIATION = (-5.0, 1.0)
 """Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones never explore."""
 
 
-def _deviation(spread: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
-    """Return standard deviations, from outputs that are free of bounds."""
-    least, most = _LOG_DEVIATION
-    return jnp.exp(least + (most - least) * (jnp.tanh(spread) + 1) / 2)
-
-
 def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     """Return the outputs of the layers for one input."""
     hidden = inputs
@@ -85,12 +80,6 @@ def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     return layers[-1](hidden)
 
 
-@overload
-def inferred(network: QNetwork, observation: Float[Array, " size"]) -> Float[Array, "9"]: ...
-@overload
-def inferred(
-    network: GaussianActor, observation: Float[Array, " size"]
-) -> tuple[Float[Array, "2"], Float[Array, "2"]]: ...
 def inferred(network: Network, observation: Float[Array, " size"]) -> Any:
     """Return what a network says of one observation, quicker than itself under `vmap`, and without a gradient."""
     outputs = _inferred(network.layers, observation)

@@ -105,10 +105,6 @@ class AbstractContinuous(AbstractPolicy):
     def continuous(self) -> bool:
         return True
 
-    @abstractmethod
-    def __call__(self, seen: Any, memory: Memory, bits: UInt32[Array, ""]) -> tuple[Float[Array, "2"], Memory]:
-        """Choose the two levels for what is seen."""
-
     def choose(self, weighed: Float[Array, "2"], allowed: Bool[Array, "9"]) -> Int[Array, ""]:
         """Return the allowed discrete action whose levels are nearest to the player's own."""
         own = action_levels(weighed)

@@ -65,10 +65,12 @@ class Pool(AbstractPlayers):
     Attributes:
         members: a policy whose array leaves have a leading axis of length `size`.
         size: number of members.
+        bits: random bits of each game that are used instead of every step's, so that what players try can last.
     """
 
     members: AbstractPolicy
     size: int = eqx.field(static=True, default=1)
+    bits: UInt32[Array, " games"] | None = None
 
     @property
     def _first(self) -> AbstractPolicy:
@@ -94,6 +96,7 @@ class Pool(AbstractPlayers):
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
+        bits = bits if self.bits is None else self.bits
         if self.size == 1:
             return act_in_rows(self._first, read, rows, memory, bits)
 
@@ -119,6 +122,7 @@ class Assigned(AbstractPlayers):
         count: their number.
         first: the first game that belongs to one.
         games: how many games belong to each.
+        bits: as of a `Pool`.
     """
 
     at_large: AbstractPolicy
@@ -126,6 +130,7 @@ class Assigned(AbstractPlayers):
     count: int = eqx.field(static=True)
     first: int = eqx.field(static=True)
     games: int = eqx.field(static=True)
+    bits: UInt32[Array, " games"] | None = None
 
     @property
     def observation(self) -> Whole:
@@ -142,7 +147,7 @@ class Assigned(AbstractPlayers):
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        end, given = self.first + self.count * self.games, (rows, memory, bits)
+        end, given = self.first + self.count * self.games, (rows, memory, bits if self.bits is None else self.bits)
         assigned = jax.tree.map(
             lambda leaf: leaf[self.first : end].reshape(self.count, self.games, *leaf.shape[1:]), given
         )
@@ -193,38 +198,6 @@ class Apart(AbstractPlayers):
         return jnp.concatenate(actions), tuple(after)
 
 
-class PersistentNoise(AbstractPlayers):
-    """Players who are given random bits of their own instead of every step's, so that what they try can last.
-
-    Attributes:
-        players: those that act.
-        bits: some for each game.
-    """
-
-    players: AbstractPlayers
-    bits: UInt32[Array, " games"]
-
-    @property
-    def observation(self) -> Whole:
-        return self.players.observation
-
-    @property
-    def memory(self) -> Memory:
-        return self.players.memory
-
-    @property
-    def samples(self) -> bool:
-        return self.players.samples
-
-    def sample(self, bits: UInt32[Array, " games"]) -> Int[Array, " games"]:
-        return self.players.sample(bits)
-
-    def act(
-        self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
-    ) -> tuple[Actions, Memory]:
-        return self.players.act(member, read, rows, memory, self.bits)
-
-
 def solo(policy: AbstractPolicy) -> Pool:
     """Return the pool of just this player."""
     return Pool(jax.tree.map(_alone, policy))
@@ -232,12 +205,7 @@ def solo(policy: AbstractPolicy) -> Pool:
 
 def _alone(leaf: Any) -> Any:
     """Return an array with one more axis in front; on the host, so that nothing is compiled, but where it is traced."""
-    return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(_on_host(leaf)[None])
-
-
-def _on_host(leaf: Any) -> np.ndarray:
-    array = np.asarray(leaf)
-    return array.astype(jax.dtypes.canonicalize_dtype(array.dtype))
+    return jnp.asarray(leaf)[None] if isinstance(leaf, Tracer) else jax.device_put(np.asarray(leaf)[None])
 
 
 def stack(policies: list[AbstractPolicy]) -> Pool:

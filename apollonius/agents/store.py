@@ -16,7 +16,7 @@ from apollonius.arenas.record import from_dict
 from apollonius.game.types import NUM_ACTIONS, Role
 from apollonius.game.validation import require_single_precision
 from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, read_header, require_finite, write_arrays
-from apollonius.io.errors import InvalidInput, require, shown
+from apollonius.io.errors import InvalidInput, require, require_within, shown
 from apollonius.observe.registry import OBSERVATIONS
 
 FORMAT = "apollonius-agent"
@@ -52,8 +52,8 @@ class AgentHeader:
 
     def __post_init__(self) -> None:
         require(self.role in ("pursuer", "evader"), "role", self.role, "pursuer or evader")
-        require(1 <= self.width <= MOST_WIDTH, "width", self.width, f"from 1 to {MOST_WIDTH:,}")
-        require(1 <= self.depth <= MOST_LAYERS, "depth", self.depth, f"from 1 to {MOST_LAYERS}")
+        require_within(self, 1, MOST_WIDTH, "width")
+        require_within(self, 1, MOST_LAYERS, "depth")
 
 
 @dataclass(frozen=True)

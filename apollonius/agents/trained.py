@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from apollonius.agents.greedy import EpsilonGreedy, Greedy
+from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
 from apollonius.agents.names import FROM_ZOO, ZOO, zoo_names
 from apollonius.agents.network import Network, QNetwork
-from apollonius.agents.squashed import SquashedGaussian, SquashedMean
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.charting import charted
 from apollonius.arenas.record import from_dict, to_dict

@@ -21,17 +21,14 @@ if TYPE_CHECKING:
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
-BY_TABLE = ("evader-by-table", "pursuer-by-table")
-"""Names of the presets of a distillation."""
 _JUDGED_GAMES = 2000
 """Games of each match that judges a run."""
 
 
 def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--preset", choices=(*LENGTHS, *BY_TABLE), default="quick",
-        help="length of training: quick (minutes, default), standard or paper; or evader-by-table, pursuer-by-table: "
-        "solve the game and distil what it says into a network (half an hour of one core)",
+        "--preset", choices=LENGTHS, default="quick",
+        help="length of training: quick (minutes, default), standard or paper",
     )  # fmt: skip
     parser.add_argument("--stage", choices=STAGES, help="which stage to train (default: both)")
     parser.add_argument(
@@ -93,11 +90,11 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     from dataclasses import replace
 
     from apollonius.arenas.file import find_game
-    from apollonius.learn.config import DISTILLATIONS, PRESETS
+    from apollonius.learn.config import PRESETS
     from apollonius.learn.folder import load_config
     from apollonius.learn.learner_config import PROFILES, SACConfig
 
-    config = load_config(options.config) if options.config else (PRESETS | DISTILLATIONS)[options.preset]
+    config = load_config(options.config) if options.config else PRESETS[options.preset]
     algorithm = options.algorithm or ("sac" if config.sac else "dqn")
     bound = "left out with --algorithm sac, whose numbers a --config says"
     require(options.profile is None or algorithm == "dqn", "--profile", options.profile, bound)

@@ -5,10 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.arenas.file import as_game
-from apollonius.catalogue import find_player
-from apollonius.envs.compiled import require_unforked
-from apollonius.envs.live import RENDER_MODES, LiveGame, View
+from apollonius.envs.live import RENDER_MODES, LiveGame
 from apollonius.envs.spaces import action_space, observation_space
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -26,7 +23,7 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         opponent: player of the other side, as `find_player` knows it.
         game: the game, the name of one, or its `.toml` or `.json` file.
         observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+        render_mode: `rgb_array` for pictures from `render`, or None.
         actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1]. The opponent
             acts as it does.
 
@@ -47,28 +44,22 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        require_unforked()
-        game = as_game(game)
-        self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
+        other = role.other
+        self._live = live = LiveGame(game, observation, actions, render_mode, {other: opponent})
+        count, sides = len(live.game.bodies[role]), f"{role.name.lower()}s"
+        require(count == 1, sides, count, f"1, who alone acts from outside: of a team play all {sides} by PettingZoo")
+        self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space(actions)
-        other, count = role.other, len(game.bodies[role])
-        name = role.name.lower()
-        require(
-            count == 1, f"{name}s", count, f"1, who alone acts from outside: of a team play all {name}s by PettingZoo"
-        )
-        self._live = LiveGame(game, observation, {other: find_player(opponent, other, game).policy}, actions)
-        self._robot = self._live.places.index((role, 0))
-        self._view = View(self._live, render_mode)
+        self._robot = live.places.index((role, 0))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """A new game from the game's distribution of starts."""
+        """Begin a new game from the game's distribution of starts."""
         super().reset(seed=seed)
         self._live.reset(self._bits())
-        self._view.begin()
         return self._live.observation(self._robot), {"outcome": self._live.outcome}
 
     def step(self, action: int | np.integer | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -84,13 +75,12 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
         actions: list[Any] = [live.idle] * len(live.places)
         actions[self._robot] = action
         live.step(actions, self._bits())
-        self._view.follow()
-        reward = live.rewards[self._robot]
-        return live.observation(self._robot), reward, live.terminated, live.truncated, {"outcome": live.outcome}
+        seen, reward = live.observation(self._robot), live.rewards[self._robot]
+        return seen, reward, live.terminated, live.truncated, {"outcome": live.outcome}
 
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
-        return self._view.render()
+        """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        return self._live.picture()
 
     def _bits(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))

@@ -7,11 +7,10 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.arenas.file import as_game
-from apollonius.envs.compiled import require_unforked
-from apollonius.envs.live import RENDER_MODES, LiveGame, View
+from apollonius.envs.live import RENDER_MODES, LiveGame
 from apollonius.envs.spaces import action_space, observation_space
 from apollonius.game.game import Game
+from apollonius.game.types import RobotStatus
 
 
 class BothSides(ParallelEnv[str, np.ndarray, Any]):
@@ -28,7 +27,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     Args:
         game: the game, the name of one, or its `.toml` or `.json` file.
         observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, `human` to draw every step in the terminal, or None.
+        render_mode: `rgb_array` for pictures from `render`, or None.
         actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
 
     Raises:
@@ -49,16 +48,13 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         render_mode: str | None = None,
         actions: str = "discrete",
     ) -> None:
-        require_unforked()
-        game = as_game(game)
-        self.metadata = type(self).metadata | {"render_fps": max(1, round(1 / float(game.dt)))}
+        self._live = live = LiveGame(game, observation, actions, render_mode)
+        self.metadata = type(self).metadata | {"render_fps": live.frames_per_second}
         self.render_mode = render_mode
-        self._live = LiveGame(game, observation, actions=actions)
-        self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in self._live.places]
+        self.possible_agents = [f"{role.name.lower()}_{number}" for role, number in live.places]
         self.agents: list[str] = []
         self.observation_spaces = {agent: observation_space(observation) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space(actions) for agent in self.possible_agents}
-        self._view = View(self._live, render_mode)
         self._random, _ = np_random()
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[np.ndarray]:
@@ -72,11 +68,10 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """A new game from the game's distribution of starts; games after a seeded one are seeded too."""
+        """Begin a new game from the game's distribution of starts; games after a seeded one are seeded too."""
         if seed is not None:
             self._random, _ = np_random(seed)
         self._live.reset(np.uint32(self._random.integers(2**32, dtype=np.uint64)))
-        self._view.begin()
         self.agents = list(self.possible_agents)
         return self._observations(), self._infos()
 
@@ -85,7 +80,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
-        """All agents hold their actions for one step.
+        """Let all agents hold their actions for one step.
 
         Raises:
             gymnasium.error.ResetNeeded: before the first `reset`, and after the end of a game.
@@ -94,42 +89,37 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
         if not self.agents:
             raise gymnasium.error.ResetNeeded("a game begins with reset()")
         live, acting = self._live, set(self.agents)
-        live.step([actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents])
-        self._view.follow()
-        over = live.terminated or live.truncated
-        stays = dict(zip(self.possible_agents, live.active, strict=True))
-        rewards = dict(zip(self.possible_agents, live.rewards, strict=True))
-        result = (
-            self._observations(),
-            {agent: rewards[agent] for agent in self.agents},
+        given = [actions.get(agent) if agent in acting else live.idle for agent in self.possible_agents]
+        live.step(given, np.uint32(0))
+        stays = {agent: status == RobotStatus.ACTIVE for agent, status in self._each(live.statuses).items()}
+        rest = (
+            self._each(live.rewards),
             {agent: live.terminated or not stays[agent] for agent in self.agents},
             {agent: live.truncated and stays[agent] for agent in self.agents},
             self._infos(),
         )
-        self.agents = [] if over else [agent for agent in self.agents if stays[agent]]
-        return result
+        seen = self._observations()
+        self.agents = [agent for agent in self.agents if stays[agent] and not (live.terminated or live.truncated)]
+        return seen, *rest
 
     def render(self) -> np.ndarray | None:
-        """A picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
-        return self._view.render()
+        """Return a picture `[height, width, 3]` in mode `rgb_array`; None otherwise."""
+        return self._live.picture()
+
+    def _each(self, values: list[Any]) -> dict[str, Any]:
+        """Return the values of the agents in play, by name, from those of all robots."""
+        return {agent: value for agent, value in zip(self.possible_agents, values, strict=True) if agent in self.agents}
 
     def _observations(self) -> dict[str, np.ndarray]:
-        places = enumerate(self.possible_agents)
-        return {agent: self._live.observation(place) for place, agent in places if agent in self.agents}
+        return self._each([self._live.observation(robot) for robot in range(len(self.possible_agents))])
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        infos: dict[str, dict[str, Any]] = {agent: {"outcome": self._live.outcome} for agent in self.agents}
-        for agent, status in zip(self.possible_agents, self._live.statuses, strict=False):
-            if agent in infos:
-                infos[agent]["status"] = status
-        return infos
+        told = {"outcome": self._live.outcome}
+        if self._live.game.teams is None:
+            return {agent: dict(told) for agent in self.agents}
+        statuses = self._each(self._live.statuses)
+        return {agent: told | {"status": RobotStatus(status).name.lower()} for agent, status in statuses.items()}
 
 
-def parallel_env(
-    game: Game | str = "paper",
-    observation: str = "encoded",
-    render_mode: str | None = None,
-    actions: str = "discrete",
-) -> BothSides:
-    """The game as PettingZoo's parallel environment; arguments and errors are those of `BothSides`."""
-    return BothSides(game, observation, render_mode, actions)
+parallel_env = BothSides
+"""The name under which PettingZoo's users look for it."""

@@ -11,10 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float32, PRNGKeyArray, UInt32
 
+from apollonius.agents.classical import Uniform
 from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.agents.pool import Pool, solo
 from apollonius.agents.shield import MARGIN, Shielded
-from apollonius.agents.uniform import Uniform
 from apollonius.export.player import Player, state_of
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Role

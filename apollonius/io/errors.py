@@ -77,6 +77,17 @@ def require_positive(record: object, *names: str) -> None:
         require(value > 0, name, value, "more than 0")
 
 
+def require_within(record: object, low: int | float, high: int | float, *names: str) -> None:
+    """Refuse a record unless its fields of these names are from `low` to `high`.
+
+    Raises:
+        InvalidInput: for the first that is not.
+    """
+    for name in names:
+        value = getattr(record, name)
+        require(low <= value <= high, name, value, f"from {low:,} to {high:,}")
+
+
 def exit_status(program: Callable[[], int]) -> int:
     """Return a program's exit status; after impossible input print its line on standard error and return 2."""
     try:

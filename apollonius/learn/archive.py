@@ -12,9 +12,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
-from apollonius.agents.policy import AbstractPolicy
-from apollonius.agents.pool import Assigned
-from apollonius.agents.trained import greedy
 from apollonius.game.outcome import pursuer_wins
 from apollonius.game.types import Role
 from apollonius.learn.opponents import SCHEMES, OpponentConfig
@@ -67,18 +64,12 @@ def enter(archive: Archive, network: Network, due: Bool[Array, ""]) -> Archive:
     return replace(archive, networks=networks, count=archive.count + due.astype(jnp.int32))
 
 
-def probabilities(archive: Archive, config: OpponentConfig) -> Float[Array, " versions"]:
-    """Return the probability of each version to get a slot."""
-    filled, weigh = jnp.arange(archive.games.shape[0]) < archive.count, SCHEMES[config.scheme]
-    assert weigh is not None
-    weights = jnp.where(filled, weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
-    return weights / jnp.sum(weights)
-
-
 def renew(archive: Archive, config: OpponentConfig, key: PRNGKeyArray) -> Archive:
     """Return the archive with its slots drawn again and its records discounted. The key is consumed."""
-    chance = probabilities(archive, config)
-    slots = jax.random.choice(key, chance.shape[0], (config.slots,), p=chance).astype(jnp.int32)
+    versions, weigh = archive.games.shape[0], SCHEMES[config.scheme]
+    assert weigh is not None
+    weights = jnp.where(jnp.arange(versions) < archive.count, weigh((archive.lost + 1) / (archive.games + 2)), 0.0)
+    slots = jax.random.choice(key, versions, (config.slots,), p=weights / jnp.sum(weights)).astype(jnp.int32)
     return replace(
         archive,
         games=FORGETTING * archive.games,
@@ -137,15 +128,4 @@ def record(
         archive,
         games=archive.games.at[archive.slots].add(by_slot(over[:, theirs])),
         lost=archive.lost.at[archive.slots].add(by_slot(over[:, theirs] & lost)),
-    )
-
-
-def players(archive: Archive, config: OpponentConfig, role: Role, learner: AbstractPolicy, games: int) -> Assigned:
-    """Return the players of one side of a batch of games: its learner and, in the slots, earlier versions."""
-    return Assigned(
-        at_large=learner,
-        assigned=greedy(archive.in_slots),
-        count=config.slots,
-        first=config.first_game(role, games),
-        games=config.slot_games(games),
     )

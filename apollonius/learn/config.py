@@ -1,9 +1,9 @@
 """The configuration of a training run, saved as `config.toml` and read back strictly; presets."""
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Literal
 
-from apollonius.catalogue import TABLE
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -62,30 +62,21 @@ class RunConfig:
         SEED.require("seed", self.seed)
         if self.sac is not None:
             self.game.require_two("soft actor-critic")
-        for role in (Role.PURSUER,) if self.stages == "fixed-target" else Role:
+        for role in (Role.PURSUER,) if self.stages == FIXED_TARGET else Role:
             require_pay_in_play(self.game, role)
         past, games = self.self_play.opponents, self.learner.games
         fits = past.share == 0 or past.slot_games(games) > 0
         require(fits, "games", games, f"more, so that {past.scheme} has one for each of 2 x {past.slots} slots")
         longest = games * self.game.max_steps
-        require(
-            past.renewal >= longest or past.share == 0, "renewal", past.renewal,
-            f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end",
-        )  # fmt: skip
-        require(
-            self.pursuer is None or self.stages != "both", "pursuer", self.pursuer,
-            "left out unless stages is one stage: the curriculum trains the pursuer from scratch",
-        )  # fmt: skip
-        require(
-            self.evader is None or self.stages in ("self-play", "distillation"), "evader", self.evader,
-            "left out unless stages is 'self-play' or 'distillation': in no other it goes on from an agent",
-        )  # fmt: skip
-        require(
-            self.evaders == ("still",) or self.stages == "fixed-target", "evaders", ", ".join(self.evaders),
-            "left out unless stages is 'fixed-target': the pursuer of the curriculum begins with one that stays",
-        )  # fmt: skip
+        bound = f"at least games x max_steps = {longest:,}, so that games that {past.scheme} judges by can end"
+        require(past.renewal >= longest or past.share == 0, "renewal", past.renewal, bound)
 
-        if self.stages == "distillation":
+        used = {FIXED_TARGET: ("pursuer", "evaders"), "both": ()}.get(self.stages, ("pursuer", "evader"))
+        for name, default in (("pursuer", None), ("evader", None), ("evaders", ("still",))):
+            value, bound = getattr(self, name), f"left out where stages is '{self.stages}', which begins without it"
+            shown = ", ".join(value) if name == "evaders" else value
+            require(value == default or name in used, name, shown, bound)
+        if self.stages == DISTILLATION:
             self._check_distillation()
 
     def _check_distillation(self) -> None:
@@ -102,6 +93,13 @@ class RunConfig:
         return BySide(self.pursuer, self.evader)
 
     @property
+    def stage1_name(self) -> str:
+        """The name of the pursuer that learned to catch the evaders of stage 1."""
+        if self.evaders == ("still",):
+            return "P_stage1"
+        return f"P_{Path(self.evaders[0]).stem}" if len(self.evaders) == 1 else "P_pool"
+
+    @property
     def learner(self) -> LearnerConfig:
         """The numbers of the algorithm that both sides learn by."""
         return self.sac or self.dqn
@@ -109,11 +107,9 @@ class RunConfig:
     @property
     def plans(self) -> dict[str, Plan]:
         """The plans of the stages in their order, by name."""
-        stages: dict[str, StageConfig] = dict(
-            zip(STAGES, (self.fixed_target, self.self_play, self.distillation), strict=True)
-        )
-        asked = [FIXED_TARGET, SELF_PLAY] if self.stages == "both" else [self.stages]
-        return {stage: Plan(self.learner, stages[stage]) for stage in asked}
+        stages = (self.fixed_target, self.self_play, self.distillation)
+        asked = STAGES[:2] if self.stages == "both" else [self.stages]
+        return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
 
 
 PRESETS: dict[str, RunConfig] = {
@@ -132,35 +128,3 @@ PRESETS: dict[str, RunConfig] = {
 }
 """`quick`: a small network, two minutes of a core. `standard`: some three times that. `paper`: about the paper's
 200,000 + 300,000 episodes."""
-_FITTING = DQNConfig(
-    learning_rate=1e-3,
-    final_learning_rate=1e-5,
-    averaging=1e-3,
-    batch=1024,
-    games=2048,
-    env_steps_per_update=5 * 2048,
-    replay_capacity=1_500_000,
-)
-"""Numbers of the regression to a teacher."""
-DISTILLATIONS: dict[str, RunConfig] = {
-    "evader-by-table": replace(
-        RunConfig(),
-        stages="distillation",
-        dqn=_FITTING,
-        distillation=DistillationConfig(grid=(25, 25, 5, 8)),
-    ),
-    "pursuer-by-table": replace(
-        RunConfig(),
-        stages="distillation",
-        dqn=_FITTING,
-        pursuer="P_hunter",
-        distillation=DistillationConfig(
-            role="pursuer",
-            teacher="P_hunter",
-            clearance=0.1,
-            env_steps=20_000_000,
-            opponents=(TABLE, "E_prioritised", "E_curriculum", "E_scratch", "flee-aware", "still", "random"),
-        ),
-    ),
-}
-"""Distillations of the solved game, by name."""

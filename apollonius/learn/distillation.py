@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.holding import Holding
 from apollonius.agents.network import Network, QNetwork
-from apollonius.agents.pool import Apart, PersistentNoise, solo
+from apollonius.agents.pool import Apart, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, wrap_angle
@@ -48,11 +48,8 @@ _PLANS = ((10, 1, NUM_ACTIONS), (10, 2, 3))
 and two seconds, in a game with steps of 0.1 s."""
 
 
-class Labels(eqx.Module):
-    """Observations and the teacher's values of the nine actions there."""
-
-    observation: Float[Array, "rows size"]
-    values: Float[Array, "rows 9"]
+Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
+"""Observations and the teacher's values of the nine actions there."""
 
 
 def start_distillation(
@@ -71,7 +68,7 @@ def start_distillation(
     block = len(jax.eval_shape(query_states, settings[0].game, begun[0].state, key).steps)
     rows, size = max(1, plan.learner.replay_capacity // block) * block, learner.network.observation.size
     head, filled, iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(5))
-    buffer = ReplayBuffer(Labels(jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
+    buffer = ReplayBuffer((jnp.zeros((rows, size)), jnp.zeros((rows, NUM_ACTIONS))), head, filled)
     games = jax.tree.map(lambda *leaves: jnp.stack(leaves), *begun)
     learners = {_config(plan).side: LearnerState(learner, buffer)}
     return TrainState(games, learners, train_key, iterations, env_steps, episodes)
@@ -120,7 +117,7 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
     network = side.learner.network
     queries = query_states(game, state.games.state, query_key)
     _, seen = perceive(network.observation, game, queries, role)
-    buffer = add(side.buffer, Labels(seen, setting.teacher.values(game, queries, role)))
+    buffer = add(side.buffer, (seen, setting.teacher.values(game, queries, role)))
     starts = jax.tree.map(lambda leaf: leaf[None], fresh_starts(game, config.games, start_key))
     players = _players(plan, network, setting, player_key)
     games, played = collect(game, players, state.games, starts, play_key, config.steps_per_iteration)
@@ -133,7 +130,7 @@ def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray)
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
-    student = PersistentNoise(explores, jax.random.bits(key, (games,), jnp.uint32))
+    student = replace(explores, bits=jax.random.bits(key, (games,), jnp.uint32))
     attackers = [
         Holding(
             RolloutSearch(table.zero_sum_game, table.table, greedy(network), *ahead),
@@ -167,7 +164,8 @@ def _fit(
 
 def _error(network: QNetwork, labels: Labels) -> Scalar:
     """Return the mean squared error of the differences between a state's actions, and of their mean."""
-    wrong = network.batch(labels.observation) - labels.values
+    observation, values = labels
+    wrong = network.batch(observation) - values
     mean = jnp.mean(wrong, axis=1)
     return ORDER * jnp.mean(jnp.sum((wrong - mean[:, None]) ** 2, axis=1)) + jnp.mean(mean**2)
 

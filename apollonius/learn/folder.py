@@ -1,20 +1,28 @@
-"""The folder of a training run: its files, its lock, its configuration."""
+"""The folder of a training run: its configuration, its lock, and its checkpoint, read back to the last bit."""
 
+import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import tomli_w
+from safetensors.numpy import save
 
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.io.document import parse_toml, read_bytes, write_atomically
-from apollonius.io.errors import InvalidInput, require
+from apollonius.game.outcome import require_counts
+from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
+from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
+from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 
-_HOLDER = ".process"
-"""File with the id of the process that trains in a folder."""
-_LONGEST_ID = 20
+FORMAT = "apollonius-checkpoint-2"
+T = TypeVar("T")
 
 
 def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
@@ -42,32 +50,23 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 @contextmanager
 def held(folder: Path) -> Generator[None, None, None]:
-    """Keep other processes from training in a run's folder, where the system can.
+    """Keep other processes from training in a run's folder, where the file system has locks.
 
     Raises:
         InvalidInput: when one is training there.
     """
+    directory = os.open(folder, os.O_RDONLY)
     try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    holder, directory = folder / _HOLDER, os.open(folder, os.O_RDONLY)
+        fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(directory)
+        raise InvalidInput(f"'{folder}' is being trained by another process: wait for it, or stop it.") from error
+    except OSError:
+        pass  # a file system without locks
     try:
-        try:
-            fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            process = holder.read_text()[:_LONGEST_ID] if holder.is_file() else "another"
-            raise InvalidInput(f"'{folder}' is being trained by process {process}: wait for it, or stop it.") from error
-        except OSError:
-            pass  # a file system without locks
         for abandoned in folder.rglob("*.tmp"):  # by a process that was killed
             abandoned.unlink()
-        holder.write_text(str(os.getpid()))
-        try:
-            yield
-        finally:
-            holder.unlink(missing_ok=True)
+        yield
     finally:
         os.close(directory)
 
@@ -79,16 +78,8 @@ def agent_file(run: Path, name: str, percent: int = 100) -> Path:
 
 def _remove_run(folder: Path) -> None:
     # The config goes last: until then a half-removed folder is still known as a run's.
-    for pattern in (
-        "agents/*.safetensors",
-        "tables/*.safetensors",
-        "checkpoint.safetensors",
-        "*.jsonl",
-        "evaluation.json",
-        "report.html",
-        _HOLDER,
-        "config.toml",
-    ):
+    own = ("agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json")
+    for pattern in (*own, "report.html", "config.toml"):
         for path in folder.glob(pattern):
             path.unlink()
 
@@ -104,3 +95,89 @@ def load_config(path: Path, within: Path | None = None) -> RunConfig:
     """
     content = read_bytes(path, "a training's config.toml", "check the path", within=within)
     return from_dict(RunConfig, parse_toml(content, path), str(path))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Outcomes of the games of a greedy evaluation."""
+
+    env_steps: int
+    episodes: int
+    outcomes: dict[str, int]
+
+    def __post_init__(self) -> None:
+        require_within(self, 0, 2**62, "env_steps", "episodes")
+        require_counts(self.outcomes, "evaluation")
+        require(any(self.outcomes.values()), "outcomes", self.outcomes, "those of one game at least")
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Metadata of a checkpoint: how far a run is."""
+
+    stage: str
+    chunks: int = 0
+    """Chunks done of the stage."""
+    seconds: float = 0.0
+    """Time that they took."""
+    best: Evaluation | None = None
+    """Evaluation of the best pursuer so far."""
+    metrics_bytes: int = 0
+    """Size of `metrics.jsonl`."""
+
+    def __post_init__(self) -> None:
+        require_within(self, 0, 2**62, "chunks", "seconds", "metrics_bytes")
+
+
+def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
+    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one.
+
+    Raises:
+        OSError: when the disk is full or read-only; the previous checkpoint is untouched.
+    """
+    arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
+    write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
+
+
+def load_standing(path: Path) -> Standing:
+    """Return how far the run of a checkpoint is.
+
+    Raises:
+        InvalidInput: for a missing, truncated or foreign file, and a record that cannot be.
+    """
+    if not path.is_file():
+        raise InvalidInput(f"there is no checkpoint '{path}': the run had not begun; start it with `apollonius train`.")
+    with opened(path, "train again", "checkpoint") as file:
+        metadata = file.metadata() or {}
+    if FORMAT not in metadata:
+        raise InvalidInput(f"'{path}' is no checkpoint of this version ({FORMAT}): train again.")
+    record = parse_json(metadata[FORMAT], f"'{path}' holds no record of a run: train again")
+    return from_dict(Standing, record, f"the record of '{path}'")
+
+
+def load_checkpoint(path: Path, template: T) -> T:
+    """Return the saved pytree, in the structure of `template`, whose values are not used.
+
+    Raises:
+        InvalidInput: when the file does not hold this structure, or numbers that are not finite.
+    """
+    expected = named_leaves(template)
+    with opened(path, "train again", "checkpoint") as file:
+        if kinds_in(file) != kinds_of({name: _without_key_type(leaf) for name, leaf in expected.items()}):
+            raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
+        saved = {name: file.get_tensor(name) for name in expected}
+    require_finite(path, saved, "train again")
+    leaves = [_like(leaf, saved[name]) for name, leaf in expected.items()]
+    return jax.tree.unflatten(jax.tree.structure(template), leaves)
+
+
+def _is_key(leaf: Any) -> bool:
+    return jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+
+
+def _without_key_type(leaf: Any) -> Any:
+    return jax.random.key_data(leaf) if _is_key(leaf) else leaf
+
+
+def _like(leaf: Any, saved: Any) -> Any:
+    return jax.random.wrap_key_data(jnp.asarray(saved)) if _is_key(leaf) else jnp.asarray(saved)

@@ -1,7 +1,6 @@
 """Learning in numbers: what all algorithms share, deep Q-learning, soft actor-critic."""
 
 from dataclasses import dataclass
-from math import log
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -9,7 +8,7 @@ from jaxtyping import Array, Int
 
 from apollonius.agents.network import MOST_LAYERS, MOST_WIDTH, GaussianActor, Network, QNetwork, widened
 from apollonius.game.types import Real, Scalar
-from apollonius.io.errors import require, require_positive
+from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import PARALLEL_GAMES, TRANSITIONS
 from apollonius.observe.registry import find_observation
 
@@ -59,29 +58,22 @@ class LearnerConfig:
 
     def __post_init__(self) -> None:
         find_observation(self.observation)
-        require_positive(
-            self, "width", "depth", "n_step", "final_n_step", "learning_rate", "batch", "env_steps_per_update"
-        )
-        require_positive(self, "games", "replay_capacity")
-        require(self.width <= MOST_WIDTH, "width", self.width, f"at most {MOST_WIDTH:,}")
-        require(self.depth <= MOST_LAYERS, "depth", self.depth, f"at most {MOST_LAYERS}")
+        require_positive(self, "n_step", "final_n_step", "learning_rate", "final_learning_rate", "averaging", "batch")
+        require_positive(self, "env_steps_per_update", "games", "replay_capacity")
+        require_within(self, 1, MOST_WIDTH, "width")
+        require_within(self, 1, MOST_LAYERS, "depth")
+        require_within(self, 0, 1, "gamma", "averaging", "learning_rate")
         PARALLEL_GAMES.require("games", self.games)
         TRANSITIONS.require("replay_capacity", self.replay_capacity)
         TRANSITIONS.require("batch", self.batch)
         require(self.final_n_step <= self.n_step, "final_n_step", self.final_n_step, f"at most n_step = {self.n_step}")
-        require(0 <= self.gamma <= 1, "gamma", self.gamma, "between 0 and 1")
-        require(0 < self.averaging <= 1, "averaging", self.averaging, "more than 0 and at most 1")
-        rates = 0 < self.final_learning_rate <= self.learning_rate < 1
-        require(rates, "final_learning_rate", self.final_learning_rate, "above 0 and at most learning_rate, below 1")
-        shape = (self.games, self.env_steps_per_update)
-        require(
-            max(shape) % min(shape) == 0, "env_steps_per_update", self.env_steps_per_update,
-            f"a multiple or a divisor of games = {self.games}",
-        )  # fmt: skip
-        require(
-            self.rows >= 2 * (self.n_step + self.steps_per_iteration), "replay_capacity", self.replay_capacity,
-            f"at least {2 * (self.n_step + self.steps_per_iteration) * self.games} for these games and n_step",
-        )  # fmt: skip
+        falls = self.final_learning_rate <= self.learning_rate
+        require(falls, "final_learning_rate", self.final_learning_rate, f"at most learning_rate = {self.learning_rate}")
+        steps, bound = self.env_steps_per_update, f"a multiple or a divisor of games = {self.games}"
+        require(max(self.games, steps) % min(self.games, steps) == 0, "env_steps_per_update", steps, bound)
+        rows = 2 * (self.n_step + self.steps_per_iteration)
+        bound = f"at least {rows * self.games} for these games and n_step"
+        require(self.rows >= rows, "replay_capacity", self.replay_capacity, bound)
 
     @property
     def steps_per_iteration(self) -> int:
@@ -142,8 +134,7 @@ class DQNConfig(LearnerConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "target_period")
-        require(0 <= self.final_epsilon <= 1, "final_epsilon", self.final_epsilon, "between 0 and 1")
-        require(0 <= self.exploration_fraction <= 1, "exploration_fraction", self.exploration_fraction, "from 0 to 1")
+        require_within(self, 0, 1, "final_epsilon", "exploration_fraction")
 
     def epsilon(self, first: float, stage: int, env_steps: Int[Array, ""]) -> Scalar:
         """Return the share of random actions, from `first` at the beginning of a stage of this many env steps."""
@@ -180,12 +171,9 @@ class SACConfig(LearnerConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "target_averaging", "first_temperature")
-        require(self.target_averaging <= 1, "target_averaging", self.target_averaging, "at most 1")
-        random = 2 * log(2)
-        require(
-            self.target_entropy < random, "target_entropy", self.target_entropy, "less than 1.39, as of random ones"
-        )
-        require(self.critics_first >= 0, "critics_first", self.critics_first, "at least 0")
+        require_within(self, 0, 1, "target_averaging")
+        require_within(self, -1_000, 1.38, "target_entropy")  # of uniformly random actions it is 2 log(2) = 1.386
+        require_within(self, 0, 2**31, "critics_first")
         whole = self.noise_steps >= 1 and self.noise_steps % self.steps_per_iteration == 0
         bound = f"a multiple of env_steps_per_update / games = {self.steps_per_iteration}"
         require(whole, "noise_steps", self.noise_steps, bound)

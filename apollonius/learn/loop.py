@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from apollonius.agents.pool import Assigned, PersistentNoise, Pool
+from apollonius.agents.pool import Assigned, Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, GameState, Outcome, Role, Scalar
@@ -124,9 +124,7 @@ def iterated(
     )
 
 
-def _playing(
-    plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]
-) -> Pool | Assigned | PersistentNoise:
+def _playing(plan: Plan, role: Role, state: TrainState, fixed: Mapping[Role, Pool]) -> Pool | Assigned:
     """Return the players of one side: of one that learns they explore, by soft actor-critic with noise that lasts."""
     match plan.learner:
         case DQNConfig() as dqn_config:
@@ -139,7 +137,7 @@ def _playing(
             if role in fixed or iterations == 1:
                 return playing
             key = jax.random.fold_in(jax.random.fold_in(state.key, 4 + role), state.iterations // iterations)
-            return PersistentNoise(playing, jax.random.bits(key, (config.games,), jnp.uint32))
+            return replace(playing, bits=jax.random.bits(key, (config.games,), jnp.uint32))
 
 
 def _learn(

@@ -9,8 +9,8 @@ import numpy as np
 from apollonius.arenas.record import from_dict
 from apollonius.game.outcome import counts_by_name, require_counts
 from apollonius.io.document import parse_json, read_bytes, to_json
-from apollonius.io.errors import InvalidInput, require
-from apollonius.learn.checkpoint import Evaluation, Standing
+from apollonius.io.errors import InvalidInput, require, require_within
+from apollonius.learn.folder import Evaluation, Standing
 from apollonius.learn.loop import Metrics
 from apollonius.learn.train_state import TrainState
 
@@ -38,14 +38,13 @@ class MetricsLine:
     """The greedy evaluation at its end, if there was one."""
 
     def __post_init__(self) -> None:
-        for name in ("env_steps", "episodes", "updates", "seconds", "env_steps_per_second"):
-            require(0 <= getattr(self, name) < 2**62, name, getattr(self, name), "0 or more")
+        require_within(self, 0, 2**62, "env_steps", "episodes", "updates", "seconds", "env_steps_per_second")
         require_counts(self.outcomes, "metrics")
         sides = set(self.losses)
         require(sides and sides <= {"pursuer", "evader"}, "losses", ", ".join(sides), "those of pursuer and evader")
-        means = {"pursuer_return": self.pursuer_return, "evader_return": self.evader_return, **self.losses}
-        for name, mean in means.items():
-            require(abs(mean) <= _LARGEST_MEAN, name, mean, f"within {_LARGEST_MEAN:g} of 0")
+        require_within(self, -_LARGEST_MEAN, _LARGEST_MEAN, "pursuer_return", "evader_return")
+        worst = max(self.losses.values(), key=abs)
+        require(abs(worst) <= _LARGEST_MEAN, "losses", worst, f"within {_LARGEST_MEAN:g} of 0")
 
     @property
     def games(self) -> int:

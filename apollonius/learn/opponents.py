@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from apollonius.io.errors import require, require_positive
+from apollonius.io.errors import require, require_positive, require_within
 
 SCHEMES: dict[str, Callable[[Any], Any] | None] = {
     "latest": None,
@@ -35,8 +35,8 @@ class OpponentConfig:
 
     def __post_init__(self) -> None:
         require(self.scheme in SCHEMES, "scheme", self.scheme, f"one of {', '.join(SCHEMES)}")
-        require_positive(self, "versions", "slots", "renewal")
-        require(0 < self.past_share <= 1, "past_share", self.past_share, "more than 0 and at most 1")
+        require_positive(self, "versions", "slots", "renewal", "past_share")
+        require_within(self, 0, 1, "past_share")
 
     @property
     def share(self) -> float:

@@ -23,15 +23,23 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_pool
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, sample_starts
+from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import loop, train_state
-from apollonius.learn.checkpoint import Evaluation, Standing, load_checkpoint, load_standing, save_checkpoint
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
-from apollonius.learn.folder import agent_file, held
+from apollonius.learn.folder import (
+    Evaluation,
+    Standing,
+    agent_file,
+    held,
+    load_checkpoint,
+    load_config,
+    load_standing,
+    save_checkpoint,
+)
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
 from apollonius.learn.teacher import TABLES, Setting, make_settings
 from apollonius.learn.train_state import TrainState
@@ -87,8 +95,7 @@ class Run:
     @property
     def work(self) -> dict[str, int]:
         """Work of each stage, by name: its env steps, once for each side that learns."""
-        sides = {FIXED_TARGET: 1, SELF_PLAY: 2, DISTILLATION: 1}
-        return {stage: sides[stage] * plan.stage.env_steps for stage, plan in self.plans.items()}
+        return {name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps for name, plan in self.plans.items()}
 
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
@@ -149,7 +156,7 @@ class Run:
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, standing = standing.chunks, replace(standing, chunks=standing.chunks + 1)
             evaluation = None
-            if _crosses(before, standing.chunks, plan.chunks, plan.stage.evaluations):
+            if plan.evaluates(before, standing.chunks):
                 evaluation = self._evaluate(stage, train)
                 if self._is_best(evaluation, standing):
                     best = _copy(train.learners[Role.PURSUER].learner.average)
@@ -167,16 +174,22 @@ class Run:
                 return Saved(train, best), False
             chunk_began = time.monotonic()
         if best is not None and standing.best is not None:
-            self._save_agent(best, Role.PURSUER, _stage1_name(self.config.evaders), asdict(standing.best), stage)
+            self._save_agent(best, Role.PURSUER, self.config.stage1_name, asdict(standing.best), stage)
         return Saved(train, best), True
 
     def _evaluate(self, stage: str, train: TrainState) -> Evaluation:
-        """Play greedily from fixed starts."""
-        networks = {role: side.learner.average for role, side in train.learners.items()}
-        distils = stage == DISTILLATION
-        fixed = solo(self.settings[0].opponents[0]) if distils else self.evaders
-        game = self.settings[0].game if distils else self.game
-        outcomes = _greedy_outcomes(game, networks, fixed, self.plans[stage].stage.evaluation_games)
+        """Play greedily from fixed starts, with fixed players for a side that does not learn."""
+        game, fixed = self.game, self.evaders
+        if stage == DISTILLATION:
+            game, fixed = self.settings[0].game, solo(self.settings[0].opponents[0])
+
+        def players(role: Role) -> Pool:
+            return solo(greedy(train.learners[role].learner.average)) if role in train.learners else fixed
+
+        start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
+        starts = sample_starts(game, start_key, self.plans[stage].stage.evaluation_games)
+        results = play_out(game, ROLES.map(players), starts, play_key)
+        outcomes = counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
         return Evaluation(int(train.env_steps), int(train.episodes), outcomes)
 
     def _is_best(self, evaluation: Evaluation, standing: Standing) -> bool:
@@ -213,6 +226,11 @@ class Run:
         save_agent(agent, agent_file(self.folder, name, percent))
 
 
+def train(folder: Path, should_stop: Callable[[], bool]) -> bool:
+    """Train the run of a folder, from its checkpoint if it has one; return False if it was stopped."""
+    return Run(load_config(folder / "config.toml"), folder, should_stop=should_stop).execute()
+
+
 def load_first(config: RunConfig, role: Role) -> Network | None:
     """Return the network that a side starts from, if the config names one.
 
@@ -223,26 +241,6 @@ def load_first(config: RunConfig, role: Role) -> Network | None:
     return None if name is None else config.learner.fitted(load_network(name, role), role.name.lower(), name)
 
 
-def _greedy_outcomes(game: Game, networks: Mapping[Role, Network], fixed: Pool, games: int) -> dict[str, int]:
-    """Count the outcomes of games between greedy networks, with fixed players for a side without one."""
-    start_key, play_key = jax.random.split(jax.random.key(_EVALUATION_SEED))
-    players = ROLES.map(lambda role: solo(greedy(networks[role])) if role in networks else fixed)
-    results = play_out(game, players, sample_starts(game, start_key, games), play_key)
-    return counts_by_name(np.bincount(np.asarray(results.outcome), minlength=len(Outcome)))
-
-
-def _stage1_name(evaders: tuple[str, ...]) -> str:
-    """Return the name of the pursuer that learned to catch these evaders."""
-    if evaders == ("still",):
-        return "P_stage1"
-    return f"P_{Path(evaders[0]).stem}" if len(evaders) == 1 else "P_pool"
-
-
 def _copy(network: Network) -> Network:
     """Copy the weights: a chunk consumes the state it is given."""
     return jax.tree.map(jnp.copy, network)
-
-
-def _crosses(before: int, after: int, total: int, times: int) -> bool:
-    """Return whether one of `times` evenly spaced moments in `total` chunks is in (before, after]."""
-    return after * times // total > before * times // total

@@ -1,7 +1,6 @@
 """The stages of a training in numbers: the two of the curriculum, and distillation; and the plan of a stage."""
 
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Literal
 
 from apollonius.agents.disturbance import Disturbance
@@ -9,7 +8,7 @@ from apollonius.catalogue import TABLE
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.io.errors import require, require_positive
+from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
 from apollonius.learn.learner_config import LearnerConfig
 from apollonius.learn.opponents import OpponentConfig
@@ -40,13 +39,11 @@ class StageConfig:
     """How the robots of both sides depart from those of the rules while training; by default not at all."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "env_steps", "evaluations", "evaluation_games")
+        require_positive(self, "evaluations", "evaluation_games")
         GAMES.require("evaluation_games", self.evaluation_games)
-        require(self.env_steps < 2**30, "env_steps", self.env_steps, "less than 2^30, what the counter can hold")
-        for name in ("progress", "failure"):
-            require(0 <= getattr(self, name) < inf, name, getattr(self, name), "at least 0 and finite")
-        for name in ("pursuer_epsilon", "evader_epsilon"):
-            require(0 <= getattr(self, name) <= 1, name, getattr(self, name), "between 0 and 1")
+        require_within(self, 1, 2**30 - 1, "env_steps")  # as the counter can hold
+        require_within(self, 0, 10**9, "progress", "failure")
+        require_within(self, 0, 1, "pursuer_epsilon", "evader_epsilon")
 
     @property
     def epsilon(self) -> BySide[float]:
@@ -75,7 +72,7 @@ class SelfPlayConfig(StageConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(1 <= self.snapshots <= 100, "snapshots", self.snapshots, "from 1 to 100")
+        require_within(self, 1, 100, "snapshots")
 
     @property
     def snapshot_percents(self) -> tuple[int, ...]:
@@ -115,12 +112,9 @@ class DistillationConfig(StageConfig):
         super().__post_init__()
         require_positive(self, "updates")
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
-        require(0 <= self.clearance < inf, "clearance", self.clearance, "at least 0 m and finite")
-        for name in ("near_sighted", "far_sighted"):
-            require(getattr(self, name) >= 0, name, getattr(self, name), "at least 0")
-        require(
-            self.disturbance == Disturbance(), "disturbance", self.disturbance, "left out: robots are the rules' own"
-        )
+        require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted")
+        undisturbed = self.disturbance == Disturbance()
+        require(undisturbed, "disturbance", self.disturbance, "left out: robots are the rules' own")
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property
@@ -155,6 +149,11 @@ class Plan:
     def chunks(self) -> int:
         """Compiled calls in the whole stage."""
         return -(-self.stage.env_steps // self.env_steps_per_chunk)
+
+    def evaluates(self, before: int, after: int) -> bool:
+        """Return whether one of the stage's evaluations is in the chunks (before, after]."""
+        times = self.stage.evaluations
+        return after * times // self.chunks > before * times // self.chunks
 
     def share(self, env_steps: int) -> float:
         """Return the share of the stage's work that is done after some env steps: of those that updates go with."""

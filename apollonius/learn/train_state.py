@@ -10,7 +10,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.agents.network import Network
 from apollonius.agents.pool import Assigned, Pool, solo
-from apollonius.agents.trained import exploring
+from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import ROLES, Role, Scalar
@@ -86,12 +86,10 @@ def start(
 
 def first_learner(plan: Plan, key: PRNGKeyArray, network: Network | None) -> Learner:
     """Return a learner that starts from a copy of a network, or from random weights. The key is consumed."""
-    match plan.learner:
-        case SACConfig() as config:
-            return sac.init(config, key, network)
-        case config:
-            assert isinstance(config, DQNConfig)
-            return dqn.init(config, key, network)
+    if isinstance(plan.learner, SACConfig):
+        return sac.init(plan.learner, key, network)
+    assert isinstance(plan.learner, DQNConfig)
+    return dqn.init(plan.learner, key, network)
 
 
 def players(
@@ -112,4 +110,6 @@ def players(
     learner = exploring(learners[role].learner.network, amount)
     if archives is None:
         return solo(learner)
-    return archive.players(archives[role], plan.opponents, role, learner, plan.learner.games)
+    config, games = plan.opponents, plan.learner.games
+    slots = config.slots, config.first_game(role, games), config.slot_games(games)
+    return Assigned(learner, greedy(archives[role].in_slots), *slots)

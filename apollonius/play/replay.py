@@ -138,10 +138,10 @@ class Replay:
 
     def trajectory(self) -> Trajectory:
         """Return the game as it was recorded."""
-        pursuers, again = len(self.game.bodies.pursuer), self._again()[0] if self.game.teams else None
+        pursuers = len(self.game.bodies.pursuer)
         states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
-        if again is not None:
-            states = eqx.tree_at(lambda states: states.status, states, again.status, is_leaf=lambda leaf: leaf is None)
+        if self.game.teams:
+            states = replace(states, status=self._again()[0].status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
@@ -163,19 +163,9 @@ def as_state(row: Float32[Array, " numbers"], steps: Int[Array, ""], pursuers: i
 
 def as_data(replay: Replay) -> dict[str, Any]:
     """Return a replay as JSON-like data, without loss of bits."""
-    return {
-        "format": FORMAT,
-        "game": to_dict(replay.game),
-        "pursuer": replay.pursuer,
-        "evader": replay.evader,
-        "seed": replay.seed,
-        "games": replay.games,
-        "index": replay.index,
-        "outcome": replay.outcome.name.lower(),
-        "tolerance": replay.tolerance,
-        "actions": replay.actions.tolist(),
-        "states": replay.states.astype(float).tolist(),
-    }
+    arrays = {"actions": replay.actions.tolist(), "states": replay.states.astype(float).tolist()}
+    named = {"format": FORMAT, "game": to_dict(replay.game), "outcome": replay.outcome.name.lower()}
+    return vars(replay) | named | arrays
 
 
 def save_replay(replay: Replay, path: Path) -> None:
@@ -194,10 +184,9 @@ def load_replay(path: Path) -> Replay:
     version = data.get("format")
     require(version == FORMAT, f"'{path}': format", version, f"{FORMAT}, as this version reads")
     record = from_dict(_Record, data, f"'{path}' is no replay")
-    first = record.actions[:1]
-    discrete = not (first and isinstance(first[0], list) and first[0] and isinstance(first[0][0], list))
-    actions = _numbers(record.actions, np.int32 if discrete else np.float32, f"'{path}': actions")
-    states = _numbers(record.states, np.float32, f"'{path}': states")
+    actions, states = _numbers(record.actions, f"'{path}': actions"), _numbers(record.states, f"'{path}': states")
+    discrete = actions.ndim < 3
+    require(actions.dtype.kind == "i" or not discrete, f"'{path}': actions", "some", "whole numbers")
     game = from_dict(Game, record.game, f"'{path}'")
     robots = sum(map(len, game.bodies))
     shape = (len(actions), robots) if discrete else (len(actions), robots, 2)
@@ -208,7 +197,8 @@ def load_replay(path: Path) -> Replay:
     require(known, f"'{path}': actions, states", "some", f"from {least} to {most}, and within {MAX_SIZE:g} of 0")
     outcome = Outcome[record.outcome.upper()]
     match = record.pursuer, record.evader, record.seed, record.games, record.index
-    return Replay(game, *match, states, actions, outcome, record.tolerance)
+    actions = actions.astype(np.int32 if discrete else np.float32)
+    return Replay(game, *match, states.astype(np.float32), actions, outcome, record.tolerance)
 
 
 @dataclass(frozen=True)
@@ -236,13 +226,11 @@ class _Record:
         require(0 <= self.tolerance <= 1, "tolerance", self.tolerance, "from 0 to 1")
 
 
-def _numbers(data: list[Any], kind: type, name: str) -> np.ndarray:
-    """Return nested lists of numbers as an array, of integers where the kind is; refuse strings and booleans."""
+def _numbers(data: list[Any], name: str) -> np.ndarray:
+    """Return nested lists of numbers as an array; refuse strings and booleans."""
     try:
         found = np.array(data)
     except ValueError:  # lists of different lengths
         found = np.array(None)
-    kinds = "i" if np.issubdtype(kind, np.integer) else "if"
-    require(found.dtype.kind in kinds or not data, name, "some", "numbers, whole ones for actions of nine")
-    with np.errstate(over="ignore"):  # what is too large for single precision is infinite, and refused as that
-        return found.astype(kind)
+    require(found.dtype.kind in "if", name, "some", "numbers")
+    return found

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from apollonius.io.errors import require
-from apollonius.io.jobs import available_cores
+from apollonius.io.errors import InvalidInput, require
+from apollonius.io.jobs import Job, available_cores, run_jobs
 from apollonius.io.limits import SEEDS, STUDY_GAMES
 from apollonius.learn.config import PRESETS
-from apollonius.learn.trainings import train_runs
+from apollonius.learn.folder import agent_file, create_run, load_config
+from apollonius.learn.run import train
 from apollonius.reproduce.figures import figure_4, figure_5, figure_6, figure_7, figure_8, table_2, table_3
 from apollonius.reproduce.finding import write_report
 from apollonius.reproduce.study import Study
@@ -51,7 +52,7 @@ def reproduce(
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    if not train_runs(study.trainings(), available_cores(), report, on):
+    if not _train_missing(study, report, on):
         return False
     findings = []
     for section in SECTIONS:
@@ -59,3 +60,26 @@ def reproduce(
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
     return True
+
+
+def _train_missing(study: Study, report: Callable[[str], None], on: str) -> bool:
+    """Train the runs that are not finished, several at a time; those that were stopped are resumed.
+
+    Returns:
+        Whether all are finished.
+
+    Raises:
+        InvalidInput: when a run's folder holds another training than asked for, before anything is trained; when a
+            training fails, after the others that run beside it.
+    """
+    missing: list[Path] = []
+    for folder, (config, agents) in study.trainings().items():
+        if not (folder / "config.toml").is_file():
+            create_run(config, folder)
+        elif load_config(folder / "config.toml") != config:
+            raise InvalidInput(f"'{folder}' holds another training than this one: choose another folder.")
+        if not all(agent_file(folder, agent).is_file() for agent in agents):
+            missing.append(folder)
+    cores = available_cores()
+    report(f"{len(missing)} of {len(study.trainings())} trainings to do, {len(cores)} at a time")
+    return run_jobs([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing], cores, report, on)

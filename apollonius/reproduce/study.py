@@ -7,9 +7,8 @@ from apollonius import Game, Match, Named, Role, find_player
 from apollonius.evaluate.claims import FULL_BUDGET
 from apollonius.evaluate.match import MatchResult, count, play_games
 from apollonius.game.by_side import BySide
-from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import agent_file
+from apollonius.learn.folder import Evaluation, agent_file
 from apollonius.learn.metrics import MetricsLine, evaluations_of, load_metrics
 from apollonius.play.playout import Results
 

@@ -32,14 +32,14 @@ def states(seed, count):
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_it_is_the_nearest_of_all_places_that_the_evader_is_first_at(ratio):
     """By a search over a fine grid, far beyond the robots."""
-    axis = np.linspace(-20, 30, 1001)
+    axis = np.linspace(-20, 30, 501)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1)
     reached = []
     for evader, pursuer, goal in states(0, 14):
         to_evader, to_pursuer, to_goal = (np.linalg.norm(grid - one, axis=-1) for one in (evader, pursuer, goal))
         first = to_evader < ratio * to_pursuer
         x, y = place(evader, pursuer, ratio, goal)
-        assert np.hypot(x - goal[0], y - goal[1]) == pytest.approx(to_goal[first].min(), abs=0.06)
+        assert np.hypot(x - goal[0], y - goal[1]) == pytest.approx(to_goal[first].min(), abs=0.11)
         late = np.hypot(x - evader[0], y - evader[1]) - ratio * np.hypot(x - pursuer[0], y - pursuer[1])
         reached.append(np.allclose([x, y], goal, atol=1e-4))
         assert late < 1e-3 if reached[-1] else abs(late) < 2e-3 * (1 + np.hypot(x, y))
@@ -51,16 +51,8 @@ def test_who_aims_there_guards_better_than_who_heads_for_the_evader():
     evader = find_player("territory", Role.EVADER, game).policy
     lost = {}
     for name in ("territory", "pure-pursuit"):
-        result = play_match(a_match(game, find_player(name, Role.PURSUER, game).policy, evader, 200, seed=0))
-        lost[name] = result.outcomes["territory_reached"] / 200
+        result = play_match(a_match(game, find_player(name, Role.PURSUER, game).policy, evader, 100, seed=0))
+        lost[name] = result.outcomes["territory_reached"] / 100
         own = result.outcomes["pursuer_hit_obstacle"] + result.outcomes["pursuer_out_of_range"]
-        assert result.evader_win_rate == pytest.approx(lost[name] + own / 200)
+        assert result.evader_win_rate == pytest.approx(lost[name] + own / 100)
     assert 0.05 < lost["territory"] < lost["pure-pursuit"] - 0.05
-
-
-def test_the_evader_begins_outside():
-    game = make_game("territory")
-    starts = jax.vmap(game.reset)(jax.random.split(jax.random.key(0), 200))
-    away = np.hypot(starts.evader.x - 5.0, starts.evader.y - 5.0)
-    assert away.min() >= 1.0 + game.starts.separation
-    assert np.hypot(starts.pursuer.x - 5.0, starts.pursuer.y - 5.0).min() < 1

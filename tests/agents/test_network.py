@@ -6,10 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.greedy import EpsilonGreedy
+from apollonius.agents.greedy import EpsilonGreedy, SquashedGaussian
 from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.pool import solo
-from apollonius.agents.squashed import SquashedGaussian
 from tests.acting import act, act_in_rows
 
 NETWORK = make_network("encoded", 16, 3, jax.random.key(0))

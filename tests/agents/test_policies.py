@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from apollonius.agents.classical import Still
+from apollonius.agents.classical import Still, Uniform, uniform_action
 from apollonius.agents.greedy import EpsilonGreedy, Greedy
 from apollonius.agents.network import make_network
-from apollonius.agents.pool import stack
-from apollonius.agents.uniform import Uniform, uniform_action
 from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
-from apollonius.observe.paper import PAPER
-from tests.acting import act, act_in_rows
+from tests.acting import act
 
 WORDS = jax.random.bits(jax.random.key(7), (200_000,), jnp.uint32)
 NOTHING = jnp.zeros(8)
@@ -93,14 +90,6 @@ def test_still_brakes_straight_ahead_when_it_moves():
     assert end.heading == start.heading
     np.testing.assert_allclose(end.x - start.x, braking * np.cos(0.5), atol=1e-5)
     np.testing.assert_allclose(end.y - start.y, braking * np.sin(0.5), atol=1e-5)
-
-
-def test_each_game_meets_its_own_member_of_a_pool():
-    pool = stack([Greedy(best_is(action)) for action in (3, 5, 8)])
-    member = jnp.array([2, 0, 1, 1, 2])
-    assert pool.size == 3
-    assert pool.observation == PAPER
-    assert act_in_rows(pool, member, jnp.zeros((5, 8)), WORDS[:5]).tolist() == [8, 3, 5, 5, 8]
 
 
 def allowing(*actions):

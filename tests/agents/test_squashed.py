@@ -1,5 +1,6 @@
 """Players with continuous actions: how they draw, what they do when it counts, and behind a shield."""
 
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -9,20 +10,16 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
+from apollonius.agents.greedy import SquashedGaussian, normal_pair
 from apollonius.agents.network import make_actor
 from apollonius.agents.policy import AbstractContinuous
-from apollonius.agents.pool import Assigned, PersistentNoise, solo, stack
-from apollonius.agents.shield import MARGIN, brakes, shielded
-from apollonius.agents.squashed import SquashedGaussian, SquashedMean, normal_pair
+from apollonius.agents.pool import stack
 from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import exploring, find_action_value_policy, greedy
-from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_pool
-from apollonius.game.game import Game
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
-from apollonius.observe.view import look
 from tests.acting import act, act_in_rows
 
 WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
@@ -31,7 +28,7 @@ SEEN = jnp.linspace(-1, 1, 8)
 
 
 class Wants(AbstractContinuous):
-    """Always the same action levels."""
+    """Always the same levels."""
 
     levels: tuple[float, float] = eqx.field(static=True)
 
@@ -85,67 +82,19 @@ def test_deviations_stay_within_their_bounds():
     ("levels", "allowed", "action"),
     [((1.0, 1.0), range(9), 8), ((0.4, -0.6), range(9), 3), ((0.4, -0.6), (0, 1, 8), 0), ((-9.0, 0.2), (2, 4), 2)],
 )
-def test_where_only_some_actions_are_allowed_it_takes_that_nearest_in_levels(levels, allowed, action):
+def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_levels(levels, allowed, action):
     mask = jnp.isin(jnp.arange(9), jnp.array(list(allowed)))
     assert Wants(levels).choose(act(Wants(levels), SEEN, WORDS[0]), mask) == action
-
-
-@pytest.mark.parametrize(
-    ("policy", "expected"),
-    [(Uniform(), False), (SquashedMean(ACTOR), True), (Wants((0.0, 0.0)), True)],
-)
-def test_a_players_kind_of_action_is_known_without_asking_it(policy, expected):
-    assert policy.continuous == expected
-    assert shielded(policy, Game(), Role.EVADER).continuous == expected
-
-
-def robot(x, y, v=0.0, heading=0.0):
-    return RobotState(*map(jnp.float32, (x, y, v, heading)))
-
-
-def guarded_action(own, levels):
-    state = GameState.of_two(own, robot(1.0, 1.0), jnp.asarray(0))
-    player = shielded(Wants(levels), Game(), Role.PURSUER)
-    return eqx.filter_jit(act)(player, player.observation(look(Game(), state, Role.PURSUER)), WORDS[0])
-
-
-def test_behind_a_shield_it_keeps_its_action_where_they_are_safe():
-    np.testing.assert_array_equal(guarded_action(robot(5.0, 5.0, 0.6), (0.3, -0.7)), np.float32([0.3, -0.7]))
-
-
-def test_behind_a_shield_unsafe_actions_become_the_nearest_discrete_ones_that_are_safe():
-    """At full speed 1.25 m before a wall only braking and turning at once will do: actions 0 and 2."""
-    own = robot(10 - 1.25, 5.0, 1.2)
-    for turn, action in ((0.3, [-1, 1]), (-0.3, [-1, -1])):
-        assert brakes(Game(), Role.PURSUER).clearance_after(own, jnp.array([0.5, turn])) < MARGIN
-        np.testing.assert_array_equal(guarded_action(own, (0.5, turn)), action)
-
-
-def test_pools_hand_each_game_the_action_of_its_own_player():
-    members = [Wants((number / 10, -number / 10)) for number in range(3)]
-    actors = [make_actor("paper", 8, 1, jax.random.key(seed)) for seed in range(3)]
-    pool = stack([exploring(actor, jnp.asarray(0.0)) for actor in actors])
-    member = jnp.array([2, 0, 1, 1])
-    seen, bits = jnp.tile(SEEN, (4, 1)), WORDS[:4]
-    expected = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in member.tolist()]
-    np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(expected), atol=1e-6)
-    assert act_in_rows(solo(members[1]), jnp.zeros(4, jnp.int32), seen, bits).shape == (4, 2)
-    assigned = jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(SquashedMean, actors[:2]))
-    pool = Assigned(SquashedMean(actors[2]), assigned, count=2, first=1, games=1)
-    by_game = [act(greedy(actors[number]), SEEN, WORDS[0]) for number in (2, 0, 1, 2)]
-    np.testing.assert_allclose(act_in_rows(pool, member, seen, bits), jnp.stack(by_game), atol=1e-6)
 
 
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(SEEN, (4, 1))
-    held = PersistentNoise(pool, WORDS[4:8])
+    held = replace(pool, bits=WORDS[4:8])
     np.testing.assert_array_equal(
         act_in_rows(held, member, seen, WORDS[:4]), act_in_rows(pool, member, seen, WORDS[4:8])
     )
     assert (act_in_rows(held, member, seen, WORDS[:4]) != act_in_rows(pool, member, seen, WORDS[:4])).all()
-    np.testing.assert_array_equal(held.sample(WORDS), pool.sample(WORDS))
-    assert (held.samples, held.observation) == (True, PAPER)
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):

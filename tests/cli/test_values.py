@@ -153,16 +153,15 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
     from apollonius.cli.exploit import ATTACKERS
     from apollonius.cli.options import LENGTHS
     from apollonius.cli.show import MOVING
-    from apollonius.cli.train import BY_TABLE, PROFILES
+    from apollonius.cli.train import PROFILES
     from apollonius.exploit.attackers import KINDS
     from apollonius.game import names
     from apollonius.game import presets as games
     from apollonius.learn import learner_config
-    from apollonius.learn.config import DISTILLATIONS, PRESETS
+    from apollonius.learn.config import PRESETS
     from apollonius.show import animation
 
     assert set(LENGTHS) == set(PRESETS)
-    assert set(BY_TABLE) == set(DISTILLATIONS)
     assert list(ATTACKERS) == list(KINDS)
     assert tuple(PLAYERS) == BUILT_IN
     assert tuple(games.PRESETS) == names.PRESETS

@@ -1,13 +1,13 @@
-"""PettingZoo's interface: what its own tests say, and that it is the very same game."""
+"""PettingZoo's interface: no complaint from its own tests, a game by the rules, and agents of teams that leave."""
 
-import functools
+import copy
 
 import gymnasium
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import apollonius
@@ -20,6 +20,7 @@ from apollonius.observe.registry import observe
 AGENTS = {"pursuer_0": Role.PURSUER, "evader_0": Role.EVADER}
 PAPER = make_game("paper")
 SHORT = Game(arena=PAPER.arena, max_steps=3)
+STAY = dict.fromkeys(AGENTS, 4)
 
 
 @pytest.fixture(scope="module")
@@ -27,36 +28,28 @@ def env():
     return apollonius.parallel_env()
 
 
-def test_pettingzoos_parallel_test_has_no_complaint(env):
-    """Warnings are errors here."""
-    parallel_api_test(env, num_cycles=300)
+@pytest.fixture(scope="module")
+def team():
+    return apollonius.parallel_env("team-3v2", render_mode="rgb_array")
+
+
+@pytest.mark.parametrize("players", ["env", "team"])
+def test_pettingzoos_tests_have_no_complaint(players, request):
+    """Warnings are errors here. A copy has the compilation of what it is a copy of."""
+    env = request.getfixturevalue(players)
+    parallel_api_test(env, num_cycles=100)
+    parallel_seed_test(lambda: copy.deepcopy(env), num_cycles=25)
+    api_test(parallel_to_aec(copy.deepcopy(env)), num_cycles=100)
+    seed_test(lambda: parallel_to_aec(copy.deepcopy(env)), num_cycles=25)
 
 
 def test_parts_of_the_largest_controls_move_the_robot_by_these_parts():
     env = apollonius.parallel_env(actions="continuous", observation="paper")
-    parallel_api_test(env, num_cycles=100)
     env.reset(seed=0)
     for _ in range(4):
         seen, *_ = env.step({"pursuer_0": np.float32([0.5, 0.0]), "evader_0": np.float32([0.25, 1.0])})
-    pursuer, evader = seen["pursuer_0"][:4], seen["evader_0"][:4]
-    assert pursuer[2] == pytest.approx(2 * 4 * 0.1 * 0.5 * 0.3 / 1.2 - 1, abs=1e-5)
-    assert evader[2] == pytest.approx(2 * 4 * 0.1 * 0.25 * 0.3 / 1.2 - 1, abs=1e-5)
-
-
-def test_pettingzoos_seed_tests_have_no_complaint():
-    parallel_seed_test(apollonius.parallel_env, num_cycles=50)
-    seed_test(lambda: parallel_to_aec(apollonius.parallel_env()), num_cycles=50)
-
-
-def test_as_an_aec_environment_it_passes_pettingzoos_test(env):
-    api_test(parallel_to_aec(env), num_cycles=300)
-
-
-def test_pettingzoos_render_test_has_no_complaint(monkeypatch, capsys):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    make = functools.lru_cache(apollonius.parallel_env)  # one compilation for each mode
-    render_test(lambda render_mode: parallel_to_aec(make(render_mode=render_mode)))
-    assert "ongoing" in capsys.readouterr().out
+    speeds = [seen[agent][2] for agent in AGENTS]
+    assert speeds == pytest.approx([2 * 4 * 0.1 * part * 0.3 / 1.2 - 1 for part in (0.5, 0.25)], abs=1e-5)
 
 
 def test_a_game_goes_as_the_rules_say(env):
@@ -64,16 +57,18 @@ def test_a_game_goes_as_the_rules_say(env):
     assert infos == {agent: {"outcome": "ongoing"} for agent in AGENTS}
     bits = np.random.Generator(np.random.PCG64(5)).integers(2**32, dtype=np.uint64)
     state = PAPER.reset(jax.random.key(np.uint32(bits)))
-    step = jax.jit(PAPER.step)
-    rng = np.random.default_rng(0)
+    step, rng = jax.jit(PAPER.step), np.random.default_rng(0)
+    sees = jax.jit(lambda state: [observe(PAPER, state, role, "encoded") for role in Role])
     for _ in range(400):
-        for agent, role in AGENTS.items():
-            np.testing.assert_allclose(seen[agent], observe(PAPER, state, role, "encoded"), atol=1e-4)
+        before = list(seen.values())
+        for mine, theirs in zip(before, sees(state), strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-4)
+        kept = np.copy(before)
         pursuer, evader = rng.integers(3, 9), rng.integers(9)
         seen, rewards, terminations, truncations, infos = env.step({"pursuer_0": pursuer, "evader_0": evader})
+        np.testing.assert_array_equal(before, kept, "what was returned stays as it was")
         after = step(state, jnp.int32(pursuer), jnp.int32(evader))
-        expected = {"pursuer_0": after.reward.pursuer, "evader_0": after.reward.evader}
-        assert rewards == pytest.approx({agent: float(reward) for agent, reward in expected.items()}, abs=1e-4)
+        assert list(rewards.values()) == pytest.approx([float(reward) for reward in after.reward], abs=1e-4)
         assert terminations == dict.fromkeys(AGENTS, bool(after.terminated))
         assert truncations == dict.fromkeys(AGENTS, False)
         assert infos["evader_0"] == infos["pursuer_0"] == {"outcome": Outcome(int(after.outcome)).name.lower()}
@@ -86,36 +81,19 @@ def test_a_game_goes_as_the_rules_say(env):
 
 def test_the_time_limit_truncates_and_does_not_terminate():
     env = apollonius.parallel_env(SHORT, observation="paper")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(STAY)
     env.reset(seed=0)
     for left in (2, 1, 0):
-        _, _, terminations, truncations, infos = env.step({"pursuer_0": 4, "evader_0": 4})
+        _, _, terminations, truncations, infos = env.step(STAY)
         assert set(terminations.values()) == {False}
         assert set(truncations.values()) == {left == 0}
     assert infos["pursuer_0"]["outcome"] == "no_result"
     with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step({"pursuer_0": 4, "evader_0": 4})
-
-
-def test_seed_zero_is_a_seed_and_later_games_follow_from_it(env):
-    def two_games(seed):
-        return np.concatenate([env.reset(seed=seed)[0]["pursuer_0"], env.reset()[0]["pursuer_0"]])
-
-    assert (two_games(0) == two_games(0)).all()
-    assert (two_games(0)[:17] != two_games(0)[17:]).any()
-    assert (two_games(0) != two_games(1)).any()
-    env.reset(seed=None)
-
-
-def test_what_is_told_stays_as_it_was(env):
-    seen, _ = env.reset(seed=1)
-    before = {agent: numbers.copy() for agent, numbers in seen.items()}
-    env.step({"pursuer_0": 8, "evader_0": 6})
-    assert all((seen[agent] == before[agent]).all() for agent in AGENTS)
+        env.step(STAY)
 
 
 def test_bad_input_is_refused(env):
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        apollonius.parallel_env(SHORT).step({"pursuer_0": 0, "evader_0": 0})
     env.reset()
     with pytest.raises(InvalidInput, match=r"action = 9 .* from 0 to 8"):
         env.step({"pursuer_0": 9, "evader_0": 0})
@@ -124,4 +102,28 @@ def test_bad_input_is_refused(env):
     for bad in ({"game": "chess"}, {"observation": "eyes"}, {"render_mode": "hologram"}):
         with pytest.raises(InvalidInput, match=next(iter(bad.values()))):
             apollonius.parallel_env(**bad)
-    assert env.possible_agents == list(AGENTS)
+
+
+def test_agents_leave_when_they_are_out_and_the_game_goes_on(team):
+    """All drive on straight until one after the other leaves the walls or hits something."""
+    env, left, steps = team, {}, 0
+    seen, infos = env.reset(seed=3)
+    assert list(seen) == env.agents == ["pursuer_0", "pursuer_1", "pursuer_2", "evader_0", "evader_1"]
+    assert infos["evader_1"] == {"outcome": "ongoing", "status": "active"}
+    first = env.render()
+    while env.agents:
+        before, steps = list(env.agents), steps + 1
+        seen, rewards, terminations, truncations, infos = env.step(dict.fromkeys(before, 7))
+        assert list(seen) == list(rewards) == list(terminations) == list(truncations) == list(infos) == before
+        over = {info["outcome"] for info in infos.values()} != {"ongoing"}
+        for agent in before:
+            gone = infos[agent]["status"] != "active"
+            assert terminations[agent] == (gone or over)
+            assert (agent in env.agents) == (not gone and not over)
+            if gone:
+                left[agent] = infos[agent]["status"], rewards[agent], steps
+        assert not any(truncations.values())
+    assert len({step for _, _, step in left.values()}) >= 2
+    assert {status for status, _, _ in left.values()} <= {"captured", "hit_obstacle", "out_of_range"}
+    assert all(reward == -10 for status, reward, _ in left.values() if status != "captured")
+    assert (env.render() != first).any()

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import Uniform
+from apollonius.agents.greedy import SquashedMean
 from apollonius.agents.network import make_actor
-from apollonius.agents.squashed import SquashedMean
-from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.card import measure_card
 from apollonius.evaluate.match import begin, play_match
 from apollonius.game.types import Role

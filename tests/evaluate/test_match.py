@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.classical import Still
-from apollonius.agents.uniform import Uniform
+from apollonius.agents.classical import Still, Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match

@@ -5,7 +5,8 @@ import itertools
 import math
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -119,50 +120,25 @@ def test_it_loads_what_is_exported(pilot_module, tmp_path):
 
 
 class Node:
-    """What the template uses of `rclpy.node.Node`."""
+    """What the template uses of `rclpy.node.Node`: calls are recorded."""
 
     def __init__(self, name):
-        self.name, self.listeners, self.published, self.warnings, self.now = name, {}, [], [], 0.0
+        self.asked = MagicMock()
 
-    def declare_parameter(self, name, value):
-        self.parameters = {name: SimpleNamespace(value=value)}
+    def __getattr__(self, name):
+        return getattr(self.asked, name)
 
     def get_parameter(self, name):
-        return self.parameters[name]
-
-    def create_subscription(self, kind, topic, listener, qos):
-        self.listeners[topic] = listener
-
-    def create_publisher(self, kind, topic, depth):
-        return SimpleNamespace(publish=lambda message: self.published.append((topic, message)))
-
-    def create_timer(self, seconds, callback):
-        self.timer = (seconds, callback)
-
-    def get_clock(self):
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=int(self.now * 1e9)))
-
-    def get_logger(self):
-        return SimpleNamespace(warning=lambda text, throttle_duration_sec: self.warnings.append(text))
+        return SimpleNamespace(value=self.asked.declare_parameter.call_args.args[1])
 
 
 @pytest.fixture
 def node(pilot_module, monkeypatch):
     """The template's node, with a policy that wants to go faster and left."""
-    modules = {
-        "rclpy": {},
-        "rclpy.node": {"Node": Node},
-        "rclpy.executors": {"ExternalShutdownException": RuntimeError},
-        "rclpy.qos": {"qos_profile_sensor_data": object()},
-        "geometry_msgs": {},
-        "geometry_msgs.msg": {"Twist": lambda: SimpleNamespace(linear=SimpleNamespace(), angular=SimpleNamespace())},
-        "nav_msgs": {},
-        "nav_msgs.msg": {"Odometry": object()},
-    }
-    for name, content in modules.items():
-        module = ModuleType(name)
-        vars(module).update(content)
-        monkeypatch.setitem(sys.modules, name, module)
+    for name in ("rclpy", "rclpy.executors", "rclpy.qos", "geometry_msgs", "nav_msgs", "nav_msgs.msg"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    monkeypatch.setitem(sys.modules, "rclpy.node", SimpleNamespace(Node=Node))
+    monkeypatch.setitem(sys.modules, "geometry_msgs.msg", SimpleNamespace(Twist=MagicMock))
     template = load("pursuit_node")
     sys.modules.pop("pursuit_node")
     monkeypatch.setattr(template, "load_policy", lambda file: lambda state: (8, 0.3, 0.8))
@@ -183,18 +159,21 @@ def odometry(x, y, v, heading, stamp):
 
 
 def test_the_node_drives_ten_times_a_second_and_brakes_when_it_sees_nothing(node):
-    seconds, tick = node.timer
+    seconds, tick = node.asked.create_timer.call_args.args
     assert seconds == 0.1
-    assert set(node.listeners) == {"own/odom", "opponent/odom"}
-    node.now = 5.5
+    listeners = {topic: listener for _, topic, listener, _ in (one.args for one in node.create_subscription.mock_calls)}
+    assert set(listeners) == {"own/odom", "opponent/odom"}
+    clock, warning = node.get_clock().now(), node.get_logger().warning
+    clock.nanoseconds = 5_500_000_000
     tick()
-    assert node.warnings == ["braking; own: never seen"]
-    node.listeners["own/odom"](odometry(*OWN, stamp=5.5))
-    node.listeners["opponent/odom"](odometry(*OPPONENT, stamp=5.4))
+    assert warning.call_args.args == ("braking; own: never seen",)
+    listeners["own/odom"](odometry(*OWN, stamp=5.5))
+    listeners["opponent/odom"](odometry(*OPPONENT, stamp=5.4))
     assert node.pilot.seen["opponent"] == (pytest.approx(OPPONENT), 5.4)
     tick()
-    node.now = 6.0
+    clock.nanoseconds = 6_000_000_000
     tick()
-    assert len(node.warnings) == 2
-    driven = [(topic, twist.linear.x, twist.angular.z) for topic, twist in node.published]
-    assert driven == [("cmd_vel", 0, 0), ("cmd_vel", pytest.approx(0.03), 0.8), ("cmd_vel", 0, 0)]
+    assert warning.call_count == 2
+    assert node.create_publisher.call_args.args[1] == "cmd_vel"
+    driven = [(twist.linear.x, twist.angular.z) for (twist,) in (one.args for one in node.drive.publish.mock_calls)]
+    assert driven == [(0, 0), (pytest.approx(0.03), 0.8), (0, 0)]

@@ -28,10 +28,9 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.learn.checkpoint import FORMAT as CHECKPOINT
-from apollonius.learn.checkpoint import Evaluation, Standing, load_checkpoint, load_standing, save_checkpoint
 from apollonius.learn.config import RunConfig
-from apollonius.learn.folder import load_config
+from apollonius.learn.folder import FORMAT as CHECKPOINT
+from apollonius.learn.folder import Evaluation, Standing, load_checkpoint, load_config, load_standing, save_checkpoint
 from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report.training import load_matches
@@ -190,6 +189,7 @@ LIES = [
     ("replay", {"states": [[1e30] * 8] * 4}), ("replay", {"states": [[1] * 8, [1]] * 2}), ("replay", {"seed": -1}),
     ("replay", {"index": 5}), ("replay", {"games": 10**12}), ("replay", {"pursuer": "\x1b[31m"}),
     ("replay", {"tolerance": float("inf")}), ("replay", {"game": {"dt": True}}),
+    ("replay", {"states": [["1"] * 8] * 4}),
     ("game", {"dt": 10**4000}), ("game", {"max_steps": 1.5}), ("config", {"evaders": 3}),
     ("config", {"fixed_target": {"evaluation_games": 10**29}}),
     ("metrics", {"episodes": -1}), ("metrics", {"outcomes": {"captured": 1}}), ("metrics", {"losses": {}}),

@@ -12,7 +12,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.io.jobs import Job, run_jobs
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.trainings import train
+from apollonius.learn.run import train
 from tests.learn.tiny import CHUNK, RUN
 
 pytestmark = pytest.mark.slow

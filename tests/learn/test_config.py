@@ -14,7 +14,7 @@ from apollonius.game.presets import in_teams, make_game
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
-from apollonius.learn.learner_config import PROFILES, DQNConfig, SACConfig, linear
+from apollonius.learn.learner_config import DQNConfig, SACConfig, linear
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import DistillationConfig, SelfPlayConfig, StageConfig
 from tests.documents import REPOSITORY
@@ -36,24 +36,24 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DQNConfig, {"batch": 0}, "batch = 0 .*more than 0"),
         (DQNConfig, {"learning_rate": math.nan}, "learning_rate = nan .*more than 0"),
         (DQNConfig, {"replay_capacity": 10**12}, "replay_capacity = 1000000000000 .*at least 1"),
-        (DQNConfig, {"depth": 10**6}, "depth = 1000000 .*at most 64"),
-        (DQNConfig, {"width": 10**6}, "width = 1000000 .*at most 8,192"),
+        (DQNConfig, {"depth": 10**6}, "depth = 1000000 .*from 1 to 64"),
+        (DQNConfig, {"width": 10**6}, "width = 1000000 .*from 1 to 8,192"),
         (StageConfig, {"evaluation_games": 10**10}, "evaluation_games = 10000000000 .*at least 1"),
-        (DQNConfig, {"gamma": 1.01}, "gamma = 1.01 .*between 0 and 1"),
-        (DQNConfig, {"averaging": 0.0}, "averaging = 0.0 .*more than 0 and at most 1"),
-        (DQNConfig, {"final_epsilon": -0.1}, "final_epsilon = -0.1 .*between 0 and 1"),
+        (DQNConfig, {"gamma": 1.01}, "gamma = 1.01 .*from 0 to 1"),
+        (DQNConfig, {"averaging": 0.0}, "averaging = 0.0 .*more than 0"),
+        (DQNConfig, {"final_epsilon": -0.1}, "final_epsilon = -0.1 .*from 0 to 1"),
         (DQNConfig, {"n_step": 3, "final_n_step": 4}, "final_n_step = 4 .*at most n_step = 3"),
         (DQNConfig, {"games": 64, "env_steps_per_update": 96}, "env_steps_per_update = 96 .*games = 64"),
         (DQNConfig, SMALL | {"replay_capacity": 4000}, "replay_capacity = 4000 .*at least 4352"),
-        (StageConfig, {"env_steps": 0}, "env_steps = 0 .*more than 0"),
+        (StageConfig, {"env_steps": 0}, "env_steps = 0 .*from 1 to"),
         (StageConfig, {"env_steps": 10, "evaluation_games": 0}, "evaluation_games = 0 .*more than 0"),
         (SelfPlayConfig, {"snapshots": 0}, "snapshots = 0 .*from 1 to 100"),
-        (RunConfig, {"evaders": ("random",)}, "evaders = random .*stages is 'fixed-target'"),
-        (StageConfig, {"progress": -1.0}, "progress = -1.0 .*at least 0"),
-        (StageConfig, {"failure": float("inf")}, "failure = inf .*finite"),
+        (RunConfig, {"evaders": ("random",)}, "evaders = random .*left out .*'both'"),
+        (StageConfig, {"progress": -1.0}, "progress = -1.0 .*from 0 to"),
+        (StageConfig, {"failure": float("inf")}, "failure = inf .*from 0 to"),
         (DQNConfig, {"observation": "raster"}, "observation = raster .*paper, encoded, egocentric"),
         (RunConfig, {"seed": 2**32}, "seed = 4294967296 .*at least 0"),
-        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*one stage"),
+        (RunConfig, {"stages": "both", "pursuer": "P_stage1"}, "pursuer = P_stage1 .*left out .*'both'"),
         (RunConfig, {"stages": "distillation", "game": TEAM}, "robots = 2 v 1 .* a distillation knows"),
         (RunConfig, {"sac": SACConfig(), "game": TEAM}, "robots = 2 v 1 .* soft actor-critic knows"),
         (RunConfig, {"game": WINS, "stages": "fixed-target"}, "reward.profile = zero-sum .*'paper'"),
@@ -117,6 +117,8 @@ def shared(one, other):
         ("prioritised", ("P_prioritised", "E_prioritised")),
         ("robust", ("P_robust", "E_robust")),
         ("team", ("P_team",)),
+        ("optimal_evader", ("E_optimal",)),
+        ("optimal_pursuer", ("P_optimal",)),
     ],
 )
 def test_an_example_is_what_agents_of_the_zoo_were_trained_by(example, agents):
@@ -124,7 +126,7 @@ def test_an_example_is_what_agents_of_the_zoo_were_trained_by(example, agents):
     for name in agents:
         record = find_trained(name)[0].header.training["config"]
         assert shared(config, record) == shared(record, config)
-        assert {"self_play", "dqn", "game"} <= set(shared(config, record))
+        assert {"distillation" if "optimal" in example else "self_play", "dqn", "game"} <= set(shared(config, record))
 
 
 @pytest.mark.parametrize(
@@ -135,11 +137,6 @@ def test_a_round_plays_and_updates_in_the_ratio_that_is_asked_for(games, env_ste
     config = DQNConfig(games=games, env_steps_per_update=env_steps_per_update)
     assert (config.steps_per_iteration, config.updates_per_iteration) == (steps, updates)
     assert config.env_steps_per_iteration == env_steps_per_update * updates
-
-
-def test_a_stage_has_its_own_reward_weights():
-    reward = StageConfig(progress=2.0, failure=30.0).rewarded(make_game("paper")).reward
-    assert reward == replace(make_game("paper").reward, progress=2.0, failure=30.0)
 
 
 @pytest.mark.parametrize(
@@ -154,12 +151,6 @@ def test_a_stage_has_its_own_reward_weights():
 )
 def test_a_schedule_goes_in_a_straight_line_and_stays(end, over, env_steps, value):
     assert linear(1.0, end, over=over, env_steps=jnp.asarray(env_steps)) == pytest.approx(value)
-
-
-def test_the_paper_profile_is_plain_dqn():
-    paper = PROFILES["paper"]
-    assert (paper.observation, paper.double, paper.n_step, paper.averaging) == ("paper", False, 1, 1.0)
-    assert (paper.width, paper.depth, paper.learning_rate, paper.gamma) == (256, 4, 1e-4, 0.99)
 
 
 def test_the_training_that_the_site_reports_is_the_quick_one():

@@ -7,48 +7,22 @@ import jax
 import numpy as np
 import pytest
 
-from apollonius.agents.network import GaussianActor
+from apollonius.agents.classical import Uniform
+from apollonius.agents.greedy import SquashedMean
 from apollonius.agents.pool import solo
-from apollonius.agents.squashed import SquashedMean
-from apollonius.agents.store import load_agent
-from apollonius.agents.uniform import Uniform
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import play_match
 from apollonius.exploit.attack import best_response
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
-from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.loop import play_and_learn
-from apollonius.learn.run import Run
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
-from tests.learn.tiny import CHUNK, GAME, RUN, SMALL
+from tests.learn.tiny import CHUNK, GAME, SMALL
 from tests.matches import a_match
 
 SAC = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
-CONFIG = replace(RUN, sac=SAC, fixed_target=replace(RUN.fixed_target, env_steps=2 * CHUNK, evaluations=2))
-
-
-def agents(folder):
-    return {path.stem: path.read_bytes() for path in sorted((folder / "agents").iterdir())}
-
-
-@pytest.mark.slow
-def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(tmp_path):
-    whole, halting = tmp_path / "whole", tmp_path / "halting"
-    create_run(CONFIG, whole)
-    assert Run(CONFIG, whole).execute()
-    create_run(CONFIG, halting)
-    for chunks in (1, 3):
-        asked = iter(range(1, 100))
-        assert not Run(CONFIG, halting, should_stop=lambda asked=asked, chunks=chunks: next(asked) == chunks).execute()
-    assert load_config(halting / "config.toml") == CONFIG
-    assert Run(load_config(halting / "config.toml"), halting).execute()
-    assert agents(whole) == agents(halting)
-    agent = load_agent(whole / "agents" / "E_curriculum.safetensors")
-    assert isinstance(agent.network, GaussianActor)
-    assert isinstance(find_player(str(whole / "agents" / "P_stage1.safetensors"), Role.PURSUER).policy, SquashedMean)
 
 
 @pytest.mark.slow

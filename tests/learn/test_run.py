@@ -19,12 +19,11 @@ from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module
-from apollonius.learn.checkpoint import FORMAT, load_standing
-from apollonius.learn.folder import create_run, held, load_config
+from apollonius.learn.folder import FORMAT, create_run, held, load_config, load_standing
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.run import Run, load_first
 from apollonius.play.playout import Results
-from tests.learn.tiny import CHUNK, DQN, GAME, RUN
+from tests.learn.tiny import CHUNK, DQN, RUN
 
 KEY = jax.random.key(0)
 CHECKPOINT = "checkpoint.safetensors"
@@ -97,27 +96,6 @@ def test_every_chunk_has_a_line_of_metrics(uninterrupted):
     assert set(lines[4]["losses"]) == {"pursuer", "evader"}
 
 
-def test_agents_say_how_they_were_trained(uninterrupted):
-    for name, stage, env_steps in [("E_curriculum-25", "self-play", CHUNK), ("P_curriculum", "self-play", 4 * CHUNK)]:
-        header = load_agent(uninterrupted / "agents" / f"{name}.safetensors").header
-        assert header.role == {"E": "evader", "P": "pursuer"}[name[0]]
-        assert header.training["seed"] == RUN.seed
-        assert header.training["stage"] == stage
-        assert header.training["env_steps"] == env_steps
-        assert header.game["capture_distance"] == GAME.capture_distance
-        assert header.training["config"]["dqn"]["width"] == DQN.width
-
-
-def test_a_run_stopped_in_both_stages_and_resumed_ends_the_same(uninterrupted, tmp_path):
-    folder = begin(tmp_path / "run")
-    assert not Run(RUN, folder, should_stop=stop_after(3)).execute()
-    assert [line["env_steps"] for line in metrics(folder)] == [CHUNK, 2 * CHUNK, 3 * CHUNK]
-    assert not Run(RUN, folder, should_stop=stop_after(4)).execute()
-    assert metrics(folder)[-1]["stage"] == "self-play"
-    assert Run(RUN, folder).execute()
-    assert_same_end(folder, uninterrupted)
-
-
 @pytest.mark.slow
 def test_opponents_from_the_past_are_resumed_with_the_rest(tmp_path):
     past = OpponentConfig(scheme="prioritised-hard", versions=4, slots=2, renewal=CHUNK)
@@ -162,7 +140,6 @@ def kill_at(moment, count, monkeypatch):
 @pytest.mark.parametrize(
     ("moment", "count"),
     [
-        pytest.param("checkpoint.safetensors", 1, id="before the first checkpoint"),
         pytest.param("chunk", 3, id="between metrics and checkpoint"),
         pytest.param("checkpoint.safetensors", 5, id="before the first checkpoint of stage 2"),
         pytest.param("E_curriculum-50.safetensors", 1, id="between two agents"),
@@ -186,10 +163,9 @@ def test_two_processes_never_train_in_one_folder(tmp_path):
         assert not (folder / "half.tmp").exists()
         before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
         for begins in (Run(RUN, folder).execute, lambda: create_run(RUN, folder, force=True)):
-            with pytest.raises(InvalidInput, match=f"is being trained by process {os.getpid()}: wait for it"):
+            with pytest.raises(InvalidInput, match="is being trained by another process: wait for it"):
                 begins()
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-    assert not (folder / ".process").exists()
 
 
 @pytest.mark.usefixtures("checkpoint_after_every_chunk")
@@ -332,21 +308,6 @@ def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
 def replaced_checkpoint(folder, content):
     (folder / CHECKPOINT).write_bytes(content)
     return folder
-
-
-@pytest.mark.parametrize(
-    ("changed", "named"),
-    [
-        (lambda content, agent: content[:7], "not a whole checkpoint.*train again"),
-        (lambda content, agent: content[:-1], "not a whole checkpoint.*train again"),
-        (lambda content, agent: agent, "no checkpoint of this version.*train again"),
-    ],
-    ids=["a few bytes", "all but one", "an agent"],
-)
-def test_what_is_no_whole_checkpoint_is_refused(uninterrupted, tmp_path, changed, named):
-    content = changed((uninterrupted / CHECKPOINT).read_bytes(), agents(uninterrupted)["P_curriculum"])
-    with pytest.raises(InvalidInput, match=named):
-        Run(RUN, replaced_checkpoint(begin(tmp_path / "run"), content)).execute()
 
 
 @pytest.mark.parametrize("lie", [lambda end, line: end - 40, lambda end, line: end - line, lambda end, line: end + 1])

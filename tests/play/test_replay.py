@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.greedy import SquashedGaussian
 from apollonius.agents.kind import Named
 from apollonius.agents.network import make_actor
-from apollonius.agents.squashed import SquashedGaussian
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, play_games, record_game
 from apollonius.game.by_side import BySide
@@ -26,11 +26,11 @@ MATCH = Match(make_game("paper"), PLAYERS, GAMES, seed=3)
 
 def test_a_trace_is_the_course_of_the_game_that_was_played_out():
     results = play_games(MATCH)
-    for index in range(0, GAMES, 6):
+    for index in range(0, GAMES, 12):
         course = record_game(MATCH, index)
         assert (course.outcome, len(course.actions)) == (results.outcome[index], results.steps[index])
         assert course.first_difference() is None
-    assert len(set(results.steps[::6].tolist())) > 1
+    assert len(set(results.steps[::12].tolist())) > 1
 
 
 @pytest.fixture(scope="module")

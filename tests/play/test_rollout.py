@@ -14,10 +14,10 @@ import pytest
 from jaxtyping import Array
 from scipy import stats
 
+from apollonius.agents.classical import uniform_action
 from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo, stack
-from apollonius.agents.uniform import uniform_action
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle

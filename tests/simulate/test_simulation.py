@@ -7,10 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.classical import Still
+from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import solo
-from apollonius.agents.uniform import Uniform
 from apollonius.evaluate.match import begin, play_games
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import make_game

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from apollonius.agents.classical import Uniform
 from apollonius.agents.shield import Shielded
-from apollonius.agents.uniform import Uniform
 from apollonius.arenas.charting import charted
 from apollonius.evaluate.match import play_match
 from apollonius.evaluate.start_filter import StartFilter

@@ -16,9 +16,8 @@ from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS, names_of
 from apollonius.game.types import Outcome
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
-from apollonius.learn.checkpoint import Evaluation
 from apollonius.learn.config import FIXED_TARGET, SELF_PLAY, RunConfig
-from apollonius.learn.folder import load_config
+from apollonius.learn.folder import Evaluation, load_config
 from apollonius.learn.metrics import MetricsLine, evaluations_of, load_metrics
 from apollonius.learn.stage_config import StageConfig
 from apollonius.show import palette

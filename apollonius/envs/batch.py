@@ -1,0 +1,137 @@
+"""Many games that one side plays from outside: pure functions of the games under way and of a pile of starts."""
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, UInt32
+
+from apollonius.agents.policy import AbstractPolicy, Memory
+from apollonius.agents.pool import Pool
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game
+from apollonius.game.types import Action, GameState, Role
+from apollonius.observe.observation import AbstractObservation, perceive
+from apollonius.play.rollout import Games, begin, of_robots, step_games
+
+Tree = TypeVar("Tree")
+SideActions = Int[Array, "games *robots"] | Float[Array, "games *robots 2"]
+"""Actions of one side in every game: of a team there is an axis of robots."""
+SPARE = 4
+"""Starts are drawn beforehand, for this many times the number of games at once."""
+_TOGETHER = 512
+"""Starts that are drawn together until all fit: with more, more draws would be in vain."""
+
+
+class Outside(AbstractPolicy):
+    """A player whose actions come from outside: each is put into its memory before the step.
+
+    Attributes:
+        first: any action.
+        reads: the observation that is returned.
+    """
+
+    first: Action
+    reads: AbstractObservation = eqx.field(static=True)
+
+    @property
+    def observation(self) -> AbstractObservation:
+        return self.reads
+
+    @property
+    def memory(self) -> Memory:
+        return self.first
+
+    def __call__(self, seen: Float[Array, " size"], memory: Memory, bits: UInt32[Array, ""]) -> tuple[Action, Memory]:
+        return memory, memory
+
+
+class UnderWay(eqx.Module):
+    """Games under way, the observations of the side from outside, and the opponent's memory."""
+
+    state: GameState
+    seen: Float[Array, "games *robots size"]
+    memory: Memory
+
+
+class Result(eqx.Module):
+    """Results of a step of every game, before any new game begins.
+
+    `reward` is the mean of the robots' rewards. In games of teams there is also each robot's own, and its status.
+    """
+
+    seen: Float[Array, "games *robots size"]
+    reward: Float[Array, " games"]
+    terminated: Bool[Array, " games"]
+    truncated: Bool[Array, " games"]
+    outcome: Int[Array, " games"]
+    rewards: Float[Array, "games robots"] | None = None
+    status: Int[Array, "games robots"] | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Constants of many games.
+
+    Attributes:
+        game: the rules.
+        role: the side from outside.
+        players: `Outside` on that side, the opponent on the other.
+        num_envs: number of games.
+        next_step: whether a game that has ended begins again in the next step, not in the same one.
+    """
+
+    game: Game
+    role: Role
+    players: BySide[Pool]
+    num_envs: int
+    next_step: bool
+
+    def sample_starts(self, bits: UInt32[Array, ""]) -> UnderWay:
+        """Return a pile of starts."""
+        keys = jax.random.split(jax.random.key(bits), SPARE * self.num_envs)
+        starts: GameState = jax.lax.map(self.game.reset, keys, batch_size=_TOGETHER)
+        _, seen = perceive(self.players[self.role].observation, self.game, starts, self.role)
+        seen = of_robots(jnp.split(seen, len(self.game.bodies[self.role])))
+        return UnderWay(starts, seen, self._begun(starts).sides[self.role.other].memory)
+
+    def _begun(self, state: GameState) -> Games:
+        """Return games that begin in these states."""
+        return begin(state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
+
+    def step(
+        self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],
+        actions: SideActions, bits: UInt32[Array, ""],
+    ) -> tuple[UnderWay, Result]:  # fmt: skip
+        """Return every game after a step, and its result; of games that have `ended` a new one begins instead."""
+        several = len(self.game.bodies[self.role]) > 1
+        games, other = self._begun(now.state), self.role.other
+        outside = replace(games.sides[self.role], memory=actions if several else actions[:, None])
+        sides = BySide.of(self.role, outside, replace(games.sides[other], memory=now.memory))
+        drawn = jax.random.bits(jax.random.key(bits), (self.num_envs,), jnp.uint32)
+        games, made = step_games(self.game, self.players, replace(games, sides=sides), jnp.stack([drawn, drawn]))
+        own, status = made.sides[self.role], games.state.status
+        rewards = jnp.unstack(own.reward, axis=1) if several else [own.reward]
+        result = Result(
+            own.next_observation, sum(rewards[1:], rewards[0]) / len(rewards), made.terminated, made.truncated,
+            made.outcome, *(() if status is None else (jnp.stack(rewards, 1), jnp.stack(status[self.role], 1))),
+        )  # fmt: skip
+        after = UnderWay(games.state, result.seen, games.sides[other].memory)
+        if not self.next_step:
+            return renewed(after, starts, used, made.ended), result
+        # Zeros: no reward, no end, an ongoing game, active robots.
+        begun = replace(jax.tree.map(jnp.zeros_like, result), seen=result.seen)
+        return renewed(after, starts, used, ended), _chosen(ended, begun, result)
+
+
+def renewed(now: UnderWay, starts: UnderWay, used: Int[Array, ""], resets: Bool[Array, " games"]) -> UnderWay:
+    """Return games, some restarted from the first unused starts."""
+    place = jnp.where(resets, used + jnp.cumsum(resets.astype(jnp.int32)) - 1, 0)
+    return _chosen(resets, jax.tree.map(lambda leaf: leaf[place], starts), now)
+
+
+def _chosen(which: Bool[Array, " games"], one: Tree, other: Tree) -> Tree:
+    """Return one record of some games, and the other of the rest."""
+    return jax.tree.map(lambda a, b: jnp.where(which.reshape(-1, *[1] * (a.ndim - 1)), a, b), one, other)
