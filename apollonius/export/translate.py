@@ -67,7 +67,9 @@ def translated(function: Callable[..., Any], *arguments: Any, name: str = "progr
     kept = [record if whole or record.name in comes_back else record.only(words(body)) for record in given]
     called = translator.functions.items()
     functions = tuple(f"static void {title}({signature})\n{text}" for (signature, text), title in called)
-    return Program(name, functions, body, tuple(translator.constants.values()), tuple(kept), tuple(results))
+    everything = words("".join([body, *functions]))
+    constants = tuple(one for one in translator.constants.values() if one[0] in everything)
+    return Program(name, functions, body, constants, tuple(kept), tuple(results))
 
 
 class _Translator:
