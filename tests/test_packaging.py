@@ -104,7 +104,7 @@ def test_it_plays(plain, tmp_path):
 
 def test_it_has_its_page_and_its_templates(plain, tmp_path):
     run(plain / "apollonius", "play", "--site", "site", cwd=tmp_path)
-    assert {"index.html", "rules.js", "style.css"} <= {path.name for path in (tmp_path / "site").iterdir()}
+    assert {"index.html", "compiled.js", "style.css"} <= {path.name for path in (tmp_path / "site").iterdir()}
     run(plain / "apollonius", "export", "P_stage1", "--to", "c", "--out", "P.c", cwd=tmp_path)
     assert "P_stage1" in (tmp_path / "P.c").read_text()
     assert run(plain / "apollonius", "show", "P_stage1", "still", "--out", "game.gif", cwd=tmp_path)
