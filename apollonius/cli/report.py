@@ -4,12 +4,12 @@ import argparse
 from pathlib import Path
 
 from apollonius.cli.options import finish
-from apollonius.cli.values import existing_folder, new_file
-from apollonius.io.errors import require, require_extra
+from apollonius.cli.values import new_file, run_folder
+from apollonius.io.errors import require_extra
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=existing_folder, metavar="RUN", help="folder of a training run")
+    parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
     parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
     parser.set_defaults(run=run_report)
 
@@ -21,7 +21,6 @@ def run_report(options: argparse.Namespace) -> int:
     from apollonius.show.report.page import save_page
     from apollonius.show.report.training import training_page
 
-    require((folder / "config.toml").is_file(), "RUN", folder, "the folder of a training run; check the path")
     options.display.begin("playing games and drawing", compiles=True)
     save_page(training_page(folder), out)
     options.display.end()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, command, finish
 from apollonius.cli.solve import solved_game
-from apollonius.cli.values import count, existing_file, existing_folder, known_agent, known_game, new_folder
+from apollonius.cli.values import count, existing_file, known_agent, known_game, new_folder, run_folder
 from apollonius.io.errors import require
 from apollonius.io.interrupts import asked_to_stop, go_on
 from apollonius.io.limits import SEED
@@ -59,7 +59,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
 
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=existing_folder, metavar="DIR", help="folder of the run")
+    parser.add_argument("folder", type=run_folder, metavar="DIR", help="folder of the run")
     parser.set_defaults(run=run_resume)
 
 

@@ -125,10 +125,10 @@ def existing_file(text: str) -> Path:
     return path
 
 
-def existing_folder(text: str) -> Path:
+def run_folder(text: str) -> Path:
     path = Path(named(text))
-    if not _is(path.is_dir):
-        raise unfit(text, "a folder that is there; check the path")
+    if not _is((path / "config.toml").is_file):
+        raise unfit(text, "the folder of a training run; check the path")
     return path
 
 

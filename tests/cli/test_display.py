@@ -39,7 +39,7 @@ def test_the_time_left_is_that_of_what_is_reported_and_not_of_its_compilation(se
     display = Display("train", lambda: now[0])
     for what in ("another piece", "playing"):
         display.begin(what, compiles=True)
-        assert display.state() == f"{what} (compiling), 0.0%"
+        assert (display.state(), display.tasks[0].total) == (f"{what} (compiling), 0.0%", None)
         now[0] += 30
         for share in shares:
             now[0] += seconds

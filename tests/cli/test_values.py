@@ -22,7 +22,7 @@ EVERYTHING = set(ODD[:-1]) - {""}
 SENSIBLE = {
     values.count(GAMES): set(), values.count(RECORDS): {"0"}, values.count(SEED): {"0", str(2**31)},
     values.real: {"0", "-1"}, values.varied: set(), values.nodes: set(), values.new_file(".png"): set(),
-    values.new_folder: EVERYTHING, values.existing_file: set(), values.existing_folder: {"folder"},
+    values.new_folder: EVERYTHING, values.existing_file: set(), values.run_folder: set(),
     values.named: EVERYTHING | {"9" * 5_000},
 }  # fmt: skip
 """The odd values that make sense to each type of argument."""
