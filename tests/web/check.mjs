@@ -88,9 +88,9 @@ const answers = {
   },
   /** What a player sees of itself and of the other side that sees half a second late, in a game of steps as long. */
   sights() {
-    const state = (index) => ({ pursuer: [{ x: 10 + index }], evader: [{ x: index }] });
+    const state = (index) => ({ pursuer: [{ x: 10 + index }], evader: [{ x: index, status: `at ${index}` }] });
     const seen = [];
-    const late = players.seeingLate((_, { pursuer, evader }) => seen.push([pursuer[0].x, evader[0].x]), 0.5);
+    const late = players.seeingLate((_, { pursuer, evader }) => seen.push([pursuer[0].x, evader[0].x, evader[0].status]), 0.5);
     const states = [0, 1, 2].map(state);
     states.forEach((now, index) => late({ dt: 0.5 }, now, { role: "pursuer", number: 0 }, states.slice(0, index + 1)));
     return seen;
@@ -125,6 +125,7 @@ const answers = {
     const wall = { kind: "polygons", index: 0 };
     const corners = ({ arena }) => arena.polygons[0].vertices;
     return {
+      steep: corners(plan.withWall(file.gameFrom({}), [3, 1], [3, 4])),
       far: corners(plan.moved(made, wall, [100, -100])),
       crossed: corners(plan.resized(made, wall, 0, [8, 5])),
       small: plan.withSize(plan.withDisc(made, [8, 6], [8, 6.5]), 7, 7).arena.discs.length,

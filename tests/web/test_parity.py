@@ -286,7 +286,9 @@ def test_replays_play_again_in_the_package(smooth, plain, tmp_path):
 
 
 def test_who_sees_late_sees_the_past_of_the_other_side_alone():
-    assert ask(sights=True) == [[10, 0], [11, 0], [12, 1]]
+    assert ask(sights=True) == [[10, 0, "at 0"], [11, 0, "at 1"], [12, 1, "at 2"]], (
+        "who is out of play is known at once"
+    )
 
 
 @pytest.mark.parametrize(
@@ -300,7 +302,7 @@ def test_who_sees_late_sees_the_past_of_the_other_side_alone():
 def test_the_last_way_out_is_one_and_a_second_later_there_is_none(me, own, theirs, stand, finds):
     rules = to_dict(make_game("paper")) | ({"max_steps": 150} if me == "pursuer" else {})
     sides = {me: {"name": own}, "pursuer" if me == "evader" else "evader": theirs}
-    match = {"game": rules, "seed": 1, "me": me, "count": 3, "stand": {"name": f"shielded:{stand}"}} | sides
+    match = {"game": rules, "seed": 1, "me": me, "count": 8, "stand": {"name": f"shielded:{stand}"}} | sides
     lost = ask(hindsight=match)
     assert lost
     for game in lost:
@@ -372,6 +374,7 @@ def test_a_damaged_link_is_refused_in_a_line():
 def test_shapes_stay_shapes():
     moves = ask(moves=1)
     assert moves["nothing"], "a block without a width is no change"
+    assert moves["steep"] == [[3.1, 1], [3.1, 4], [2.9, 4], [2.9, 1]]
     assert moves["far"] == [[4, 0], [9, 0], [9, 0.2], [4, 0.2]]
     assert moves["small"] == 0
     assert len({x for x, _ in moves["crossed"]}) == 2
