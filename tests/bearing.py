@@ -21,9 +21,9 @@ class Bearing(AbstractObservation):
         direction = jnp.arctan2(opponent.y - own.y, opponent.x - own.x) - own.heading
         longer = jnp.maximum(arena.x_max - arena.x_min, arena.y_max - arena.y_min)
         distance = jnp.hypot(opponent.x - own.x, opponent.y - own.y) / longer
-        rooms = [arena.clearance(one.state.x, one.state.y) - one.body.radius for one in view.robots]
+        clearances = [arena.clearance(one.state.x, one.state.y) - one.body.radius for one in view.robots]
         speed = scaled(own.v, body.v_min, body.v_max)
-        return jnp.stack([speed, *unit_vector(direction), distance, *(jnp.clip(room, -1.0, 1.0) for room in rooms)])
+        return jnp.stack([speed, *unit_vector(direction), distance, *(jnp.clip(one, -1.0, 1.0) for one in clearances)])
 
 
 BEARING = Bearing()

@@ -1,7 +1,11 @@
-"""`docs/how-to/extend.md`: a new obstacle or observation is a short file and a line, a new scheme a line."""
+"""`docs/how-to/extend.md`: a new obstacle, observation or robot is a short file and a line, a new scheme a line."""
 
 import inspect
+import json
+import shutil
+import subprocess
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import jax
@@ -16,27 +20,35 @@ from apollonius.agents.shield import shielded
 from apollonius.agents.store import describe, load_agent, save_agent
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.survey import survey
-from apollonius.export.c import header
+from apollonius.export.c import Compiled, header
+from apollonius.export.parity import cases_of, compare
 from apollonius.export.player import find_exportable
+from apollonius.export.translate import translated
 from apollonius.export.writing import program_of
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import RobotState, Role
+from apollonius.game.types import Outcome, RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
 from apollonius.learn.archive import renew
 from apollonius.observe import registry
 from apollonius.observe.view import look
 from apollonius.play.playout import play_out
+from apollonius.play.replay import as_rows, as_state, play_actions
 from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
-from tests import bearing, capsule
+from apollonius.web import programs
+from apollonius.web.site import PAGE
+from tests import bearing, capsule, car
 from tests.acting import act
 from tests.bearing import BEARING
 from tests.capsule import Capsule
+from tests.car import Car
+from tests.export.test_translate import needs_gcc
 from tests.learn.test_opponents import archive_of
+from website import compiled
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "how-to" / "extend.md"
 
@@ -47,9 +59,18 @@ class WithCapsules(Arena):
     capsules: tuple[Capsule, ...] = ()
 
 
+class WithCars(Game):
+    """The line in `apollonius/game/teams.py`."""
+
+    pursuer: Car = Car()
+    evader: Car = Car()
+
+
+STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [{"x": 5, "y": 5, "radius": 1}]}}
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize("module", [capsule, bearing])
 def test_each_is_one_short_file(module):
     assert len(inspect.getsource(module).splitlines()) <= 80
@@ -58,6 +79,13 @@ def test_each_is_one_short_file(module):
 def test_the_document_shows_the_observation_and_names_the_obstacle():
     assert inspect.getsource(bearing) in DOCUMENT.read_text()
     assert "tests/capsule.py" in DOCUMENT.read_text()
+=======
+@pytest.mark.parametrize("module", [capsule, bearing, car])
+def test_each_is_one_short_file_which_the_document_shows(module):
+    source = inspect.getsource(module)
+    assert len(source.splitlines()) <= 80
+    assert source in DOCUMENT.read_text()
+>>>>>>> 4e9c819 (A new robot is one file and one line: in Python, in C and in the page)
 
 
 def robot(x, y, v=0.0, heading=0.0):
@@ -137,3 +165,60 @@ def test_a_new_scheme_is_read_from_configs_and_draws_opponents(monkeypatch):
     assert config.share == 0.5
     slots = renew(archive_of(3, config), config, jax.random.key(0)).slots
     np.testing.assert_allclose(np.bincount(slots) / 7000, [1 / 7, 2 / 7, 4 / 7], atol=0.03)
+
+
+def test_a_new_robot_is_read_from_files_and_turns_as_fast_as_it_is_steered():
+    game = from_dict(WithCars, STEERED, "a file")
+    assert to_dict(game)["pursuer"].items() >= STEERED["pursuer"].items()
+    for v, turned in ((0.0, 0.0), (0.5, 0.5 * np.tan(0.4) / 0.5), (1.2, 0.8)):
+        moved = [
+            body.move(robot(2.0, 2.0, v), *map(jnp.float32, (0.0, 0.8)), 0.1) for body in (game.pursuer, game.evader)
+        ]
+        assert [float(one.heading) for one in moved] == pytest.approx([0.1 * turned, 0.08])
+    with pytest.raises(InvalidInput, match=r"pursuer.wheelbase = -1.0 is not possible"):
+        from_dict(WithCars, {"pursuer": {"wheelbase": -1}}, "a file")
+
+
+@pytest.mark.slow
+@needs_gcc
+def test_a_new_robot_is_the_same_in_c_and_its_shield_brakes_as_it_drives():
+    game = from_dict(WithCars, STEERED, "a file")
+    player = find_exportable("shielded:P_pool", Role.PURSUER, game)
+    in_c, cases = Compiled(program_of(player, "car")), cases_of(player, 500)
+    assert compare(lambda *given: in_c(player.policy, player.game, *given)[:2], player, cases).errors == 0
+    starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
+    uniform = find_exportable("random", Role.EVADER, game).package
+    ends = play_out(game, BySide(solo(player.package), solo(uniform)), starts, jax.random.key(1))
+    assert not np.isin(ends.outcome, (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE)).any()
+
+
+@pytest.mark.slow
+@needs_gcc
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+def test_a_new_robot_plays_the_same_games_in_python_in_c_and_in_the_page(tmp_path, monkeypatch):
+    """The page's programs are made with it, as `make page` does."""
+    pytest.importorskip("ziglang")
+    monkeypatch.setattr(programs, "Body", Car)
+    page = shutil.copytree(PAGE, tmp_path / "page")
+    (page / "compiled.js").write_text(compiled._text(list(islice(programs.page_programs(), 8)), ""))
+    game = from_dict(WithCars, STEERED, "a file")
+    start = np.asarray(as_rows(reset_batch(game, jax.random.key(0), 1)))[0]
+    actions = np.random.default_rng(0).integers(9, size=(6, 2), dtype=np.int32).repeat(5, axis=0)
+
+    def played(game, row, actions):
+        states, outcomes = play_actions(game, as_state(row, jnp.asarray(0), 1), actions)
+        return {"outcomes": outcomes, "rows": jnp.stack(jax.tree.leaves(states.robots), axis=-1)}
+
+    expected = jax.jit(played)(game, start, actions)
+    in_c = Compiled(translated(played, game, start, actions, name="played"))(game, start, actions)
+    for found, wanted in zip(in_c, (expected["outcomes"], expected["rows"]), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-5)
+    asked = {
+        "page": str(page),
+        "games": [{"game": to_dict(game), "states": [start.tolist()], "actions": actions.tolist()}],
+    }
+    command = ["node", str(Path(__file__).parent / "web" / "check.mjs")]
+    done = subprocess.run(
+        command, input=json.dumps({"page": str(page), "games": [asked]}), capture_output=True, text=True, check=True
+    )
+    np.testing.assert_allclose(json.loads(done.stdout)["games"][0]["rows"], expected["rows"], atol=1e-5)

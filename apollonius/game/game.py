@@ -18,7 +18,7 @@ from apollonius.game.judge import fates, judge
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
-from apollonius.game.teams import Teams, nearest
+from apollonius.game.teams import Body, Teams, nearest
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.io.errors import require
 
@@ -48,8 +48,8 @@ class Game(eqx.Module):
         InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
     """
 
-    pursuer: Unicycle = Unicycle()
-    evader: Unicycle = Unicycle()
+    pursuer: Body = Body()
+    evader: Body = Body()
     arena: Arena = Arena()
     capture_distance: Real = 0.3
     dt: Real = 0.1

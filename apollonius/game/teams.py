@@ -14,6 +14,8 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.types import RobotState, Scalar
 
 T = TypeVar("T")
+Body = Unicycle
+"""The class of all robots. Another kind extends it by fields that are 0 in the robots so far, and is named here."""
 
 
 class Teams(eqx.Module):
@@ -23,8 +25,8 @@ class Teams(eqx.Module):
         mates_collide: robots of one side whose bodies touch are out of play.
     """
 
-    pursuers: tuple[Unicycle, ...] = ()
-    evaders: tuple[Unicycle, ...] = ()
+    pursuers: tuple[Body, ...] = ()
+    evaders: tuple[Body, ...] = ()
     mates_collide: bool = eqx.field(static=True, default=False)
 
 

@@ -1,6 +1,7 @@
 """The programs of the page, and of a user's own player: the functions of `functions.py`, translated."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import jax
@@ -18,8 +19,8 @@ from apollonius.export.c import Program
 from apollonius.export.translate import translated
 from apollonius.game.arena import MOST_DISCS, MOST_EDGES, Disc
 from apollonius.game.chart import COARSE, SIDE, Chart
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.polygon import Edge
+from apollonius.game.teams import Body
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.registry import find_observation
@@ -134,7 +135,7 @@ def _examples() -> dict[str, Any]:
         return jax.tree.map(lambda leaf: jnp.zeros((count, *leaf.shape), leaf.dtype), tree)
 
     number, many = real(), 2 * ROBOTS
-    body, robot = Unicycle(number, number, number, number, number), RobotState(number, number, number, number)
+    body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
     lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
     return {

@@ -10,7 +10,7 @@ const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clea
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
 const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own"]; // what reads a chart
-const BODY = ["v_min", "v_max", "u1_max", "u2_max", "radius"];
+const BODY = Object.keys(given.body());
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
 let floor = null; // the arena that was written last
@@ -45,7 +45,7 @@ function edgesOf({ vertices }) {
 
 function writeRobot(body, robot, action) {
   const [limits, state] = [given.body(), given.robot()];
-  for (const key of BODY) limits[key][0] = body[key];
+  for (const key of BODY) limits[key][0] = body[key] ?? 0;
   for (const key of ROBOT) state[key][0] = robot[key];
   given.levels().set(actionLevels(action));
 }
@@ -59,7 +59,7 @@ function writeRobots(game, state, roles, number = 0) {
     state[role].forEach((robot, index) => {
       const turned = side || index > number ? index : index === number ? 0 : index + 1;
       const place = side * MOST_ROBOTS + turned;
-      for (const key of BODY) into[`bodies_${key}`][place] = bodies[index][key];
+      for (const key of BODY) into[`bodies_${key}`][place] = bodies[index][key] ?? 0;
       for (const key of ROBOT) into[`states_${key}`][place] = robot[key];
       into.status[place] = STATUSES.indexOf(robot.status);
     });
