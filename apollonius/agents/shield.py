@@ -123,7 +123,7 @@ class Backup(eqx.Module):
     def _along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
         """Return the least clearance [m] on a segment, whose beginning is the end of another one."""
         along = self._arena(near).clearance_along(before, after)
-        return along if near is None else jnp.minimum(along, near.clearances_along([before], [after])[0])
+        return along if near is None else jnp.minimum(along, near.clearance_along(before, after))
 
     def _step(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
         """Return the least clearance [m] on a segment with its beginning."""

@@ -53,7 +53,7 @@ def free_space(game: Game) -> FreeSpace:
     arena = game.arena
     x, y, cell = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))
-    free = clearances_at(arena, x, y).min(axis=0) >= radius
+    free = clearances_at(arena, x, y) >= radius
     require(free.any(), "radius", f"{radius:g} m", "so small that a robot fits somewhere into the arena")
     return largest_part(free, float(arena.x_min), float(arena.y_min), cell)
 

@@ -54,7 +54,7 @@ def missed_passage(game: Game) -> MissedPassage | None:
     lengths = np.asarray(chart.lengths)[0]
     side = float(np.asarray(chart.side)[0])
     x, y, cell = places(arena)
-    clearance = clearances_at(arena, x, y).min(axis=0) - radius
+    clearance = clearances_at(arena, x, y) - radius
     graph, start, end, length = _links(clearance, cell)
     others = np.where(np.eye(len(lengths), dtype=bool), NO_PATH, lengths)
     cells = np.flatnonzero(others.min(axis=1) < NO_PATH)

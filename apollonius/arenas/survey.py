@@ -1,11 +1,9 @@
 """A survey of an arena before training: parts that are cut off, havens, space to start."""
 
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt, label
@@ -46,8 +44,7 @@ def survey(game: Game) -> Survey:
     """Survey a game's arena, to a five-hundredth of its longer side."""
     arena, starts = game.arena, game.starts
     x, y, cell = places(arena)
-    clearances = clearances_at(arena, x, y)
-    clearance = clearances.min(axis=0)
+    clearance = clearances_at(arena, x, y)
     bodies = {"pursuer": game.pursuer, "evader": game.evader}
     parts, may_start, wrong = [], [], []
     for name, body in bodies.items():
@@ -85,7 +82,7 @@ def survey(game: Game) -> Survey:
             wrong.append(
                 "the evader cannot come into arena.territory from where it starts: move it, or make the way wider."
             )
-    notes = [*map_notes(arena), *_notes(game, clearances < 0, cell)]
+    notes = [*map_notes(arena), *_notes(game)]
     return Survey(clearance < 0, (parts[0], parts[1]), haven, tuple(wrong), tuple(notes))
 
 
@@ -115,9 +112,9 @@ def _middles(low: float, length: float, cell: float) -> Float[np.ndarray, " cell
     return low + length * (np.arange(count) + 0.5) / count
 
 
-def clearances_at(arena: Arena, x: Grid, y: Grid) -> Float[np.ndarray, "each rows columns"]:
-    """Return the clearances [m] from the four walls, then from each obstacle."""
-    every = jax.jit(jax.vmap(jax.vmap(lambda x, y: jnp.stack(arena.clearances(x, y)), 0, 1), 0, 1))
+def clearances_at(arena: Arena, x: Grid, y: Grid) -> Grid:
+    """Return the clearances [m] of points."""
+    every = jax.jit(jax.vmap(jax.vmap(arena.clearance)))
     return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
 
 
@@ -141,37 +138,12 @@ def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows colu
     return renumber[numbered]
 
 
-def _notes(game: Game, within: Bool[np.ndarray, "each rows columns"], cell: float) -> list[str]:
-    """Return notes on overlaps, of discs by depth, with polygons by area, and on bodies that overlap before capture."""
-    arena, notes = game.arena, []
-    depths = {
-        (i, j): one.radius + other.radius - float(np.hypot(one.x - other.x, one.y - other.y))
-        for (i, one), (j, other) in combinations(enumerate(arena.discs), 2)
-    }
-    beyond = {
-        i: disc.radius - min(disc.x - arena.x_min, arena.x_max - disc.x, disc.y - arena.y_min, arena.y_max - disc.y)
-        for i, disc in enumerate(arena.discs)
-    }
-    names = [f"arena.{kind}[{i}]" for kind in ("discs", "polygons") for i in range(len(getattr(arena, kind)))]
-    areas = {
-        (i, j): cell**2 * np.sum(within[4 + i] & within[4 + j])
-        for i, j in combinations(range(len(names)), 2)
-        if j >= len(arena.discs)
-    }
-    overlaps = [(f"{names[i]} and {names[j]}", depth) for (i, j), depth in depths.items() if depth > 0]
-    sticking_out = [(names[i], depth) for i, depth in beyond.items() if depth > 0]
-    sharing = [(f"{names[i]} and {names[j]}", area) for (i, j), area in areas.items() if area > cell**2]
-    for found, what, unit in (
-        (overlaps, "overlap, by up to", "m"),
-        (sharing, "overlap, on up to", "m^2"),
-        (sticking_out, "reach beyond a wall, by up to", "m"),
-    ):
-        if found:
-            notes.append(f"{'; '.join(name for name, _ in found)} {what} {max(size for _, size in found):.3g} {unit}.")
-    bodies = float(game.pursuer.radius + game.evader.radius)
-    if game.capture_distance < bodies:
-        notes.append(
-            f"the bodies overlap before they count as caught: capture_distance = {float(game.capture_distance):g} m is "
-            f"less than both radii together, {bodies:g} m."
-        )
-    return notes
+def _notes(game: Game) -> list[str]:
+    """Return notes on a game, other than those of `map_notes`."""
+    bodies, reach = float(game.pursuer.radius + game.evader.radius), float(game.capture_distance)
+    if reach >= bodies:
+        return []
+    return [
+        f"the bodies overlap before they count as caught: capture_distance = {reach:g} m is less than both radii "
+        f"together, {bodies:g} m."
+    ]

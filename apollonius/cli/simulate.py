@@ -65,9 +65,4 @@ def _table(comparison: "Comparison") -> str:
     for event, rate in comparison.differences.items():
         low, high = (f"{100 * end:+.1f}" for end in rate.interval)
         rows.append((f"  {event}", f"{rate.rules:.1%}", f"{rate.bodies:.1%}", f"{low} to {high} points (95 %)"))
-    lines = [*columns(rows), "  one step of a body from one by the rules, root mean square and 95th percentile:"]
-    units = {"speed": "m/s", "heading": "rad", "position": "m"}
-    for side, errors in comparison.tracking.items():
-        said = [f"{what} {error.rms:.4f}, {error.p95:.4f} {units[what]}" for what, error in errors.items()]
-        lines.append(f"  {side:<10}{'; '.join(said)}")
-    return "\n".join(lines)
+    return "\n".join(columns(rows))

@@ -115,15 +115,7 @@ class Arena(Walls):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest wall or obstacle; negative beyond it."""
-        to_obstacles = [one.clearance(x, y) for one in self._merged]
-        return functools.reduce(jnp.minimum, [*self._to_each_wall(x, y), *to_obstacles])
-
-    def clearances(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        """Return the distance [m] from a point to each of the four walls, then to each obstacle; negative beyond."""
-        return [*self._to_each_wall(x, y), *(one.clearance(x, y) for one in self.obstacles)]
-
-    def _to_each_wall(self, x: Scalar, y: Scalar) -> list[Scalar]:
-        return [x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y]
+        return functools.reduce(jnp.minimum, [one.clearance(x, y) for one in self._merged], self._to_walls(x, y))
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
         """Return the least clearance [m] on the segment between two states."""

@@ -26,17 +26,16 @@ class Edges(eqx.Module):
     def clearance_from(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
         here = RobotState(x, y, x, y)
-        return self.clearances_along([here], [here])[0]
+        return self.clearance_along(here, here)
 
-    def clearances_along(self, before: Sequence[RobotState], after: Sequence[RobotState]) -> list[Scalar]:
-        """Return the least clearance [m] on each of several segments between two states.
+    def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
+        """Return the least clearance [m] on the segment between two states.
 
         It is that of `Polygons.clearance_along` without the clearance of the segment's start, which on a path is the
         end of another one.
         """
-        segments = [_Segment.between(*ends) for ends in zip(before, after, strict=True)]
-        looked, _ = jax.lax.scan(lambda some, here: ([one.beside(here) for one in some], None), segments, self)
-        return [segment.clearance for segment in looked]
+        segment = _Segment.between(before, after)
+        return jax.lax.scan(lambda segment, edges: (segment.beside(edges), None), segment, self)[0].clearance
 
 
 class _Segment(eqx.Module):

@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario, stack_arenas
-from apollonius.game.teams import Teams
+from apollonius.game.teams import Body, Teams
 from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
 
@@ -40,7 +39,7 @@ def robot() -> Game:
 
     Their centres are 0.5 m apart when they are caught, so that bodies do not overlap first.
     """
-    body = Unicycle(radius=0.2)
+    body = Body(radius=0.2)
     return Game(pursuer=body, evader=body, arena=paper().arena, capture_distance=0.5)
 
 
@@ -53,12 +52,7 @@ def territory() -> Game:
 
 
 PRESETS: dict[str, Callable[[], Game]] = {
-    "paper": paper,
-    "four-small": four_small,
-    "one-large": one_large,
-    "zero-sum": zero_sum,
-    "robot": robot,
-    "territory": territory,
+    make.__name__.replace("_", "-"): make for make in (paper, four_small, one_large, zero_sum, robot, territory)
 }
 
 

@@ -5,10 +5,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from apollonius.game.chart import FARTHEST, Chart
-from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
 
 RAYS = 32
@@ -70,12 +69,6 @@ class Egocentric(AbstractObservation):
         return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, *some)])
 
 
-@fusion_barrier
-def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
-    """Return cosine and sine of a heading, which several numbers share."""
-    return jnp.cos(heading), jnp.sin(heading)
-
-
 def _robots(
     view: View, chart: Chart, ahead: tuple[Scalar, Scalar], away: tuple[Scalar, Scalar], distance: Scalar
 ) -> Float[Array, "23"]:
@@ -87,7 +80,7 @@ def _robots(
     numbers: list[Real] = [
         *_motion(view.own),
         view.own.body.v_min / _SPEED,
-        *_clearances(chart, view.own, cos, sin),
+        *clearances_ahead(chart, view.own, cos, sin),
         (cos * dx + sin * dy) / far,
         (cos * dy - sin * dx) / far,
         *on_two_scales(distance),
@@ -95,7 +88,7 @@ def _robots(
         cos * their_cos + sin * their_sin,
         cos * their_sin - sin * their_cos,
         *_motion(other),
-        *_clearances(chart, other, their_cos, their_sin),
+        *clearances_ahead(chart, other, their_cos, their_sin),
         view.capture_distance / _LENGTH,
     ]
     return jnp.stack([jnp.asarray(number, jnp.float32) for number in numbers])
@@ -104,14 +97,6 @@ def _robots(
 def _motion(robot: Robot) -> list[Real]:
     body = robot.body
     return [robot.state.v / _SPEED, body.v_max / _SPEED, body.u1_max / _U1, body.u2_max / _U2, body.radius / _LENGTH]
-
-
-def _clearances(chart: Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
-    """Return the clearance of the body here, and at the point where braking straight ahead would stop it."""
-    body, state = robot.body, robot.state
-    braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
-    here, there = chart.clearance(state.x, state.y), chart.clearance(state.x + braking * cos, state.y + braking * sin)
-    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
 
 
 def on_two_scales(length: Scalar) -> list[Scalar]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.chart import Chart
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Real, Role, Scalar
 from apollonius.observe.view import Robot, View, look_from, rows_of
@@ -83,6 +84,20 @@ def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> t
 def scaled(value: Scalar, low: Real, high: Real) -> Scalar:
     """Map a number from [low, high] to [-1, 1]."""
     return (2 * value - (low + high)) / jnp.maximum(high - low, 1e-6)
+
+
+@fusion_barrier
+def turned(heading: Scalar) -> tuple[Scalar, Scalar]:
+    """Return cosine and sine of a heading, which several numbers share."""
+    return jnp.cos(heading), jnp.sin(heading)
+
+
+def clearances_ahead(seen: Arena | Chart, robot: Robot, cos: Scalar, sin: Scalar) -> list[Scalar]:
+    """Return the clearance of the body here, and where braking straight ahead would stop it, clipped to [-1, 1] m."""
+    body, state = robot.body, robot.state
+    braking = jnp.maximum(state.v, 0.0) ** 2 / jnp.maximum(2 * body.u1_max, 1e-6)
+    here, there = seen.clearance(state.x, state.y), seen.clearance(state.x + braking * cos, state.y + braking * sin)
+    return [jnp.clip(clearance - body.radius, -1.0, 1.0) for clearance in (here, there)]
 
 
 def position_and_speed(arena: Arena, robot: Robot) -> list[Scalar]:

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.teams import by_distance, distance_squared
 from apollonius.game.types import RobotState, Scalar
-from apollonius.observe.egocentric import EGOCENTRIC, on_two_scales, turned
-from apollonius.observe.observation import AbstractObservation
+from apollonius.observe.egocentric import EGOCENTRIC, on_two_scales
+from apollonius.observe.observation import AbstractObservation, turned
 from apollonius.observe.view import Robot, View
 
 MATES, OPPONENTS = 3, 2

@@ -24,7 +24,7 @@ from apollonius.play.playout import Report, Results
 from apollonius.play.replay import Replay, as_rows, as_state
 from apollonius.play.rollout import Games, SideState, random_bits_of, step_games
 from apollonius.simulate.drive import Drive, References
-from apollonius.simulate.physics import SIDES, Physics
+from apollonius.simulate.physics import Physics
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,6 @@ class Simulated:
         states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuer, then evader.
         actions: of both sides in each step, as in a `Replay`.
         after: the states that each step led to.
-        ideal: those that it would have led to by the rules, from the same state with the same actions.
     """
 
     results: Results
@@ -45,7 +44,6 @@ class Simulated:
     states: Float32[np.ndarray, "steps 8"]
     actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
     after: Float32[np.ndarray, "steps 8"]
-    ideal: Float32[np.ndarray, "steps 8"]
 
     def course(
         self, game: int
@@ -55,11 +53,10 @@ class Simulated:
 
 
 class Choice(eqx.Module):
-    """What both sides do in a step: actions, controls (u1 [m/s^2], u2 [rad/s]), and where the rules say it leads."""
+    """Actions and controls (u1 [m/s^2], u2 [rad/s]) of both sides in a step."""
 
     actions: Int[Array, "games 2"] | Float[Array, "games 2 2"]
     controls: Float[Array, "games 2 2"]
-    ideal: Float[Array, "games 8"]
 
 
 def simulate(
@@ -99,12 +96,12 @@ def simulate(
         rows[alive] = physics.measure(bodies[alive])
         length[alive] += 1
         outcome[alive] = np.asarray(_judge(game, before, rows, length))[alive]
-        taken = (before, np.asarray(choice.actions), rows, np.asarray(choice.ideal))
+        taken = (before, np.asarray(choice.actions), rows)
         log.append((alive, *(part[alive] for part in taken)))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
-    index, states, actions, after, ideal = (np.concatenate(parts) for parts in zip(*log, strict=True))
-    return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after, ideal)
+    index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
+    return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after)
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
@@ -138,15 +135,14 @@ def _choose(
     key: PRNGKeyArray,
 ) -> tuple[Choice, BySide[SideState]]:
     state, bits = jax.vmap(as_state)(rows, length), random_bits_of(key, jnp.arange(rows.shape[0]), length)
-    ideal, moves = step_games(game, players, Games(state, sides), bits)
+    games, moves = step_games(game, players, Games(state, sides), bits)
     actions = moves.sides.map(lambda side: side.action)
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
     choice = Choice(
         actions=jax.vmap(stack_actions)(*actions),
         controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
-        ideal=jnp.stack(jax.tree.leaves(ideal.state.robots), axis=-1),
     )
-    return choice, ideal.sides
+    return choice, games.sides
 
 
 @jax.jit
@@ -179,29 +175,17 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Error:
-    """How far a robot is, after one step of the game, from where the rules would have it: root mean square and 95th
-    percentile over all steps.
-    """
-
-    rms: float
-    p95: float
-
-
-@dataclass(frozen=True)
 class Comparison:
     """A match by the rules and the same match with bodies.
 
     Attributes:
         rules, bodies: what each came to.
         differences: of the events of `EVENTS`.
-        tracking: errors of either side's speed [m/s], heading [rad] and position [m].
     """
 
     rules: MatchResult
     bodies: MatchResult
     differences: dict[str, Difference]
-    tracking: dict[str, dict[str, Error]]
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -211,7 +195,7 @@ def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
     """The results of a match by the rules and with bodies."""
     bodies = simulated.results
     differences = {event: difference(rules, bodies, outcomes) for event, outcomes in EVENTS.items()}
-    return Comparison(count(match, rules), count(match, bodies), differences, tracking(simulated))
+    return Comparison(count(match, rules), count(match, bodies), differences)
 
 
 def difference(rules: Results, bodies: Results, outcomes: tuple[Outcome, ...]) -> Difference:
@@ -219,17 +203,3 @@ def difference(rules: Results, bodies: Results, outcomes: tuple[Outcome, ...]) -
     by_rules, with_bodies = (np.isin(np.asarray(results.outcome), outcomes) for results in (rules, bodies))
     often, more = float(by_rules.mean()), float(with_bodies.mean())
     return Difference(often, more, more - often, paired_difference_interval(with_bodies, by_rules))
-
-
-def tracking(simulated: Simulated) -> dict[str, dict[str, Error]]:
-    """Return the distances between steps of the bodies and by the rules, over all steps of all games."""
-    away = (simulated.after - simulated.ideal).astype(float).reshape(-1, 2, 4)
-    heading = np.abs((away[..., 3] + np.pi) % (2 * np.pi) - np.pi)
-    errors = {"speed": np.abs(away[..., 2]), "heading": heading, "position": np.hypot(away[..., 0], away[..., 1])}
-    return {
-        side: {
-            what: Error(float(np.sqrt(np.mean(error[:, number] ** 2))), float(np.percentile(error[:, number], 95)))
-            for what, error in errors.items()
-        }
-        for number, side in enumerate(SIDES)
-    }

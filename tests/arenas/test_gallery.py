@@ -38,7 +38,3 @@ def test_the_command_lists_and_draws_them(tmp_path, capsys):
     assert [line.split()[0] for line in lines] == game_names()
     with Image.open(picture) as drawn:
         assert drawn.width == 4 * 256 + 16
-    assert main(["arena", "check", "maze"]) == 0
-    assert "nothing is wrong" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["arena", "list", "--out", "gallery.bmp"])

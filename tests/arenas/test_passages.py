@@ -10,7 +10,6 @@ import pytest
 import tomli_w
 
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import find_game
 from apollonius.arenas.passages import missed_passage
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
@@ -54,9 +53,7 @@ def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
     assert np.asarray(charted(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
 
 
-@pytest.mark.parametrize(
-    "game", [floor(1.01), floor(0.55, radius=0.0), find_game("office")], ids=["wide", "thin robots", "office"]
-)
+@pytest.mark.parametrize("game", [floor(1.01), floor(0.55, radius=0.0)], ids=["wide", "thin robots"])
 def test_what_the_chart_has_is_not_found(game):
     assert missed_passage(game) is None
 

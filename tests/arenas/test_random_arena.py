@@ -89,7 +89,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert game.arena == random_arena("discs", 2, width=12.0, height=7.0, count=4)
     assert game.pursuer == make_game("robot").pursuer
     assert main(["arena", "check", "mine.toml"]) == 0
-    capsys.readouterr()
+    assert "nothing is wrong" in capsys.readouterr().out
     assert main([*write, "--seed", "3"]) == 2
     assert "--force" in capsys.readouterr().err
     assert load_game(tmp_path / "mine.toml") == game
@@ -101,7 +101,7 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert load_game(tmp_path / "rooms.json").arena == random_arena("rooms", 3)
 
 
-SIZES = [(6.0, 6.0, 0.85), (10.0, 10.0, 1.0), (14.0, 8.0, 1.0), (9.3, 16.1, 1.15), (20.0, 15.0, 2.0), (30.0, 20.0, 4.0)]
+SIZES = [(6.0, 6.0, 0.85), (9.3, 16.1, 1.15), (30.0, 20.0, 4.0)]
 
 
 @pytest.mark.parametrize(("seed", "width", "height", "gap"), [(seed, *size) for seed, size in enumerate(SIZES)])

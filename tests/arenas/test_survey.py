@@ -38,20 +38,9 @@ def test_a_closed_pocket_is_found():
     assert "the evader's" in found.wrong[1]
     left, right = (np.sum(found.parts[0] == part) / 25 for part in (1, 2))
     assert left == pytest.approx(right, rel=0.01)
-    assert "overlap, by up to 0.3 m" in found.notes[0]
-    assert found.notes[1] == "arena.discs[0]; arena.discs[20] reach beyond a wall, by up to 0.4 m."
 
 
-def test_a_gate_is_open_to_those_who_fit_through_it():
-    """The gate is 0.2 m wide: a body of radius 0.05 m passes, one of 0.15 m does not."""
-    for radius, parts in ((0.05, 1), (0.15, 2)):
-        game = Game(pursuer=Unicycle(radius=radius), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
-        found = survey(game)
-        assert [numbered.max() for numbered in found.parts] == [parts, 1]
-        assert len(found.wrong) == parts - 1
-
-
-def test_pockets_gates_and_overlaps_of_polygons_are_found():
+def test_pockets_and_gates_of_polygons_are_found():
     """Two walls with a gate of 0.2 m between them, and a pillar across one of them."""
     lower, upper = (((4.8, low), (5.2, low), (5.2, high), (4.8, high)) for low, high in ((0.0, 4.9), (5.1, 10.0)))
     pillar = ((4.0, 2.0), (6.0, 2.0), (5.0, 4.0))
@@ -60,9 +49,6 @@ def test_pockets_gates_and_overlaps_of_polygons_are_found():
         found = survey(Game(pursuer=Unicycle(radius=radius), arena=arena, starts=Starts(clearance=0.2)))
         assert [numbered.max() for numbered in found.parts] == [parts, 1]
     assert found.blocked.mean() == pytest.approx((2 * 0.4 * 4.9 + 2 - 0.4 * 1.8 + np.pi - 0.1) / 100, rel=0.05)
-    assert found.notes[0].startswith(
-        "arena.discs[0] and arena.polygons[1]; arena.polygons[0] and arena.polygons[2] overlap, on up to 0.7"
-    )
 
 
 def test_a_territory_that_cannot_be_reached_is_found():

@@ -77,13 +77,6 @@ def worst_position_error(starts, u1, u2, dt, body=BODY):
 
 
 @in_float64
-def test_constant_speed_is_exact():
-    rng = np.random.default_rng(0)
-    starts, u1, u2 = random_robots(rng, 40), np.zeros(40), rng.uniform(-0.8, 0.8, 40)
-    assert worst_position_error(starts, u1, u2, dt=1.0) < 1.2 * SERIES
-
-
-@in_float64
 @pytest.mark.parametrize("speed_limits", [(0.0, 1.2), (0.3, 0.7), (-0.5, 0.5)])
 def test_straight_motion_is_exact_also_across_the_speed_limits(speed_limits):
     body = Unicycle(*speed_limits)

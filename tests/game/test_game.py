@@ -181,22 +181,6 @@ def test_paper_is_table_1():
     assert (game.reward.capture, game.reward.failure, game.reward.profile) == (10, 10, "paper")
 
 
-@pytest.mark.parametrize(
-    ("name", "discs"),
-    [
-        ("paper", [(3, 3, 0.5), (7, 4, 0.5), (5, 7.5, 0.5)]),
-        ("four-small", [(2.5, 2.5, 0.3), (7.5, 2.5, 0.3), (2.5, 7.5, 0.3), (7.5, 7.5, 0.3)]),
-        ("one-large", [(5, 5, 1)]),
-        ("zero-sum", [(3, 3, 0.5), (7, 4, 0.5), (5, 7.5, 0.5)]),
-    ],
-)
-def test_each_named_game_has_its_own_discs_and_is_otherwise_the_papers(name, discs):
-    game = make_game(name)
-    assert [(disc.x, disc.y, disc.radius) for disc in game.arena.discs] == discs
-    assert game.reward.profile == ("zero-sum" if name == "zero-sum" else "paper")
-    assert replace(game, arena=Arena(), reward=Reward()) == Game()
-
-
 def test_the_robots_of_the_robot_game_have_bodies_that_do_not_meet_before_the_capture():
     game = make_game("robot")
     assert game.pursuer == game.evader == Unicycle(radius=0.2)

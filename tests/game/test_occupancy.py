@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from apollonius.game.arena import Arena
-from apollonius.game.game import Game, reset_batch
 from apollonius.game.obstacle import between_nodes
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.types import RobotState
@@ -35,11 +34,10 @@ along = jax.jit(jax.vmap(lambda occupancy, x, y, to_x, to_y: occupancy.clearance
                          in_axes=(None, 0, 0, 0, 0)))  # fmt: skip
 
 
-@pytest.mark.parametrize("share", [0.003, 0.1])
-def test_a_clearance_is_at_most_the_distance_and_little_less(share):
+def test_a_clearance_is_at_most_the_distance_and_little_less():
     """Over random cells: lone ones, and blocks of them."""
-    rng = np.random.default_rng(int(1000 * share))
-    occupied = rng.random((40, 60)) < share
+    rng = np.random.default_rng(100)
+    occupied = rng.random((40, 60)) < 0.1
     occupied[10:13, 20:45] = occupied[5:30, 50:52] = True
     points = rng.uniform((0, 0), (60, 40), (20_000, 2))
     ours = np.asarray(clearances(map_of(occupied), *(points * CELL + (-1, 2)).T.astype(np.float32))) / CELL
@@ -94,19 +92,6 @@ def test_no_point_passes_a_wall_of_single_cells(wall):
     assert np.all(hits(*np.hstack([before - shift, before + shift]).T.astype(np.float32)))
     aside = before - 4 * shift / np.abs(shift).max()
     assert not np.any(hits(*np.hstack([aside, aside - 0.1 * across]).clip(0.1, 9.9).T.astype(np.float32))[:100])
-
-
-def test_a_game_on_a_map_starts_where_there_is_room_and_stops_where_there_is_none():
-    occupied = np.zeros((40, 40), bool)
-    occupied[:, 20:] = True
-    game = Game(arena=Arena(0.0, 10.0, 0.0, 10.0, map=map_of(occupied, 0.0, 0.0)))
-    starts = jax.jit(reset_batch, static_argnums=2)(game, jax.random.key(0), 200)
-    assert float(jnp.max(starts.pursuer.x)) <= 5 - 0.3
-    assert float(jnp.max(starts.evader.x)) > 4
-    assert [float(clearance) for clearance in game.arena.clearances(*jnp.asarray([4.0, 5.0]))] == pytest.approx(
-        [4, 6, 5, 5, 1 - 0.15 * CELL]
-    )
-    assert game.arena.map in game.arena.obstacles
 
 
 def test_a_map_without_occupied_cells_has_no_obstacles_and_one_without_free_cells_is_refused():

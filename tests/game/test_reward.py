@@ -48,13 +48,6 @@ def test_beyond_the_zero_sum_part_the_evader_too_is_paid_for_coming_closer(befor
     assert paid(reward, Outcome.EVADER_HIT_OBSTACLE, before, after) == pytest.approx((pursuer, -10))
 
 
-def test_each_weight_pays_for_its_own_case():
-    reward = Reward(capture=7.0, failure=5.0, progress=2.0)
-    assert paid(reward, Outcome.CAPTURED) == (7, -7)
-    assert paid(reward, Outcome.BOTH_FAILED) == (-5, -5)
-    assert paid(reward, Outcome.ONGOING) == pytest.approx((0.2, -0.2), abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("outcome", "pursuer"),
     [

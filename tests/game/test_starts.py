@@ -108,10 +108,6 @@ def test_headings_are_uniform_over_the_circle(near, role):
     assert is_uniform(getattr(near, role).heading, -np.pi, np.pi)
 
 
-def test_headings_of_the_two_robots_are_independent(near):
-    assert is_uniform((near.pursuer.heading - near.evader.heading) % (2 * np.pi), 0, 2 * np.pi)
-
-
 def test_at_rest_a_robot_has_speed_zero_or_the_slowest_it_can_go(near):
     assert np.all(near.pursuer.v == np.float32(0.2))
     assert np.all(near.evader.v == 0)

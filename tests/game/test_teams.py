@@ -96,8 +96,10 @@ def stacked(games):
     return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
 
 
-@pytest.mark.parametrize("count", [10, pytest.param(100, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("profile", ["paper", "zero-sum"])
+@pytest.mark.parametrize(
+    ("profile", "count"),
+    [("paper", 10), *(pytest.param(profile, 100, marks=pytest.mark.slow) for profile in ("paper", "zero-sum"))],
+)
 def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
     """Three against two, as many transitions in each arena as arenas; with the paper's rewards mates can collide."""
     rng = np.random.default_rng(0)

@@ -78,12 +78,6 @@ def test_observations_have_the_declared_size_and_lie_in_their_range(profile, rol
     assert np.all(np.abs(seen) <= reach * (1 + 1e-6))
 
 
-def test_encoded_has_no_jump_where_the_heading_wraps():
-    below = observe(GAME, state((2, 1, 1, math.pi - 1e-6), EVADER), Role.PURSUER, "encoded")
-    above = observe(GAME, state((2, 1, 1, -math.pi + 1e-6), EVADER), Role.PURSUER, "encoded")
-    np.testing.assert_allclose(below, above, atol=1e-5)
-
-
 @pytest.mark.parametrize("role", Role)
 def test_a_view_has_both_robots_the_one_that_looks_first(role):
     placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))

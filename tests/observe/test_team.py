@@ -1,6 +1,5 @@
 """What is seen of teams: as in a game of two, and the other robots in order of their distance."""
 
-import functools
 import math
 
 import jax
@@ -29,13 +28,13 @@ OUT = (1.0, 1.0, 0.0, 0.0, 1)
 """A robot that fills up a team, out of play."""
 
 
-@functools.partial(jax.jit, static_argnames="role")
-def look_together(states, role):
-    return perceive(TEAM, TEAMS, states, role)[1]
+@jax.jit
+def look_together(states):
+    return perceive(TEAM, TEAMS, states, Role.PURSUER)[1]
 
 
-def seen(pursuers, evaders, out=(), role=Role.PURSUER):
-    """What each robot of a side sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
+def seen(pursuers, evaders, out=()):
+    """What each pursuer sees, of rows of (x, y, v, heading); those with these numbers, pursuers first, are out.
 
     All teams are filled up to the same size, so that few programs are compiled.
     """
@@ -49,7 +48,7 @@ def seen(pursuers, evaders, out=(), role=Role.PURSUER):
     robots = sides.map(lambda side: tuple(RobotState(*row[:4]) for row in side))
     status = sides.map(lambda side: tuple(jnp.where(row[4] > 0, RobotStatus.HIT_OBSTACLE, 0) for row in side))
     states = jax.tree.map(lambda leaf: leaf[None], GameState(robots, jnp.asarray(0), status=status))
-    return np.asarray(look_together(states, role))[: len(pursuers if role == Role.PURSUER else evaders)]
+    return np.asarray(look_together(states))[: len(pursuers)]
 
 
 def slots(numbers):
@@ -95,13 +94,10 @@ def test_robots_come_by_distance_whatever_their_numbers():
     """And of an opponent more the nearest is that of `egocentric`, the other one comes after the mates."""
     robots, others = ([ME, MATE, THIRD], [PREY, OTHER]), ([ME, THIRD, MATE], [OTHER, PREY])
     ours, again = (seen(*both) for both in (robots, others))
-    theirs, theirs_again = (seen(*both, role=Role.EVADER) for both in (robots, others))
     np.testing.assert_allclose(ours[[0, 2, 1]], again, atol=1e-6)
-    np.testing.assert_allclose(theirs[[1, 0]], theirs_again, atol=1e-6)
     np.testing.assert_array_equal(slots(ours[0])[:, 0], [1, 1, 0, 1, 0])
     np.testing.assert_allclose(slots(ours[0])[0, 3], 1 / 3, atol=1e-5)
     np.testing.assert_allclose(slots(ours[0])[1, 3], 1 / (1 + math.hypot(1, 3)), atol=1e-5)
-    np.testing.assert_array_equal(slots(theirs[0])[:, 0], [1, 0, 0, 1, 1])
 
 
 def test_who_is_out_is_not_seen():
