@@ -1,4 +1,4 @@
-"""A new kind of robot: a car, whose steering limits its turn rate. Shown in `docs/how-to/extend.md`."""
+"""A new kind of robot: a car, whose steering limits its turn rate. Named in `docs/how-to/extend.md`."""
 
 import math
 

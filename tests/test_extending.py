@@ -70,22 +70,14 @@ STEERED = {"pursuer": {"wheelbase": 0.5, "steer_max": 0.4}, "arena": {"discs": [
 WALL = Capsule(3.0, 5.0, 7.0, 6.0, 0.3)
 
 
-<<<<<<< HEAD
-@pytest.mark.parametrize("module", [capsule, bearing])
+@pytest.mark.parametrize("module", [capsule, bearing, car])
 def test_each_is_one_short_file(module):
     assert len(inspect.getsource(module).splitlines()) <= 80
 
 
-def test_the_document_shows_the_observation_and_names_the_obstacle():
+def test_the_document_shows_the_observation_and_names_the_others():
     assert inspect.getsource(bearing) in DOCUMENT.read_text()
-    assert "tests/capsule.py" in DOCUMENT.read_text()
-=======
-@pytest.mark.parametrize("module", [capsule, bearing, car])
-def test_each_is_one_short_file_which_the_document_shows(module):
-    source = inspect.getsource(module)
-    assert len(source.splitlines()) <= 80
-    assert source in DOCUMENT.read_text()
->>>>>>> 4e9c819 (A new robot is one file and one line: in Python, in C and in the page)
+    assert all(f"tests/{name}.py" in DOCUMENT.read_text() for name in ("capsule", "car"))
 
 
 def robot(x, y, v=0.0, heading=0.0):
