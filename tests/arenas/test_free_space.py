@@ -85,19 +85,6 @@ def test_the_core_round_an_island_is_a_cycle(spacing, angle):
     assert (tiling.adjacency[np.ix_(kept, kept)].sum(axis=1) == 2).all()
 
 
-def test_neighbours_are_next_to_each_other_and_places_are_free():
-    tiling = tiled(ANNULUS, 8.0, 0.3)
-    one, other = np.nonzero(tiling.adjacency)
-    assert np.hypot(*(tiling.places[one] - tiling.places[other]).T).max() < 1.7 * 8
-    column, row = np.floor(tiling.places).astype(int).T
-    assert ANNULUS[row, column].all()
-    assert not tiling.adjacency.diagonal().any()
-    assert (tiling.adjacency == tiling.adjacency.T).all()
-    count = len(tiling.places)
-    assert count == pytest.approx(ANNULUS.sum() / (8.0**2 * np.sqrt(3) / 2), rel=0.35)
-    assert tiling.adjacency.sum() / 2 <= 3 * count - 6  # as in every planar graph
-
-
 def test_a_thin_wall_through_a_cell_parts_it():
     free = ROOM.copy()
     free[:, 60] = False

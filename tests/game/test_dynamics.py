@@ -163,15 +163,6 @@ def test_an_action_is_three_times_the_acceleration_level_plus_the_turning_level(
     np.testing.assert_allclose(np.stack([u1, u2], axis=-1), expected, rtol=1e-6)
 
 
-def test_shares_of_a_discrete_action_move_a_robot_to_the_same_bits():
-    """Compiled, for robots anywhere."""
-    there = jax.vmap(RobotState)(*jnp.asarray(random_robots(np.random.default_rng(0), 900).T, jnp.float32))
-    actions = jnp.tile(jnp.arange(9), 100)
-    pairs = jnp.stack([actions // 3 - 1, actions % 3 - 1], axis=1).astype(jnp.float32)
-    act = jax.jit(jax.vmap(lambda robot, given: BODY.move(robot, *BODY.controls(given), 0.1)))
-    np.testing.assert_array_equal(numbers(act(there, actions)), numbers(act(there, pairs)))
-
-
 def test_levels_are_shares_of_the_largest_controls_and_clipped():
     body = Unicycle(u1_max=0.5, u2_max=2.0)
     np.testing.assert_allclose(body.controls(jnp.array([0.5, -0.25])), (0.25, -0.5))

@@ -14,8 +14,7 @@ from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import in_arenas
-from apollonius.game.scenario import padded
-from apollonius.game.types import Outcome, RobotState, Role
+from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.play.playout import Results
 from apollonius.solve.motion import motion_of
@@ -59,24 +58,6 @@ def test_games_in_two_arenas_go_as_each_goes_alone_from_starts_in_either():
 def test_one_arena_is_a_game_as_ever():
     assert in_arenas(GAME, [WIDE]) == replace(GAME, arena=WIDE)
     assert len(jax.tree.leaves(GAME.reset(jax.random.key(0)))) == 9
-
-
-def test_padding_touches_nothing():
-    more = padded(WIDE, discs=5, polygons=3, corners=6)
-    assert [len(one.vertices) for one in more.polygons] == [6, 6, 6]
-    ends = np.random.default_rng(0).uniform(-1, 5, (2, 4, 500)).astype(np.float32)
-    before, after = (jax.vmap(RobotState)(*map(jnp.asarray, rows)) for rows in ends)
-
-    @jax.jit
-    @jax.vmap
-    def ask(one, other):
-        return [
-            (arena.clearance(one.x, one.y), arena.clearance_along(one, other), arena.hits_obstacle(one, other, 0.1))
-            for arena in (WIDE, more)
-        ]
-
-    few, many = ask(before, after)
-    jax.tree.map(np.testing.assert_array_equal, few, many)
 
 
 @pytest.mark.parametrize(

@@ -72,18 +72,6 @@ def test_robots_start_at_least_the_separation_apart(name, separation, request):
     assert separation - 1e-5 < distances.min() < separation + 0.05
 
 
-@pytest.mark.parametrize("role", ["pursuer", "evader"])
-def test_places_are_uniform_over_the_free_space(near, role):
-    """Chi-square over the squares of a grid that are free to their last corner."""
-    robot = getattr(near, role)
-    edges = np.linspace(0.7, 9.3, 11)
-    counts, *_ = np.histogram2d(robot.x, robot.y, (edges, edges))
-    nearest = np.maximum(np.abs(edges[:-1] + 0.43 - 5) - 0.43, 0)
-    free = np.hypot(*np.meshgrid(nearest, nearest)) > 1 + 0.3 + 0.4
-    assert 80 < free.sum() < 100
-    assert stats.chisquare(counts[free]).pvalue > 1e-3
-
-
 def test_pairs_are_uniform_over_all_pairs_that_fit(apart):
     """The distribution of pairs that a simple rejection in NumPy leaves: compared by place and by distance."""
     places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))

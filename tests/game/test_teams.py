@@ -198,16 +198,6 @@ OPEN = in_teams(Game(), 2, 2)
 ON = [0, 0]
 
 
-def test_the_game_goes_on_until_the_last_evader_is_caught_and_all_pursuers_share_each_capture():
-    near = state_of([(2, 2, 0, 0), (8, 8, 0, 0)], [(2.1, 2, 0, 0), (5, 5, 0, 0)], (ON, ON))
-    first = play(OPEN, near)
-    assert (Outcome(int(first.outcome)), int(first.state.status.evader[0])) == (Outcome.ONGOING, RobotStatus.CAPTURED)
-    assert [float(one) for one in first.rewards.pursuer] == [10, 10]
-    assert [float(one) for one in first.rewards.evader] == [-10, 0]
-    last = play(OPEN, state_of([(2, 2, 0, 0), (8, 8, 0, 0)], [(2.1, 2, 0, 0), (5, 5, 0, 0)], (ON, [0, 1])))
-    assert (Outcome(int(last.outcome)), bool(last.terminated)) == (Outcome.CAPTURED, True)
-
-
 def test_a_last_capture_counts_even_if_no_pursuer_is_left_and_costs_the_one_that_fails_nothing():
     state = state_of([(9.95, 5, 1.2, 0), (5, 1, 0, 0)], [(9.9, 5, 0, 0), (1, 9, 0, 0)], ([0, 2], [0, 1]))
     after = play(OPEN, state)

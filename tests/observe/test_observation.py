@@ -13,7 +13,6 @@ from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.observe.registry import observe as observe_one
-from apollonius.observe.view import look
 
 GAME = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
@@ -76,12 +75,3 @@ def test_observations_have_the_declared_size_and_lie_in_their_range(profile, rol
     if profile == "encoded":
         reach[10:13] = math.hypot(1, 4 / 8)
     assert np.all(np.abs(seen) <= reach * (1 + 1e-6))
-
-
-@pytest.mark.parametrize("role", Role)
-def test_a_view_has_both_robots_the_one_that_looks_first(role):
-    placed = state((1.5, -1.25, 0.3, 2.9), (7.0, 1.0, 1.1, -0.4))
-    robots = [(GAME.pursuer, placed.pursuer), (GAME.evader, placed.evader)]
-    view = look(GAME, placed, role)
-    assert view.arena == GAME.arena
-    assert [(robot.body, robot.state) for robot in view.robots] == (robots if role == Role.PURSUER else robots[::-1])
