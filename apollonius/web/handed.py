@@ -153,7 +153,7 @@ class AnyBackup(Backup):
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def _clearances(self, robot: RobotState, near: nearby.Edges | None) -> Float[Array, " manoeuvres"]:
-        def one_step(_: Scalar, carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
+        def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
             before = [robot for robot, _ in carry]
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
             moved = zip(before, after, carry, strict=True)
