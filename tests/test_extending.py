@@ -218,7 +218,5 @@ def test_a_new_robot_plays_the_same_games_in_python_in_c_and_in_the_page(tmp_pat
         "games": [{"game": to_dict(game), "states": [start.tolist()], "actions": actions.tolist()}],
     }
     command = ["node", str(Path(__file__).parent / "web" / "check.mjs")]
-    done = subprocess.run(
-        command, input=json.dumps({"page": str(page), "games": [asked]}), capture_output=True, text=True, check=True
-    )
+    done = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True, check=True)
     np.testing.assert_allclose(json.loads(done.stdout)["games"][0]["rows"], expected["rows"], atol=1e-5)
