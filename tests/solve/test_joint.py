@@ -59,6 +59,15 @@ def test_the_table_is_that_of_brute_force(robot, captures, role):
     np.testing.assert_allclose(sure, before[pairs], atol=1e-5)
 
 
+@pytest.mark.slow
+def test_the_upper_value_is_nowhere_less_than_the_lower():
+    (lower, _, _), (upper, _, _) = (solved(SMALL, role, MORE) for role in Role)
+    assert np.min(-upper.T - lower) >= -5e-3
+    assert np.mean(-upper.T - lower) > 0.01
+    assert np.any(lower > 0.5)
+    assert np.any(-upper < -0.5)
+
+
 def test_between_nodes_the_value_is_multilinear():
     grid = make_grid(SMALL.arena, BODY, (4, 5, 3, 5))
     table = jax.random.uniform(jax.random.key(0), (grid.size // 60, grid.size, 60))

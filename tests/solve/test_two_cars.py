@@ -1,0 +1,48 @@
+"""The two-robot solver against the game of two cars: the same captures as in relative coordinates."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.ndimage import distance_transform_edt
+
+from apollonius.game.types import Role
+from tests.oracle import hj_air3d
+from tests.solve.two_cars import FINER, SPEEDS, Setting, captured, cells_apart, truth
+
+pytestmark = pytest.mark.slow
+
+SETTING = Setting(size=12.25, places=15, headings=12, holds=3)
+TRUTH = cache(truth)
+
+
+@pytest.fixture(scope="module", params=list(Role), ids=["lower", "upper"])
+def found(request):
+    """Where captures are certain by the lower value, and by the upper."""
+    return captured(SETTING, request.param)
+
+
+@pytest.mark.parametrize("speeds", SPEEDS.values(), ids=SPEEDS)
+def test_the_solver_captures_two_cars_where_they_can_be_captured_within_a_cell(found, speeds):
+    pursuer, evader = speeds
+    too_large, too_small = cells_apart(SETTING, found[pursuer, ..., evader], TRUTH(SETTING, speeds))
+    assert max(too_large, too_small) <= 1
+
+
+@pytest.mark.parametrize(("played", "other"), [("both fast", "faster pursuer"), ("both fast", "faster evader")])
+def test_other_games_are_more_than_a_cell_away(found, played, other):
+    pursuer, evader = SPEEDS[played]
+    assert max(cells_apart(SETTING, found[pursuer, ..., evader], TRUTH(SETTING, SPEEDS[other]))) > 1
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("speeds", [SPEEDS["both fast"], SPEEDS["faster pursuer"]], ids=["both fast", "faster pursuer"])
+def test_hj_reachability_says_the_same(found, speeds):
+    pytest.importorskip("hj_reachability")
+    pursuer, evader = speeds
+    expected = TRUTH(SETTING, speeds, hj_air3d.least_distance)
+    assert max(cells_apart(SETTING, found[pursuer, ..., evader], expected)) <= 1
+    ours = TRUTH(SETTING, speeds)
+    apart = [distance_transform_edt(psi) for psi in (*expected, *~expected)]
+    wrong = np.concatenate([expected & ~ours, ~expected & ours])
+    assert np.max(apart * wrong) / FINER <= 0.5
