@@ -141,7 +141,8 @@ class Replay:
         pursuers = len(self.game.bodies.pursuer)
         states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
         if self.game.teams:
-            states = replace(states, status=self._again()[0].status)
+            status = self._again()[0].status
+            states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 
     def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
