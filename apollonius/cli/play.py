@@ -48,6 +48,7 @@ def add_play(parser: argparse.ArgumentParser) -> None:
 def run_play(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.game.types import Role
+    from apollonius.io.document import whole_folder
     from apollonius.io.errors import require
     from apollonius.web.server import make_server
     from apollonius.web.site import choose, write_site
@@ -58,7 +59,8 @@ def run_play(options: argparse.Namespace) -> int:
     if options.site:
         empty = not options.site.exists() or (options.site.is_dir() and not any(options.site.iterdir()))
         require(empty, "--site", options.site, "a new or empty folder; choose another")
-        write_site(options.site, choice)
+        with whole_folder(options.site) as folder:
+            write_site(folder, choice)
         options.display.end()
         finish(options.site, then=f"put it on any web host; its page is {options.site / 'index.html'}")
         return 0

@@ -4,8 +4,10 @@ import json
 import math
 import os
 import secrets
+import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +70,22 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
         if isinstance(error, OSError):
             error.filename = str(path)  # which a full disk does not say
         raise
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Generator[Path, None, None]:
+    """Fill a new or empty folder: with everything that the block writes, or not at all.
+
+    Yields:
+        A temporary folder to write to, which is renamed in the end.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
+        filled = Path(beside) / "folder"
+        yield filled
+        if folder.exists():
+            folder.rmdir()
+        os.replace(filled, folder)
 
 
 def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:

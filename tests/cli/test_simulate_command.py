@@ -30,12 +30,15 @@ def test_it_prints_both_matches_and_records_games(short, capsys, tmp_path):
 
 
 def test_a_drive_of_ones_own_turns_as_slowly_as_its_file_says(short, capsys, tmp_path):
-    errors = []
-    for text in ("turn_acceleration = 0.5\n", "turn_acceleration = 5.0\n"):
-        (tmp_path / "drive.toml").write_text(text)
-        assert main([*short, "--drive", "drive.toml", "--json"]) == 0
-        errors.append(json.loads(capsys.readouterr().out)["tracking"]["evader"]["heading"]["rms"])
-    assert errors[1] < errors[0] / 1.2
+    turned = {}
+    for acceleration in (0.5, 5.0):
+        (tmp_path / "drive.toml").write_text(f"turn_acceleration = {acceleration}\n")
+        folder = tmp_path / str(acceleration)
+        assert main([*short, "--drive", "drive.toml", "--record", "1", "--replays", str(folder)]) == 0
+        (file,) = folder.iterdir()
+        states = json.loads(file.read_text())["states"]
+        turned[acceleration] = sum(abs(states[5][heading] - states[0][heading]) for heading in (3, 7))
+    assert turned[0.5] < turned[5.0] / 1.2, turned
 
 
 @pytest.mark.parametrize(
