@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 SOLVING = ("solving the game for the pursuer", "solving the game for the evader")
-"""The pieces of work, for `Display.plan`."""
+"""Pieces of work, by role."""
 
 
 def solved_game(

@@ -1,8 +1,7 @@
 """Refusals of impossible input: one line that names the value, the bound and the remedy."""
 
 import difflib
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from typing import Any
 
@@ -86,15 +85,6 @@ def require_within(record: object, low: int | float, high: int | float, *names: 
     for name in names:
         value = getattr(record, name)
         require(low <= value <= high, name, value, f"from {low:,} to {high:,}")
-
-
-def exit_status(program: Callable[[], int]) -> int:
-    """Return a program's exit status; after impossible input print its line on standard error and return 2."""
-    try:
-        return program()
-    except InvalidInput as error:
-        print(error, file=sys.stderr)
-        return 2
 
 
 EXTRAS = {

@@ -26,7 +26,6 @@ _ENDS = {0, STOPPED, *(128 + number for number in SIGNALS), *(-number for number
 """Exit statuses of jobs that did not fail; signals may reach them again while they leave."""
 _POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
-ShouldStop = Callable[[], bool]
 
 
 @dataclass(frozen=True)

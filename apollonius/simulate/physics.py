@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from apollonius.game.arena import Arena, Disc
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
-from apollonius.io.errors import InvalidInput, install, require
+from apollonius.io.errors import require, require_extra
 from apollonius.simulate.drive import Drive
 
 SIDES = tuple(role.name.lower() for role in Role)
@@ -40,10 +41,13 @@ def mjcf(game: Game, drive: Drive, step: float) -> str:
         step: of the physics [s].
 
     Raises:
-        InvalidInput: for an arena with an occupancy map.
+        InvalidInput: for an arena with an occupancy map, and for a robot that is not driven by two wheels.
     """
     bound = "discs and polygons, the only ones that robots with bodies know"
     game.arena.require_only((Disc, Polygon), bound)
+    for side, body in zip(SIDES, (game.pursuer, game.evader), strict=True):
+        kind, bound = type(body), "Unicycle: a body has two driven wheels; write a drive for other robots"
+        require(kind is Unicycle, f"class of the {side}", kind.__name__, bound)
     model = Element("mujoco", model="pursuit-evasion")
     SubElement(model, "option", timestep=f"{step:.9g}", integrator="implicitfast", cone="elliptic")
     world = SubElement(model, "worldbody")
@@ -143,11 +147,9 @@ class Physics:
     """
 
     def __init__(self, game: Game, drive: Drive) -> None:
-        try:
-            self._mujoco: Any = import_module("mujoco")  # not by name: it has no types, and is needed nowhere else
-            rollout: Any = import_module("mujoco.rollout")
-        except ModuleNotFoundError as error:
-            raise InvalidInput(f"robots with bodies need MuJoCo: {install('sim')}.") from error
+        require_extra("sim", "simulate")
+        self._mujoco: Any = import_module("mujoco")  # not by name: it has no types, and is needed nowhere else
+        rollout: Any = import_module("mujoco.rollout")
         dt = float(game.dt)
         require(drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s")
         self.drive = drive

@@ -1,5 +1,6 @@
 """MuJoCo's robots go where their wheels take them, and no further than a wall."""
 
+import sys
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -17,6 +18,7 @@ from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import Physics, mjcf
+from tests.car import Car
 from tests.simulate.test_drive import IDEAL
 
 pytest.importorskip("mujoco")
@@ -67,20 +69,6 @@ def test_a_wall_holds_a_robot_that_has_a_radius(radius, stops):
     assert (x < 10 - radius + 0.02) == stops
 
 
-def test_a_latency_of_more_than_a_step_is_refused():
-    with pytest.raises(InvalidInput, match=r"latency = 0\.2"):
-        Physics(PAPER, Drive(latency=0.2))
-
-
-def test_without_mujoco_it_says_what_to_install(monkeypatch):
-    def missing(name):
-        raise ModuleNotFoundError(name=name)
-
-    monkeypatch.setattr("apollonius.simulate.physics.import_module", missing)
-    with pytest.raises(InvalidInput, match="pip install mujoco"):
-        Physics(PAPER, Drive())
-
-
 HALL = Arena(
     0.0, 6.0, 0.0, 4.0, discs=(Disc(1.0, 1.0, 0.3),), polygons=(Polygon(((3.0, 1.0), (5.0, 1.0), (4.0, 3.0))),)
 )
@@ -123,14 +111,31 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
     assert "evader shell" not in found
 
 
-def test_a_map_is_refused():
+def on_a_map():
     cells = OccupancyMap(jnp.ones((4, 4)), 0.0, 0.0, 0.1, "none.yaml", "")
-    arena = Arena(0.0, 0.3, 0.0, 0.3, map=cells)
-    with pytest.raises(InvalidInput, match=r"obstacles = OccupancyMap .* discs and polygons"):
-        mjcf(
-            replace(
-                make_game("paper"), arena=arena, capture_distance=0.01, starts=Starts(clearance=0.0, separation=0.05)
-            ),
+    starts = Starts(clearance=0.0, separation=0.05)
+    return replace(PAPER, arena=Arena(0.0, 0.3, 0.0, 0.3, map=cells), capture_distance=0.01, starts=starts)
+
+
+@pytest.mark.parametrize(
+    ("game", "drive", "refusal"),
+    [
+        (PAPER, Drive(latency=0.2), r"latency = 0\.2"),
+        (on_a_map(), Drive(), r"obstacles = OccupancyMap .* discs and polygons"),
+        (
+            replace(PAPER, pursuer=Car()),
             Drive(),
-            0.005,
-        )
+            r"class of the pursuer = Car .* Unicycle: a body has two driven wheels",
+        ),
+    ],
+    ids=["latency", "map", "car"],
+)
+def test_what_no_body_can_do_is_refused(game, drive, refusal):
+    with pytest.raises(InvalidInput, match=refusal):
+        Physics(game, drive)
+
+
+def test_without_mujoco_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InvalidInput, match="pip install mujoco"):
+        Physics(PAPER, Drive())
