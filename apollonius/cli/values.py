@@ -22,6 +22,8 @@ LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
 _NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
 """Extras without which files with these endings cannot be written."""
+_FILES = (".safetensors", ".json")
+"""What the names of agents' files and of replays end in."""
 VALUES = Counted(0, most=100, least=2)
 """Values of a number that is varied."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
@@ -39,12 +41,12 @@ def count(counted: Counted) -> Callable[[str], int]:
 
 def _count(counted: Counted, text: str) -> int:
     try:
-        number = int(text)
-    except ValueError:  # also for thousands of digits
-        number = None
-    if number is None or not counted.least <= number <= counted.limit:
+        number = float(text)  # so that 1e4 is one too
+    except ValueError:
+        number = math.nan
+    if not number.is_integer() or not counted.least <= number <= counted.limit:
         raise unfit(text, counted.bound())
-    return number
+    return int(number)
 
 
 def real(text: str) -> float:
@@ -96,6 +98,8 @@ def named(text: str) -> str:
 def known_agent(text: str) -> str:
     """A player's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
     bare = named(text).removeprefix(SHIELDED)
+    if bare.endswith(_FILES):
+        existing_file(bare)
     known = [*BUILT_IN, *zoo_names()]
     if bare.removeprefix(FROM_ZOO) in known or not _is_plain(bare):
         return text

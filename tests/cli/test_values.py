@@ -102,7 +102,7 @@ def test_counts_are_bounded_by_memory(capsys, monkeypatch):
     assert 10**6 < GAMES.limit <= 2**31 - 1
     monkeypatch.setattr(limits, "available_memory", lambda: 10**6)
     assert GAMES.limit == 4_000
-    assert values.count(GAMES)("4000") == 4_000
+    assert values.count(GAMES)("4000") == values.count(GAMES)("4e3") == 4_000
     with pytest.raises(argparse.ArgumentTypeError, match=r"4001 .* at least 1, at most 4,000, for which 0.0 GiB"):
         values.count(GAMES)("4001")
     told = refusal(capsys, lambda: main(["evaluate", "random", "still", "--games", "4001"]))
@@ -179,7 +179,13 @@ def test_a_value_is_shown_on_one_short_line():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
-    [["evaluate", "random", "still", "--games", str(10**10)], ["evaluate", "P_pol", "still"], ["report", "folder"]],
+    [
+        ["evaluate", "random", "still", "--games", str(10**10)],
+        ["evaluate", "P_pol", "still"],
+        ["report", "folder"],
+        ["evaluate", "a.safetensors", "still"],
+        ["show", "game.json"],
+    ],
     ids=" ".join,
 )
 def test_the_command_itself_refuses_without_importing_jax(words):
