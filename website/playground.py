@@ -5,7 +5,7 @@ import json
 import shutil
 from pathlib import Path
 
-from apollonius.show.report.page import bundled
+from apollonius.show.report import bundled
 from apollonius.web.site import write_site
 
 _SCRIPTS = Path(__file__).parent / "scripts"

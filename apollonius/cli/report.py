@@ -18,11 +18,10 @@ def run_report(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     out: Path = options.out or folder / "report.html"
     require_extra("plot", "report")
-    from apollonius.show.report.page import save_page
-    from apollonius.show.report.training import training_page
+    from apollonius.show.report import report_of, save_report
 
     options.display.begin("playing games and drawing", compiles=True)
-    save_page(training_page(folder), out)
+    save_report(report_of(folder), out)
     options.display.end()
     finish(out, then=f"open {out} in a browser")
     return 0

@@ -33,7 +33,7 @@ from apollonius.learn.folder import FORMAT as CHECKPOINT
 from apollonius.learn.folder import Evaluation, Standing, load_checkpoint, load_config, load_standing, save_checkpoint
 from apollonius.learn.metrics import MetricsLine, load_metrics
 from apollonius.play.replay import Replay, load_replay, save_replay
-from apollonius.show.report.training import load_matches
+from apollonius.show.report import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 
 GAME = make_game("paper")

@@ -6,7 +6,8 @@ import subprocess
 
 import pytest
 
-from apollonius.show.report.page import replay_script
+from apollonius.show.report import bundled
+from tests.documents import REPOSITORY
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="needs node")
 
@@ -34,7 +35,7 @@ const states = player.statesOf(game);
 
 def run(tmp_path, script, game=GAME):
     """What a script prints that knows the player's functions."""
-    (tmp_path / "replay.mjs").write_text(replay_script())
+    (tmp_path / "replay.mjs").write_text(bundled(REPOSITORY / "apollonius" / "show" / "replay.js"))
     head = 'import * as player from "./replay.mjs";\nconst game = ' + json.dumps(game) + ";\n"
     (tmp_path / "test.mjs").write_text(head + script)
     done = subprocess.run(["node", "test.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)

@@ -11,7 +11,7 @@ from apollonius.game.presets import in_teams
 from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show.animation import frames
-from apollonius.show.report.page import Shown
+from apollonius.show.report import Shown
 from apollonius.show.words import in_play
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 from tests.show.test_replay_player import RECORDER, run

@@ -1,0 +1,244 @@
+"""The report of a training run, one HTML file: how its agents learned, how good they are, and games that they play."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from apollonius.agents.built_in import PLAYERS
+from apollonius.evaluate.claims import paper_shares
+from apollonius.evaluate.match import Match, play_games, record_game, worst_first
+from apollonius.evaluate.pairings import last_matches
+from apollonius.evaluate.result import MatchResult, read_result
+from apollonius.game.game import Game
+from apollonius.game.outcome import PURSUER_WINS, names_of
+from apollonius.io.document import parse_json, read_bytes, write_atomically
+from apollonius.io.errors import require
+from apollonius.learn.config import FIXED_TARGET, SELF_PLAY
+from apollonius.learn.folder import load_config
+from apollonius.learn.metrics import load_metrics
+from apollonius.play.replay import Replay, as_data
+from apollonius.show import palette
+from apollonius.show.curves import learning_pictures
+from apollonius.show.words import in_play
+
+GAMES = 200
+"""Games of each pairing among which those that are shown are found."""
+SEED = 1
+LONGEST = 50_000
+"""Most steps of such a game; the paper's have 1,000 at most."""
+MAX_BYTES = 3_000_000
+"""Largest report: one that can be sent by mail."""
+_DIGITS = 3
+"""Decimals of the states in the page: a millimetre, which is less than a pixel."""
+_BAR = (
+    "captured", "evader_hit_obstacle", "evader_out_of_range", "no_result",
+    "both_failed", "pursuer_out_of_range", "pursuer_hit_obstacle", "territory_reached",
+)  # fmt: skip
+"""Outcomes from the pursuer's best to its worst, as bars show those that can be."""
+_HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A game to watch.
+
+    Attributes:
+        times: how many games of this pairing ended in this way.
+    """
+
+    replay: Replay
+    times: int
+
+    @property
+    def pairing(self) -> str:
+        return f"{self.replay.pursuer} against {self.replay.evader}"
+
+    @property
+    def outcome(self) -> str:
+        return self.replay.outcome.name.lower()
+
+    @property
+    def seconds(self) -> float:
+        """Its length [s]."""
+        return len(self.replay.actions) * float(self.replay.game.dt)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the game as the page's script reads it: a replay without actions, its states rounded.
+
+        Of a game of teams `until` says for each robot the first step at which it is out of play, or None.
+        """
+        data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
+        del data["actions"]
+        if self.replay.game.teams:
+            steps = in_play(self.replay).sum(axis=0).tolist()
+            data["until"] = [step if step < len(self.replay.states) else None for step in steps]
+        return data
+
+
+def games_to_show(match: Match) -> list[Shown]:
+    """Return one game for each outcome that occurs in a match, in the order of `worst_first`.
+
+    Raises:
+        InvalidInput: when its games may last for more than `LONGEST` steps.
+    """
+    bound = f"at most {LONGEST:,}, or no page could hold them"
+    require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
+    results = play_games(match)
+    outcomes = np.asarray(results.outcome)
+    first: dict[int, int] = {}
+    for index in worst_first(results):
+        first.setdefault(int(outcomes[index]), index)
+    return [Shown(record_game(match, index), int(np.sum(outcomes == outcome))) for outcome, index in first.items()]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The result of a match between two agents.
+
+    Attributes:
+        paper: the paper's shares of outcomes for such a pairing, as far as it reports them.
+    """
+
+    pursuer: str
+    evader: str
+    result: MatchResult
+    paper: dict[str, float]
+
+    @property
+    def paper_win_rate(self) -> float:
+        """The pursuer's win rate in the paper, of the outcomes that it reports."""
+        return sum(self.paper.get(outcome, 0.0) for outcome in names_of(PURSUER_WINS))
+
+
+def load_matches(path: Path) -> list[Judged]:
+    """Return the matches of an `evaluation.json`; none where the run was not judged.
+
+    Raises:
+        InvalidInput: when it is not what training writes, or leads outside its folder.
+    """
+    if not path.exists():
+        return []
+    remedy, run = "remove it, or train again", path.parent.resolve().name
+    content = read_bytes(path, "what training wrote", remedy, within=path.parent)
+    judged = []
+    for name, data in parse_json(content, f"'{path}' has no results of matches; {remedy}").items():
+        pair = name.split(" against ")
+        require(len(pair) == 2, f"'{path}': match", name, f"NAME against NAME; {remedy}")
+        ours = [name if name in PLAYERS else f"{run}/{name}" for name in pair]
+        judged.append(Judged(ours[0], ours[1], read_result(data, f"'{path}'"), paper_shares(*pair)))
+    return judged
+
+
+def report_of(folder: Path) -> dict[str, Any]:
+    """Return all that the report of a training run shows, finished or not, by the names that `report.html` has for it.
+
+    Raises:
+        InvalidInput: when a file of the run is missing or not what training writes.
+    """
+    config, lines = load_config(folder / "config.toml", folder), load_metrics(folder / "metrics.jsonl", within=folder)
+    plans = {FIXED_TARGET: config.fixed_target, SELF_PLAY: config.self_play}
+    stages = {name: plan for name, plan in plans.items() if config.stages in (name, "both")}
+    by_stage = {name: [line for line in lines if line.stage == name] for name in stages}
+    done = {name: found[-1].env_steps if found else 0 for name, found in by_stage.items()}
+    matches = load_matches(folder / "evaluation.json")
+    asked = last_matches(folder, config.game, GAMES, SEED).values()
+    games = [shown for match in asked for shown in games_to_show(match)]
+    warnings = [
+        f"Not finished: {name} stands at {done[name]:,} of {plan.env_steps:,} env steps. Go on with: apollonius resume "
+        f"{folder}"
+        for name, plan in stages.items()
+        if done[name] < plan.env_steps
+    ]
+    if not matches:
+        warnings += ["Not judged: the run has no evaluation.json, which apollonius train writes when it has finished."]
+    if not games:
+        warnings += ["No games to show: no stage has ended, so there are no agents yet."]
+    return {
+        "folder": folder,
+        "title": f"Training run {folder.resolve().name}",
+        "summary": f"{_described(config.game)} Stages: {', '.join(stages)}; seed {config.seed}.",
+        "warnings": warnings,
+        "matches": matches,
+        "stages": {name: (plan, by_stage[name]) for name, plan in stages.items()},
+        "pictures": {name: learning_pictures(found, config.evaders) for name, found in by_stage.items() if found},
+        "games": games,
+        "config": (folder / "config.toml").read_text("utf-8"),
+    }
+
+
+def _described(game: Game) -> str:
+    arena = game.arena
+    obstacles = f"{len(arena.discs)} discs" + (f", {len(arena.polygons)} polygons" if arena.polygons else "")
+    obstacles += f", the map {Path(arena.map.file).name}" if arena.map else ""
+    return (
+        f"Arena {arena.x_max - arena.x_min:g} m by {arena.y_max - arena.y_min:g} m, {obstacles}; "
+        f"capture within {game.capture_distance:g} m; at most {game.max_steps * game.dt:g} s."
+    )
+
+
+def save_report(report: Mapping[str, Any], path: Path) -> None:
+    """Write a report as one HTML file, atomically.
+
+    Raises:
+        InvalidInput: when it would be larger than `MAX_BYTES`; nothing is written.
+    """
+    html = render(report).encode(errors="replace")
+    bound = f"at most {MAX_BYTES:,}; make the figures in the folder smaller"
+    require(len(html) <= MAX_BYTES, "size of the report [bytes]", f"{len(html):,}", bound)
+    write_atomically(path, html)
+
+
+def render(report: Mapping[str, Any]) -> str:
+    """Return a report as HTML, with everything from files escaped."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.policies["json.dumps_kwargs"]["allow_nan"] = False
+    return environment.from_string((_HERE / "report.html").read_text()).render(
+        **report,
+        replays=[shown.to_dict() for shown in report["games"]],
+        asked={"games": GAMES, "seed": SEED},
+        bar=[outcome for outcome in _BAR if any(outcome in match.result.outcomes for match in report["matches"])],
+        light=palette.LIGHT,
+        dark=palette.DARK,
+        style=Markup((_HERE / "report.css").read_text()),
+        player=Markup(bundled(_HERE / "replay.js")),
+    )
+
+
+_IMPORT = re.compile(r'^import \{([^}]+)\} from "([^"]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?:const|class|(?:async )?function\*?) (\w+)", re.MULTILINE)
+_COMMENT = re.compile(r"^ *(?://[^\n]*|/\*\*.*?\*/)\n", re.MULTILINE | re.DOTALL)
+
+
+def bundled(entry: Path) -> str:
+    """Return a module after all that it imports, each as an object of its exports, without comments.
+
+    Args:
+        entry: the module's file; its imports name files relative to it, and form no circle. A file beside it is taken
+            in place of one of the same name elsewhere.
+    """
+    objects: dict[Path, str] = {}
+
+    def imported(path: Path) -> str:
+        text = re.sub(_COMMENT, "", path.read_text())
+        return _IMPORT.sub(
+            lambda found: f"const {{{found[1].replace(' as ', ': ')}}} = {obtained(path.parent / found[2])};\n", text
+        )
+
+    def obtained(path: Path) -> str:
+        name = f"{path.stem}Module"
+        if path.resolve() not in objects:
+            beside = entry.parent / path.name
+            text = imported(beside if beside.exists() else path)
+            exports = ", ".join(_EXPORT.findall(text))
+            inner = re.sub("^export ", "", text, flags=re.MULTILINE)
+            objects[path.resolve()] = f"const {name} = (() => {{\n{inner}return {{ {exports} }};\n}})();\n"
+        return name
+
+    text = imported(entry)
+    return "".join(objects.values()) + text
