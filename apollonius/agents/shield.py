@@ -16,7 +16,8 @@ from apollonius.agents.policy import AbstractPolicy, AbstractWrapper, Memory
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle, action_levels, unit_vector
 from apollonius.game.game import Game
-from apollonius.game.nearby import Edges, Surroundings, surroundings
+from apollonius.game.nearby import Surroundings, surroundings
+from apollonius.game.polygon import Edges
 from apollonius.game.types import NUM_ACTIONS, Action, Actions, Real, RobotState, Role, Scalar
 from apollonius.io.errors import require
 from apollonius.observe.view import View
@@ -77,7 +78,7 @@ class Backup(eqx.Module):
     def clearance_after(self, robot: RobotState, action: Action) -> Scalar:
         """Return the least clearance [m] on the best manoeuvre to rest that begins with one step of an action."""
         near, after = self._near(robot), self._hold(robot, action)
-        step = self._step(robot, after, near) - self.body.radius
+        step = self._along(robot, after, near) - self.body.radius
         return jnp.minimum(step, jnp.max(self._clearances(after, near)))
 
     @jax.jit
@@ -91,7 +92,7 @@ class Backup(eqx.Module):
         near, after = self._near(robot), self._hold(robot, action)
         (cos, sin), length = unit_vector(after.heading), after.v**2 / (2 * self.body.u1_max)
         rest = replace(after, x=after.x + length * cos, y=after.y + length * sin)
-        least = jnp.minimum(self._step(robot, after, near), self._along(after, rest, near))
+        least = jnp.minimum(self._along(robot, after, near), self._along(after, rest, near))
         return least - self.body.radius > 2 * MARGIN
 
     def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
@@ -106,29 +107,17 @@ class Backup(eqx.Module):
             robot, after,
         )  # fmt: skip
         along = jax.vmap(jax.vmap(lambda start, end: self._along(start, end, near)))(before, after)
-        return jnp.minimum(self._here(robot, near), jnp.min(along, axis=1)) - self.body.radius
+        return jnp.min(along, axis=1) - self.body.radius
 
     def _near(self, robot: RobotState) -> Edges | None:
         return self.surroundings.near(robot.x, robot.y) if self.surroundings else None
 
-    def _arena(self, near: Edges | None) -> Arena:
-        """Return the arena, without its polygons where their edges are given."""
-        return self.arena if near is None else replace(self.arena, polygons=())
-
-    def _here(self, robot: RobotState, near: Edges | None) -> Scalar:
-        """Return the clearance [m] of a place."""
-        here = self._arena(near).clearance(robot.x, robot.y)
-        return here if near is None else jnp.minimum(here, near.clearance_from(robot.x, robot.y))
-
     def _along(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
-        """Return the least clearance [m] on a segment, whose beginning is the end of another one."""
-        along = self._arena(near).clearance_along(before, after)
-        return along if near is None else jnp.minimum(along, near.clearance_along(before, after))
-
-    def _step(self, before: RobotState, after: RobotState, near: Edges | None) -> Scalar:
-        """Return the least clearance [m] on a segment with its beginning."""
-        along = self._along(before, after, near)
-        return along if near is None else jnp.minimum(along, near.clearance_from(before.x, before.y))
+        """Return the least clearance [m] on a segment; of the polygons only the given edges count."""
+        if near is None:
+            return self.arena.clearance_along(before, after)
+        others = replace(self.arena, polygons=()).clearance_along(before, after)
+        return jnp.minimum(others, near.clearance_along(before, after))
 
     def _hold(self, robot: RobotState, action: Action) -> RobotState:
         return self.body.move(robot, *self.body.controls(action), self.dt)

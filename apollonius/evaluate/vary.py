@@ -158,6 +158,6 @@ def _enlarged(backup: Backup, steps: int, edges: int) -> Backup:
     """Return manoeuvres of a number of steps; the surroundings' last edge, far from everywhere, fills up each cell."""
     if (around := backup.surroundings) is None:
         return replace(backup, steps=steps)
-    missing, far = edges - around.within.shape[-1], around.edges.inverse.shape[0] - 1
+    missing, far = edges - around.within.shape[-1], around.edges.x.shape[0] - 1
     within = jnp.pad(around.within, ((0, 0), (0, 0), (0, missing)), constant_values=far)
     return replace(backup, steps=steps, surroundings=replace(around, within=within))

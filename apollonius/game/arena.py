@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool
 from apollonius.game.chart import Chart
 from apollonius.game.obstacle import AbstractObstacle, Walls, closest_approach_squared
 from apollonius.game.occupancy import OccupancyMap
-from apollonius.game.polygon import Polygon, Polygons
+from apollonius.game.polygon import Edges, Polygon
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS
@@ -89,7 +89,7 @@ class Arena(Walls):
     def _merged(self) -> list[AbstractObstacle]:
         """The obstacles, with all polygons as one: that costs less than each alone."""
         others: list[AbstractObstacle] = [one for one in self.obstacles if not isinstance(one, Polygon)]
-        return [*others, Polygons(self.polygons)] if self.polygons else others
+        return [*others, Edges.of(self.polygons)] if self.polygons else others
 
     def check(self) -> None:
         """Refuse walls, obstacles and a territory that cannot be."""

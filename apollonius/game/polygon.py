@@ -18,7 +18,7 @@ MOST_CORNERS = 1_000
 """Most corners of a polygon: every step looks at them all."""
 _APART = 1e-6
 """Distances below this [m] count as contact: single precision resolves no less in an arena some metres wide."""
-PASSED_THROUGH = -1e-6
+_PASSED_THROUGH = -1e-6
 """The clearance [m] of a step that goes in and out again: less than nothing, as it is for any other contact."""
 
 
@@ -34,11 +34,11 @@ class Polygon(AbstractObstacle):
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest edge; negative inside."""
-        return Polygons((self,)).clearance(x, y)
+        return Edges.of((self,)).clearance(x, y)
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:
-        """Return the least clearance [m] on the segment between two states, as `Polygons` does."""
-        return Polygons((self,)).clearance_along(before, after)
+        """Return the least clearance [m] on the segment between two states, as `Edges` does."""
+        return Edges.of((self,)).clearance_along(before, after)
 
     def outline(self) -> Corners:
         """Return the corners."""
@@ -112,10 +112,21 @@ class Place(eqx.Module):
         return jnp.where(self.windings > 0, -distance, distance)
 
 
-class Polygons(AbstractObstacle):
-    """Several polygons as one obstacle."""
+class Edges(AbstractObstacle):
+    """The edges of any number of polygons as one obstacle, leaves `[edges]`."""
 
-    polygons: tuple[Polygon, ...]
+    edges: Edge
+
+    @classmethod
+    def of(cls, polygons: Sequence[Polygon]) -> "Edges":
+        """Return the edges of polygons, one polygon after the other: scanned one by one they take least arithmetic."""
+        corners = [_corners(polygon) for polygon in polygons]
+        if len({places.shape for places in corners}) == 1:  # compiles sooner than one polygon after another
+            numbers = jax.vmap(_numbers)(jnp.stack(corners))
+            numbers = tuple(number.reshape(-1) for number in numbers)
+        else:
+            numbers = tuple(jnp.concatenate(parts) for parts in zip(*map(_numbers, corners), strict=True))
+        return cls(jax.vmap(Edge)(*numbers))
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
         """Return the distance [m] from a point to the nearest edge; negative inside a polygon."""
@@ -125,14 +136,14 @@ class Polygons(AbstractObstacle):
         """Return the least clearance [m] on the segment between two states.
 
         Outside it is exact: the least distance of any point of the segment from any edge. Of a segment that touches the
-        inside it is negative: the clearance of the deeper end, or `PASSED_THROUGH` where both ends are outside.
+        inside it is negative: the clearance of the deeper end, or `_PASSED_THROUGH` where both ends are outside.
         """
         dx, dy = after.x - before.x, after.y - before.y
 
         def look(seen: tuple[Place, Place, Scalar], edge: Edge) -> tuple[Place, Place, Scalar]:
             start, end, between = seen
             corner = closest_approach_squared(before.x - edge.x, before.y - edge.y, dx, dy)
-            here = jnp.where(edge.is_crossed(before, after), PASSED_THROUGH, jnp.sqrt(corner))
+            here = jnp.where(edge.is_crossed(before, after), _PASSED_THROUGH, jnp.sqrt(corner))
             return start.beside(edge), end.beside(edge), jnp.minimum(between, here)
 
         nothing = (_nowhere(before.x, before.y), _nowhere(after.x, after.y), jnp.asarray(jnp.inf, jnp.float32))
@@ -140,18 +151,7 @@ class Polygons(AbstractObstacle):
         return jnp.minimum(jnp.minimum(start.clearance, end.clearance), between)
 
     def _over_edges(self, look: Callable[[T, Edge], T], seen: T) -> T:
-        return jax.lax.scan(lambda seen, edge: (look(seen, edge), None), seen, edges_of(self.polygons))[0]
-
-
-def edges_of(polygons: Sequence[Polygon]) -> Edge:
-    """Return the edges of all polygons, leaves `[edges]`: scanned one by one they take the least arithmetic."""
-    corners = [_corners(polygon) for polygon in polygons]
-    if len({places.shape for places in corners}) == 1:  # compiles sooner than one polygon after another
-        numbers = jax.vmap(_numbers)(jnp.stack(corners))
-        numbers = tuple(number.reshape(-1) for number in numbers)
-    else:
-        numbers = tuple(jnp.concatenate(parts) for parts in zip(*map(_numbers, corners), strict=True))
-    return jax.vmap(Edge)(*numbers)
+        return jax.lax.scan(lambda seen, edge: (look(seen, edge), None), seen, self.edges)[0]
 
 
 def _corners(polygon: Polygon) -> Float[Array, "corners 2"]:

@@ -9,13 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.agents.shield import Backup
-from apollonius.game import nearby
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
-from apollonius.game.polygon import Edge, Polygons
+from apollonius.game.polygon import Edge, Edges
 from apollonius.game.types import Real, RobotState, RobotStatus, Scalar
 from apollonius.observe.view import Robot, View
 from apollonius.web.site import ROBOTS
@@ -43,10 +42,9 @@ class Discs(AbstractObstacle):
         return jax.lax.fori_loop(0, self.count, look, jnp.asarray(jnp.inf, jnp.float32))
 
 
-class Edges(Polygons):
-    """Polygons by their edges, leaves `[most]`, of which the first `count` exist."""
+class SomeEdges(Edges):
+    """The edges of polygons, leaves `[most]`, of which the first `count` exist."""
 
-    edges: Edge
     count: Int[Array, ""]
 
     def _over_edges(self, look: Callable[[Any, Edge], Any], seen: Any) -> Any:
@@ -114,7 +112,7 @@ class Floor(eqx.Module):
         discs, edges, rows, columns = self.counts
         (x, y, cell), (x_min, x_max, y_min, y_max) = self.map, self.walls
         cells = Cells(field, x, y, cell, "", "", rows, columns)
-        drawn = Discs(self.discs, discs), Edges((), self.edges, edges), cells
+        drawn = Discs(self.discs, discs), SomeEdges(self.edges, edges), cells
         return Drawn(x_min, x_max, y_min, y_max, territory=self.territory, chart=chart, drawn=drawn)
 
 
@@ -152,7 +150,7 @@ class AnyBackup(Backup):
 
     steps: int | Array  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def _clearances(self, robot: RobotState, near: nearby.Edges | None) -> Float[Array, " manoeuvres"]:
+    def _clearances(self, robot: RobotState, near: Edges | None) -> Float[Array, " manoeuvres"]:
         def one_step(_: Int[Array, ""], carry: list[tuple[RobotState, Scalar]]) -> list[tuple[RobotState, Scalar]]:
             before = [robot for robot, _ in carry]
             after = [self._hold(at, manoeuvre(at)) for at, manoeuvre in zip(before, self.manoeuvres, strict=True)]
