@@ -5,6 +5,7 @@ import subprocess
 from dataclasses import replace
 from shutil import which
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,6 +54,20 @@ def games_of(name):
     return [replace(find_game("paper"), arena=one) for one in arena]
 
 
+def with_wide_index(player):
+    """The player, the index of its shield padded to one size for all arenas: square, with room for all edges."""
+    index = getattr(getattr(player.package, "backup", None), "surroundings", None)
+    if index is None:
+        return player
+    (rows, columns, edges), last = index.within.shape, len(index.edges.inverse) - 1
+    size = max(rows, columns)
+    within = jnp.pad(index.within, [(0, size - rows), (0, size - columns), (0, 0)], mode="edge")
+    within = jnp.pad(within, [(0, 0), (0, 0), (0, last - edges)], constant_values=last)
+    policies = player.package, player.policy
+    wider = [eqx.tree_at(lambda shield: shield.backup.surroundings.within, one, within) for one in policies]
+    return replace(player, package=wider[0], policy=wider[1])
+
+
 @needs_gcc
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize(("game", "name"), ALL)
@@ -64,8 +79,8 @@ def test_players_in_c_decide_as_the_packages(game, name):
         pytest.skip(str(refusal))
     programs, found = {}, []
     for one in games:
-        player = exportable(one, name)
-        shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))  # a shield's index is as large as it needs
+        player = with_wide_index(exportable(one, name)) if game == "drawn" else exportable(one, name)
+        shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
         compiled = programs.get(shape) or programs.setdefault(shape, Compiled(program_of(player, "robot")))
         cases = cases_of(player, states // len(games), seed=len(found))
         found.append(compare(lambda *given: compiled(player.policy, player.game, *given)[:2], player, cases))  # noqa: B023
