@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 
 import apollonius
 from apollonius.catalogue import find_player
@@ -137,7 +138,7 @@ def test_a_person_who_lasts_has_won(desk):
     assert desk.match("outcome") in ("ongoing", "captured"), "here a shield brakes before the wall"
     page.click("#again")
     desk.end_after(3)
-    assert page.inner_text("#message") == "You survived after 0.3\u00a0s. You win! Your best so far."
+    assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! Your best so far."
     assert page.inner_text("#evader-score") == "1"
     page.click("#menu")
     assert "won, 0.3 s" in page.inner_text("#levels li:first-child")
@@ -180,6 +181,33 @@ def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
     page.click("#again")
     assert page.get_attribute("body", "data-phase") == "ready"
     assert page.is_hidden("#moment")
+
+
+def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
+    page = desk.open("?pursuer=shielded:P_any&evader=you&seed=4")
+    page.keyboard.down("ArrowUp")
+    desk.play(9)
+    page.keyboard.up("ArrowUp")
+    assert page.get_attribute("body", "data-phase") == "over"
+    ended = desk.match("replay().states")
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    with page.expect_download() as picture:
+        page.click("#show")
+    picture.value.save_as(tmp_path / "card.png")
+    with Image.open(tmp_path / "card.png") as card:
+        assert card.size == (1200, 630)
+    link = page.evaluate("navigator.clipboard.readText()").removeprefix(desk.address)
+    page = desk.open(link)
+    assert page.inner_text("#goal") == "Red knows any arena; blue a person"
+    desk.play(9)
+    assert desk.match("replay().states") == ended
+    for damaged in (link[:-20], link[:30] + "A" * 9, "#replay=", link + "A" * 20_000):
+        page = desk.open(damaged)
+        assert page.inner_text("#message") == "The link's game cannot be played again; copy the whole link"
+    page.click("#menu")
+    page.click("#today")
+    page.wait_for_selector("#go:enabled")
+    assert re.search(r"game=blocks&difficulty=fair&seed=\d+$", page.url)
 
 
 @pytest.mark.parametrize("people", [1, 2])

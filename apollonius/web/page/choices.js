@@ -2,6 +2,7 @@
 // robots, how hard, a seed.
 
 import { MOST_ROBOTS } from "./calls.js";
+import { drawGround, scaled } from "./draw.js";
 import { EVADER, PURSUER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
 import { LEVELS, bestOf, levelOf } from "./levels.js";
 import { DIFFICULTIES, ruleNames } from "./players.js";
@@ -9,6 +10,7 @@ import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
 const AT_HOME = ["paper", "zero-sum"]; // games in the arena that most agents were trained in
 const ANYWHERE = { [PURSUER]: "P_any", [EVADER]: "E_any" };
+const PICTURE = 96; // side of a level's [pixels]
 const SIZES = [[1, 1], [2, 1], [3, 1], [3, 2]]; // pursuers and evaders
 
 const asOptions = (names) => names.map((name) => new Option(name === YOU ? inWords(name) : `${inWords(name)} (${name})`, name));
@@ -141,14 +143,18 @@ export function asQuery({ level, ...choice }) {
   return `?${new URLSearchParams(level ? { level: level.number } : choice)}`;
 }
 
-/** Buttons for all levels, with what has been reached in each. */
-export function levelButtons(current, onChoice) {
+/** Buttons for all levels, with their arenas and what has been reached in each. */
+export function levelButtons(games, colours, current, onChoice) {
   return LEVELS.map((level) => {
-    const [item, button, about] = ["li", "button", "small"].map((kind) => document.createElement(kind));
+    const [item, button, picture, about] = ["li", "button", "canvas", "small"].map((kind) => document.createElement(kind));
+    const { arena } = games[partsOf(level.game, games)[0]];
+    Object.assign(picture, { width: PICTURE, height: PICTURE, ariaHidden: "true" });
+    drawGround(scaled(picture, arena), arena, colours);
     const best = bestOf(level);
     const reached = best === null ? "not yet won" : `✓ won, ${best.toFixed(1)} s`;
     button.textContent = `${level.number}. ${level.name}`;
     about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}; ${reached}`;
+    button.prepend(picture);
     button.append(about);
     if (level === current) button.setAttribute("aria-current", "true");
     button.addEventListener("click", () => onChoice(level));

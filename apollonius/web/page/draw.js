@@ -32,18 +32,23 @@ export function placing(canvas, arena) {
   return { scale, x, y };
 }
 
-/** Clear a canvas, as large as its place in the page, and scale it to metres; returns its context. */
+/** Return the context of a canvas, cleared and scaled to the metres of an arena. */
+export function scaled(canvas, arena) {
+  const context = canvas.getContext("2d");
+  const { scale, x, y } = placing(canvas, arena);
+  context.resetTransform();
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  context.setTransform(scale, 0, 0, -scale, x, y);
+  context.lineJoin = context.lineCap = "round";
+  return context;
+}
+
+/** Make a canvas as large as its place in the page; returns its context, cleared and scaled. */
 export function begin(canvas, arena) {
   const ratio = globalThis.devicePixelRatio;
   const pixels = [canvas.clientWidth, canvas.clientHeight].map((length) => Math.max(1, Math.round(length * ratio)));
   if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
-  const context = canvas.getContext("2d");
-  const { scale, x, y } = placing(canvas, arena);
-  context.resetTransform();
-  context.clearRect(0, 0, ...pixels);
-  context.setTransform(scale, 0, 0, -scale, x, y);
-  context.lineJoin = context.lineCap = "round";
-  return context;
+  return scaled(canvas, arena);
 }
 
 /** A circle, to be filled or stroked. */

@@ -3,8 +3,9 @@
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
-import { withOpenFloor } from "./levels.js";
+import { LEVELS, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
+import { asReplayLink, drawCard, fromReplayLink } from "./share.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
 import { LAYERS } from "./why.js";
@@ -12,6 +13,7 @@ import { describeGoal, wordsOf } from "./words.js";
 import { Workshop } from "./workshop.js";
 
 const element = (id) => document.getElementById(id);
+const TODAY = 5; // the level of which everybody has the same start on one day
 const steering = new Steering();
 const stage = new Stage(element, steering);
 const page = new Session((role, together) => steering.action(role, together), showPhase);
@@ -43,7 +45,7 @@ const actions = {
   next: () => page.next(),
   menu() {
     page.pause();
-    element("levels").replaceChildren(...levelButtons(page.choice?.level ?? null, (level) => choose(asChoice(level))));
+    element("levels").replaceChildren(...levelButtons(page.catalogue.games, stage.colours, page.choice?.level ?? null, (level) => choose(asChoice(level))));
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
     element("games").showModal();
   },
@@ -62,7 +64,24 @@ const actions = {
     const { match } = page;
     saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");
   },
+  show: () => share().catch((error) => (element("message").textContent = `Not shared: ${error.message}`)),
+  today: () => choose({ ...asChoice(LEVELS[TODAY - 1]), seed: daysPassed(), level: null }),
 };
+
+/** Copy a link that plays the game again, and save or hand on its picture. */
+async function share() {
+  const text = element("message").textContent;
+  const picture = new File([await drawCard(element("canvas"), text, stage.colours)], "apollonius.png", { type: "image/png" });
+  const url = location.href.split(/[?#]/)[0] + (await asReplayLink(page.match));
+  const shared = { title: "Apollonius", text, url, files: [picture] };
+  if (matchMedia("(pointer: coarse)").matches && navigator.canShare?.(shared)) return navigator.share(shared);
+  await navigator.clipboard?.writeText(url).catch(() => null);
+  saveAs(picture.name, picture, picture.type);
+  element("message").textContent = "The picture is saved, and a link that plays this game again is copied.";
+}
+
+/** The days since 1970, in the person's own time zone. */
+const daysPassed = () => Math.floor(Date.now() / 86_400_000 - new Date().getTimezoneOffset() / 1440);
 
 function choose(choice) {
   element("games").close();
@@ -71,6 +90,7 @@ function choose(choice) {
 
 function showLayers() {
   const isShown = element("why").getAttribute("aria-pressed") === "true";
+  element("layers").hidden = !isShown;
   stage.layers = isShown ? [...element("layers").querySelectorAll(":checked")].map(({ name }) => name) : [];
 }
 
@@ -150,8 +170,14 @@ async function main() {
   workshop = new Workshop(element, page, choices);
   wire();
   requestAnimationFrame(frame);
-  const [linked, unplayable] = workshop.offerLinked(location.hash);
+  let [linked, unplayable] = workshop.offerLinked(location.hash);
   const [choice, unknown] = choices.fromAddress(location.search, linked);
+  try {
+    const watched = await fromReplayLink(location.hash);
+    if (watched) return page.watch(watched);
+  } catch (error) {
+    unplayable ??= error.message;
+  }
   await page.begin(choice);
   if (page.match && (unplayable ?? unknown)) element("message").textContent = unplayable ?? unknown;
 }

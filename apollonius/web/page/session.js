@@ -48,7 +48,7 @@ export class Session {
   /** Begin a match as chosen. A later choice that comes while agents load takes the place of this one. */
   async begin(choice) {
     this.choice = choice;
-    history.replaceState(null, "", asQuery(choice) + location.hash);
+    history.replaceState(null, "", asQuery(choice) + location.hash.replace(/^#replay=.*/, ""));
     this.enter("loading", "Loading…");
     try {
       const hasPerson = ROLES.filter((role) => choice[role] === YOU).length === 1;
@@ -71,6 +71,13 @@ export class Session {
     } catch (error) {
       if (this.choice === choice) this.enter("loading", `${error.message}. Choose otherwise under Games.`);
     }
+  }
+
+  /** Begin a game that has been played, to be played again. */
+  watch(match) {
+    Object.assign(this, { match, choice: { level: null } });
+    match.decide();
+    this.#makeReady();
   }
 
   #beginGame() {
@@ -101,7 +108,7 @@ export class Session {
   /** The label of that button. */
   get label() {
     const { phase, match, me } = this;
-    if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Go on" }[phase] ?? "Start";
+    if (phase !== "over") return { counting: "Pause", playing: "Pause", paused: "Resume" }[phase] ?? "Start";
     if (levelWonBy(this, me)) return "Next level";
     return me && match.winner !== me ? "Try again" : "Next game";
   }
@@ -126,7 +133,7 @@ export class Session {
   /** Let some time [s] pass in the countdown or the match. */
   pass(seconds) {
     if (this.phase === "counting") this.#countDown(seconds);
-    else if (this.phase === "playing") this.#advance(Math.min(seconds, LONGEST_PAUSE) * (this.people.length ? 1 : this.pace));
+    else if (this.phase === "playing") this.#advance(this.pace * Math.min(seconds, LONGEST_PAUSE));
     else if (this.phase === "over") this.#goBack();
   }
 

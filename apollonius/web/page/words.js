@@ -6,7 +6,7 @@ export const YOU = "you";
 export const SHIELDED = "shielded:";
 
 const WORDS = {
-  [YOU]: "a person",
+  [YOU]: "you",
   any: "knows any arena",
   team: "hunts as a team",
   optimal: "taught by the solved game",
@@ -73,7 +73,7 @@ export function describeEnd({ game, outcome, start, seconds, winner }, me) {
     territory_reached: `${blue} reached the ring`,
     no_result: isMine ? `${own} survived` : "time is up",
   }[what];
-  const said = `${happened[0].toUpperCase()}${happened.slice(1)} after ${asTime(seconds)}`;
+  const said = `${happened[0].toUpperCase()}${happened.slice(1)} ${isMine ? "for" : "after"} ${asTime(seconds)}`;
   if (winner === null) return `${said}: nobody wins.`;
   if (!me) return `${said}: ${COLOUR[winner]} wins.`;
   return winner === me ? `${said}. You win!` : `${said}. You lose.`;

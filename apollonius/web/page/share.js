@@ -1,0 +1,92 @@
+// What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
+
+import { HOLD, PURSUER, ROLES, isContinuous } from "./game.js";
+import { gameFrom } from "./gamefile.js";
+import { Match, asRow } from "./match.js";
+import { YOU, inWords } from "./words.js";
+
+const MARK = "#replay=";
+const LONGEST = 20_000; // characters of a link
+const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
+const NUMBERS = 4; // of a robot in a row of a replay
+
+/** Put bytes through a compressing or decompressing stream. */
+const through = (stream, bytes) => new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer();
+
+/** Return the fragment of a link to a finished game: its rules, its start, and what all robots did. */
+export async function asReplayLink(match) {
+  const { game, pursuer, evader, actions, outcome } = match.replay();
+  if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
+  const said = JSON.stringify({ game, pursuer, evader, actions, outcome, start: asRow(match.start) });
+  const bytes = new Uint8Array(await through(new CompressionStream("deflate-raw"), said));
+  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  if (letters.length > LONGEST) throw new Error("this game is too long for a link: save the replay");
+  return MARK + letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+/** Return the match that a link's fragment plays again, or null where it has none. Throws an Error in one line. */
+export async function fromReplayLink(fragment) {
+  if (!fragment.startsWith(MARK)) return null;
+  try {
+    if (fragment.length > LONGEST + MARK.length) throw new Error("too long");
+    const letters = fragment.slice(MARK.length).replaceAll("-", "+").replaceAll("_", "/");
+    const bytes = Uint8Array.from(atob(letters), (letter) => letter.charCodeAt(0));
+    return again(JSON.parse(new TextDecoder().decode(await through(new DecompressionStream("deflate-raw"), bytes))));
+  } catch {
+    throw new Error("The link's game cannot be played again; copy the whole link");
+  }
+}
+
+/** Return a match in which all robots do what they did. */
+function again({ game: said, start, actions, ...names }) {
+  const game = gameFrom(said);
+  const isAction = (one) => (isContinuous(one) ? one.length === 2 && one.every(Number.isFinite) : one >= 0 && one <= 8 && one % 1 === 0);
+  const players = Object.fromEntries(ROLES.map((role) => [role, []]));
+  const match = new Match(game, players, 0);
+  const counts = ROLES.map((role) => match.start[role].length);
+  const robots = ROLES.flatMap((role) => match.start[role]);
+  if (!actions.every((all) => all.length === robots.length && all.every(isAction))) throw new Error("other actions");
+  if (start.length !== NUMBERS * robots.length || !start.every(Number.isFinite)) throw new Error("another start");
+  for (const [place, robot] of robots.entries()) {
+    const [x, y, v, heading] = start.slice(NUMBERS * place);
+    Object.assign(robot, { x, y, v, heading });
+  }
+  for (const [side, role] of ROLES.entries()) {
+    const name = String(names[role]).slice(0, 60);
+    const words = name === YOU ? "a person" : inWords(name.replace(/ \(.*/, ""));
+    const place = (number) => number + (role === PURSUER ? 0 : counts[0]);
+    const act = (_game, _state, { number }, states) => actions[states.length - 1]?.[place(number)] ?? HOLD;
+    players[role].push(...Array.from({ length: counts[side] }, () => ({ name: `${name} (again)`, words, act })));
+  }
+  match.next = match.again; // which has one start
+  return match;
+}
+
+/** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and where to play. */
+export function drawCard(canvas, said, colours) {
+  const { width, height, margin } = CARD;
+  const card = Object.assign(document.createElement("canvas"), { width, height });
+  const context = card.getContext("2d");
+  const style = getComputedStyle(document.body);
+  context.fillStyle = style.backgroundColor;
+  context.fillRect(0, 0, width, height);
+  const side = height - 2 * margin;
+  const scale = Math.min(side / canvas.width, side / canvas.height);
+  const [wide, high] = [scale * canvas.width, scale * canvas.height];
+  context.drawImage(canvas, margin + (side - wide) / 2, (height - high) / 2, wide, high);
+  context.fillStyle = colours.ink;
+  context.font = `600 40px ${style.fontFamily}`;
+  const left = 2 * margin + side;
+  let line = "";
+  let y = 3 * margin;
+  for (const word of [...said.split(" "), null]) {
+    if (word === null || context.measureText(line + word).width > width - margin - left) {
+      context.fillText(line, left, y);
+      [line, y] = ["", y + 52];
+    }
+    line += `${word} `;
+  }
+  context.font = `28px ${style.fontFamily}`;
+  context.fillText("Apollonius: pursuit and evasion", left, height - 1.5 * margin);
+  return new Promise((done) => card.toBlob(done, "image/png"));
+}
