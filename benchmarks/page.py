@@ -1,8 +1,8 @@
-"""How long the browser page's frames and its agents' moves take: `python benchmarks/page.py [--seconds 30]`.
+"""How long the browser page loads, its frames and its agents' moves take: `python benchmarks/page.py [--seconds 30]`.
 
-In headless Chromium, found on the path: two shielded agents in the paper's arena, five there and two in an office with
-all layers on. Needs the extra `dev`. A frame is the page's own work for it:
-steps, drawing, figures. What else the machine does counts too, so run it on an idle one.
+In headless Chromium, found on the path: the first level from a server and from a folder; two shielded agents in the
+paper's arena, five there and two in an office with all layers on. Needs the extra `dev`. A frame is the page's own work
+for it: steps, drawing, figures. What else the machine does counts too, so run it on an idle one.
 """
 
 import argparse
@@ -13,11 +13,12 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from apollonius.web.server import make_server
-from apollonius.web.site import write_site
+from website.playground import write_playground
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
 CASES = {
@@ -60,20 +61,32 @@ def measure(page: Page, seconds: float) -> dict[str, float]:
     }
 
 
-def measure_all(address: str, chromium: str, seconds: float) -> Iterator[dict[str, float | str]]:
+def load(browser: Browser, address: str, folder: Path) -> dict[str, float | str]:
+    """Return how much is loaded until the first level can be started, and how long that takes."""
+    asked: set[str] = set()
+    page = browser.new_page()
+    page.on("request", lambda request: asked.add(urlsplit(request.url).path.removeprefix(str(folder)).strip("/")))
+    page.goto(address)
+    page.wait_for_selector("#go:enabled")
+    ready = page.evaluate("performance.now()")
+    page.close()
+    loaded = sum((folder / (name or "index.html")).stat().st_size for name in asked)
+    return {"case": urlsplit(address).scheme, "ready_ms": ready, "loaded_MB": loaded / 1e6}
+
+
+def measure_all(browser: Browser, address: str, folder: Path, seconds: float) -> Iterator[dict[str, float | str]]:
     """The figures of each case."""
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=[*FLAGS])
-        for name, (query, has_layers) in CASES.items():
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.goto(address + query)
-            page.wait_for_selector("#go:enabled")
-            page.evaluate(TIMED)
-            if has_layers:
-                page.click("#why")
-            yield {"case": name} | measure(page, seconds)
-            page.close()
-        browser.close()
+    yield load(browser, address, folder)
+    yield load(browser, (folder / "index.html").as_uri(), folder)
+    for name, (query, has_layers) in CASES.items():
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(address + query)
+        page.wait_for_selector("#go:enabled")
+        page.evaluate(TIMED)
+        if has_layers:
+            page.click("#why")
+        yield {"case": name} | measure(page, seconds)
+        page.close()
 
 
 def main() -> None:
@@ -84,13 +97,16 @@ def main() -> None:
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("needs chromium on the path: apt-get install chromium")
-    with tempfile.TemporaryDirectory() as folder:
-        write_site(Path(folder))
-        with make_server(Path(folder)) as server:
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
+        folder = Path(name)
+        write_playground(folder)
+        browser = driver.chromium.launch(executable_path=chromium, args=[*FLAGS])
+        with make_server(folder) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
-            for figures in measure_all(f"http://localhost:{server.server_port}/", chromium, options.seconds):
+            for figures in measure_all(browser, f"http://localhost:{server.server_port}/", folder, options.seconds):
                 print(json.dumps(figures), flush=True)
             server.shutdown()
+        browser.close()
 
 
 if __name__ == "__main__":
