@@ -71,8 +71,6 @@ class AbstractClassical(AbstractActionValuePolicy):
         """Return the player of one side of a game.
 
         Args:
-            game: what is played.
-            role: the side.
             rule: numbers of its rule that are not to have their defaults.
 
         Raises:

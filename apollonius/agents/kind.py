@@ -39,10 +39,6 @@ class AbstractKind(ABC):
     def find(self, name: str, role: Role, game: Game | None) -> Named | None:
         """Return the player of this name; None where this kind does not know the name.
 
-        Args:
-            role: the side it is to play.
-            game: what is played, if that is known.
-
         Raises:
             InvalidInput: when its file is bad, it plays the other side only, or it has to know the game.
         """

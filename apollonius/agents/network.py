@@ -167,13 +167,7 @@ def widened(network: Network, reads: AbstractObservation) -> Network:
 
 
 def make_network(observation: str, width: int, depth: int, key: PRNGKeyArray) -> QNetwork:
-    """Return a network with random weights. The key is consumed.
-
-    Args:
-        observation: name of the observation it reads.
-        width: units of each hidden layer.
-        depth: number of hidden layers.
-    """
+    """Return a network of `depth` hidden layers of `width` units with random weights. The key is consumed."""
     reads = find_observation(observation)
     return QNetwork(make_layers([reads.size, *[width] * depth, NUM_ACTIONS], key), reads)
 

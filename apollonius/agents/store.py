@@ -66,6 +66,7 @@ class Agent:
 
 def describe(network: Network, role: Role, game: dict[str, Any], training: dict[str, Any]) -> Agent:
     """Return an agent with a header that fits its network."""
+    kind = "values" if isinstance(network, QNetwork) else "gaussian"
     header = AgentHeader(
         role=role.name.lower(),
         observation=network.observation.name,
@@ -74,8 +75,8 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
         depth=len(network.layers) - 1,
         game=game,
         training=training,
-        num_actions=NUM_ACTIONS if isinstance(network, QNetwork) else 0,
-        network="values" if isinstance(network, QNetwork) else "gaussian",
+        num_actions=_ACTIONS[kind],
+        network=kind,
     )
     return Agent(network, header)
 

@@ -39,8 +39,7 @@ def run_regret(options: argparse.Namespace) -> int:
     from apollonius.catalogue import TABLE, find_player
     from apollonius.cli.terminal import card_table
     from apollonius.evaluate.card import WORST, measure_card
-    from apollonius.evaluate.match import Match, record_game
-    from apollonius.evaluate.start_filter import starting
+    from apollonius.evaluate.match import Match, record_game, starting
     from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
 

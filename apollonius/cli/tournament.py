@@ -25,8 +25,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import find_game
     from apollonius.catalogue import find_player, player_names
     from apollonius.cli.terminal import tournament_table
-    from apollonius.evaluate.match import Match, MatchResult
-    from apollonius.evaluate.start_filter import starting
+    from apollonius.evaluate.match import Match, MatchResult, starting
     from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.types import Role
 

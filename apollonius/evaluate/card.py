@@ -55,7 +55,6 @@ def measure_card(match: Match, own: SaddlePolicy, report: Report = lambda done, 
     Args:
         match: the agent against the player by the other side's table.
         own: the player by the table of the agent's side.
-        report: called with the games that have ended, and their number.
 
     Raises:
         InvalidInput: as `play_match`, and unless the tables are of two sides.

@@ -72,10 +72,7 @@ class Claim:
     def verdict(self, is_full: bool = True) -> str:
         """Return `holds` or `does not hold` where the whole interval says so, else `undecided`.
 
-        `not enough` is said of fewer than three trainings, and of shorter ones than the paper's.
-
-        Args:
-            is_full: whether the trainings had the paper's budget.
+        `not enough` is said of fewer than three trainings, and of shorter ones than the paper's (`is_full` is False).
         """
         if len(self.seeds) < FEWEST_SEEDS or not is_full:
             return "not enough"

@@ -1,7 +1,8 @@
 """A match: what is asked for, many games on paired starts, and what the counts say."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 
 import jax
@@ -14,15 +15,70 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
 from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
-from apollonius.evaluate.start_filter import StartFilter, starting
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game
+from apollonius.game.game import Game, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome
-from apollonius.io.errors import require
+from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAMES, SEED
 from apollonius.play.playout import Report, Results, play_out
 from apollonius.play.replay import Replay, Trajectory, as_rows, trace
+from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
+
+
+class StartFilter(Enum):
+    """The starts of a game that are played."""
+
+    ALL = "all"
+    VIABLE = "viable"
+    """Starts from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
+
+    def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
+        """Draw initial states of several games, leaves `[games]`. The key is consumed.
+
+        Raises:
+            InvalidInput: when hardly any start of the game is viable, and as `solve_viability`.
+        """
+        if self is StartFilter.ALL or _starts_at_rest(game):
+            return sample_starts(game, key, games)
+        return viable_starts(game, solve_viability(game), key, games)
+
+    def word(self, game: Game) -> str:
+        """Return the word for these starts of a game: `rest`, `moving` or `viable`, as of `starting`."""
+        return self.value if self is StartFilter.VIABLE else game.starts.speed
+
+    def doomed_rate(self, game: Game) -> float | None:
+        """Return the share of these starts that are lost before they begin; None where it cannot be solved for."""
+        if self is StartFilter.VIABLE or _starts_at_rest(game):
+            return 0.0
+        try:
+            return doomed_start_rate(game, solve_viability(game))
+        except InvalidInput:  # several arenas, several kinds of robots, a grid that memory has no room for
+            return None
+
+
+def starting(game: Game, starts: str | None) -> tuple[Game, StartFilter]:
+    """Return a game with the starts that a word asks for, and the filter of those that are played.
+
+    Args:
+        starts: initial speeds, `rest` or `moving`; or `viable`: moving, but for starts that are lost before they begin.
+            None for the game's own.
+
+    Raises:
+        InvalidInput: for `viable` in several arenas.
+    """
+    if starts is None:
+        return game, StartFilter.ALL
+    if starts == "viable":
+        game.require_one_arena("a match from viable starts")
+    speed = "rest" if starts == "rest" else "moving"
+    which = StartFilter.VIABLE if starts == "viable" else StartFilter.ALL
+    return replace(game, starts=replace(game.starts, speed=speed)), which
+
+
+def _starts_at_rest(game: Game) -> bool:
+    """Return whether all robots start where they can stay, so that no start is lost."""
+    return all(bool(body.v_min <= 0) for side in game.bodies for body in side) and game.starts.speed == "rest"
 
 
 @dataclass(frozen=True)
@@ -113,7 +169,6 @@ def play_matches(
     """Play matches one after the other.
 
     Args:
-        on_match: called after each.
         report: called with the games of all matches together, as by `play_match`.
 
     Raises:
@@ -133,10 +188,7 @@ def play_games(match: Match, slots: int | None = None, report: Report = lambda d
 
 
 def replay_game(match: Match, index: int) -> Trajectory:
-    """Replay one game of a match, step by step.
-
-    Args:
-        index: which of the games, from 0.
+    """Replay one game of a match, numbered from 0, step by step.
 
     Raises:
         InvalidInput: when there is no such game, and as `play_match`.

@@ -50,12 +50,7 @@ def evaluate_run(
     on_match: Callable[[Match, MatchResult], None],
     report: Report = lambda done, total: None,
 ) -> None:
-    """Play the matches of a run's last agents, and keep what they come to in its `evaluation.json`.
-
-    Args:
-        games: in each match.
-        on_match, report: as of `play_matches`.
-    """
+    """Play the matches of a run's last agents, and keep what they come to in its `evaluation.json`."""
     matches = last_matches(run, game, games, seed=1)
     results = play_matches([*matches.values()], on_match, report)
     record = {" against ".join(pair): result.to_dict() for pair, result in zip(matches, results, strict=True)}

@@ -12,8 +12,7 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.evaluate.match import Match, MatchResult, play_matches
-from apollonius.evaluate.start_filter import StartFilter
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -134,8 +133,6 @@ def play_tournament(
     """Play a match of every pursuer with every evader. All matches have the same starts.
 
     Args:
-        games: in each match.
-        starts: as of a `Match`.
         on_match, report: as of `play_matches`.
 
     Raises:

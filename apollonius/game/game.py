@@ -146,11 +146,7 @@ class Game(eqx.Module):
     def step(
         self, state: GameState, pursuer_action: Action | Sequence[Action], evader_action: Action | Sequence[Action]
     ) -> Timestep:
-        """Let all robots hold their actions for `dt`, and judge the step.
-
-        Args:
-            pursuer_action, evader_action: one action, or for a team a list or tuple of actions.
-        """
+        """Let all robots hold their actions, of a team a list or tuple, for `dt`, and judge the step."""
         bodies, asked = self.at(state).bodies, BySide(pursuer_action, evader_action)
 
         def controls(role: Role) -> tuple[tuple[Scalar, Scalar], ...]:

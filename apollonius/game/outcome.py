@@ -26,10 +26,8 @@ def come_within(
 ) -> Bool[Array, ""]:
     """Return whether two robots' centres come closer than a distance [m] anywhere along a step.
 
-    Both move along their segments at the same time, so their relative position moves along a segment too.
-
-    Args:
-        one, other: each robot before and after the step.
+    Both, each given before and after the step, move along their segments at the same time, so their relative position
+    moves along a segment too.
     """
     (before, after), (other_before, other_after) = one, other
     relative_x = other_before.x - before.x
@@ -102,22 +100,20 @@ def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]
     return {outcome.name.lower(): int(counts[outcome]) for outcome in possible + reached}
 
 
-def require_counts(counts: Mapping[str, int], source: str, games: int | None = None) -> None:
+def require_counts(counts: Mapping[str, int], source: str) -> None:
     """Refuse counts by name, as files have them, that cannot be those of games.
 
     Args:
         source: their file, for the message.
-        games: their sum; None for any.
 
     Raises:
-        InvalidInput: for outcomes that are missing or unknown, negative counts, and those that do not add up.
+        InvalidInput: for outcomes that are missing or unknown, and for impossible counts.
     """
     name, known = f"{source}: outcomes", set(counts_by_name([0] * len(Outcome)))
     named = known <= set(counts) <= known | {Outcome.TERRITORY_REACHED.name.lower()}
     require(named, name, ", ".join(counts), ", ".join(sorted(known)))
     counted = all(0 <= count <= MOST_COUNTED for count in counts.values())
     require(counted, name, dict(counts), f"counts from 0 to {MOST_COUNTED:,}")
-    require(games in (None, sum(counts.values())), name, dict(counts), f"{games} games in all")
 
 
 def names_of(outcomes: Sequence[Outcome]) -> list[str]:

@@ -38,7 +38,6 @@ def nearest(
     Args:
         here: the robot from whose centre distances count.
         robots: at least one.
-        active: which robots count.
         values: one for each robot, pytrees of one structure.
     """
     best, least = values[0], jnp.where(active[0], distance_squared(here, robots[0]), jnp.inf)

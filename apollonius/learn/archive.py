@@ -94,7 +94,6 @@ def counted(
     identity).
 
     Args:
-        over: where games end.
         played: steps that each game under way had taken before the first of these.
         before: steps since the last draw before the first of these.
         duration: steps between two draws.
@@ -112,10 +111,9 @@ def record(
     outcome: Int[Array, "steps games"],
     over: Bool[Array, "steps games"],
 ) -> Archive:
-    """Return the archive with these games of its slots recorded. A game without a winner is lost by the pursuer.
+    """Return the archive with the games of its slots that end and count (`counted`) recorded.
 
-    Args:
-        over: where games end that count (`counted`).
+    A game without a winner is lost by the pursuer.
     """
     first, games = config.first_game(role, outcome.shape[1]), config.slot_games(outcome.shape[1])
     theirs = slice(first, first + config.slots * games)

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.agents.holding import Holding
 from apollonius.agents.network import Network, QNetwork
-from apollonius.agents.pool import Apart, solo
+from apollonius.agents.pool import AbstractPlayers, Apart, solo
 from apollonius.agents.trained import exploring, greedy
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle, wrap_angle
@@ -32,7 +32,7 @@ from apollonius.learn.stage_config import DistillationConfig, Plan
 from apollonius.learn.teacher import Setting
 from apollonius.learn.train_state import LearnerState, TrainState, first_learner
 from apollonius.observe.observation import perceive
-from apollonius.play.rollout import Games, Players, begin, collect
+from apollonius.play.rollout import Games, begin, collect
 from apollonius.solve.players import RolloutSearch
 
 ORDER = 10.0
@@ -87,7 +87,6 @@ def distillation(
 
     Args:
         settings: one in each arena; they take turns.
-        done: chunks done before.
     """
     for chunk in range(done, plan.chunks):
         number = chunk % len(settings)
@@ -126,7 +125,7 @@ def _iterate(plan: Plan, state: TrainState, setting: Setting) -> tuple[TrainStat
     return iterated(state, games, played, env_steps, {role: (LearnerState(learner, buffer), loss)})
 
 
-def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> BySide[Players]:
+def _players(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> BySide[AbstractPlayers]:
     """Return the student, whose random actions last for a round, and its opponents, each in games of its own."""
     config, table, games = _config(plan), setting.table, plan.learner.games
     explores = solo(exploring(network, jnp.float32(config.epsilon[config.side])))
@@ -177,11 +176,11 @@ def _config(plan: Plan) -> DistillationConfig:
 
 def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
     """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
-    together and anywhere. An opponent that knows the student forces it into states that its own games do not visit.
+    together and anywhere. An opponent that knows the student forces it into states that its own games do not visit. The
+    key is consumed.
 
     Args:
         visited: leaves `[games]`.
-        key: consumed.
     """
     around_key, close_key, anywhere_key = jax.random.split(key, 3)
     games, some = len(visited.steps), len(visited.steps) // 4

@@ -50,7 +50,6 @@ def chunks(
         game: with the rewards of the stage.
         state: before the next chunk; each state is consumed by the next one.
         fixed: the players of a side that does not learn.
-        done: chunks done before.
     """
     for chunk in range(done, plan.chunks):
         if plan.renews_after(chunk):

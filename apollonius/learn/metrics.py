@@ -58,9 +58,6 @@ def measure(
     """Return the line of a chunk.
 
     Args:
-        train: the state after it.
-        metrics: sums over it.
-        evaluation: the one at its end.
         seconds: that the stage has taken.
         speed: env steps per second in the chunk.
 

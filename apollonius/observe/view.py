@@ -57,11 +57,7 @@ class View(eqx.Module):
 
 
 def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
-    """Return the view of one robot in a state of the game.
-
-    Args:
-        role, number: its side, and which of its robots it is.
-    """
+    """Return the view of one robot, of this number on its side, in a state of the game."""
     here = game.at(state)
 
     def robots(role: Role) -> tuple[Robot, ...]:

@@ -91,14 +91,12 @@ def play_out(
     of a game depend on the key, its index and its step alone, so neither `slots` nor other games change its course.
 
     Args:
-        players: who plays either side.
         starts: initial states, leaves `[games]`.
         key: consumed.
         slots: rounded up to a power of 2. By default as many as are quickest: few for a CPU, since in the end only the
             longest games are left, many for an accelerator.
         watcher: follows every game.
         report: called several times in a second; an exception that it raises ends the play.
-        first: index of the first of these games.
     """
     rows = jax.tree.map(np.asarray, starts)
     total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"

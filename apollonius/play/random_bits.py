@@ -19,12 +19,7 @@ _TURNS = 5
 
 
 def random_bits(key: PRNGKeyArray, shape: tuple[int, ...]) -> UInt32[Array, "..."]:
-    """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit.
-
-    Args:
-        key: consumed.
-        shape: of the result; fewer than 2^32 words.
-    """
+    """Return random bits: `jax.random.bits(key, shape, "uint32")`, bit by bit, fewer than 2^32 words."""
     if not _is_known(key):
         return jax.random.bits(key, shape, jnp.uint32)
     return fusion_barrier(functools.partial(_words, shape))(jax.random.key_data(key))

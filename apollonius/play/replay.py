@@ -64,13 +64,7 @@ class _Recorder(AbstractWatcher):
 
 
 def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, index: int) -> Trajectory:
-    """Return the course of one of the games that `play_out` plays with the same arguments.
-
-    Args:
-        starts: initial states, leaves `[games]`.
-        key: consumed.
-        index: which of the games.
-    """
+    """Return the course of one of the games that `play_out` plays with the same arguments. The key is consumed."""
     start = jax.tree.map(lambda leaf: np.asarray(leaf)[index : index + 1], starts)
     shape = int(game.max_steps), sum(len(side) for side in start.robots)
     continuous = any(pool.members.continuous for pool in players)

@@ -21,9 +21,6 @@ from apollonius.game.types import ROLES, Actions, GameState, Role
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.play.random_bits import fold_in, random_bits
 
-Players = AbstractPlayers
-"""The players of one side of a batch of games."""
-
 
 class Experience(eqx.Module):
     """One side's part of a batch of transitions; leaves have the axes of the batch and, in teams, one of robots.
@@ -78,31 +75,24 @@ class Games(eqx.Module):
 
 
 def begin(
-    starts: GameState, players: BySide[Players], bits: UInt32[Array, "2 games"], disturbance: Disturbance = NONE
+    starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"], disturbance: Disturbance = NONE
 ) -> Games:
-    """Return games at their starts, with a member of either pool drawn for each from the upper half of random bits."""
-    members = ROLES.map(lambda role: players[role].sample(bits[role]))
-
-    def side(role: Role) -> SideState:
-        return begin_side(members[role], bits[role], disturbance, len(starts.robots[role]), players[role].memory)
-
-    return Games(starts, ROLES.map(side))
-
-
-def begin_side(
-    member: Int[Array, " games"], bits: UInt32[Array, " games"], disturbance: Disturbance, robots: int = 1,
-    memory: Memory = (),
-) -> SideState:  # fmt: skip
-    """Return one side at the beginnings of games, with handicaps drawn from random bits where there are any.
+    """Return games at their starts, with members of both pools and, where there are any, handicaps drawn for each.
 
     Args:
-        robots: of the side in each game.
-        memory: with which every game begins.
+        bits: random bits for each side of each game, of which members are drawn from the upper half.
     """
-    handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(bits, disturbance)
-    shape = (len(bits), robots)
-    begun = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *jnp.shape(leaf))), memory)
-    return SideState(member, of_robots([jnp.zeros(bits.shape, jnp.float32)] * robots), begun, handicap)
+
+    def side(role: Role) -> SideState:
+        own, robots = bits[role], len(starts.robots[role])
+        handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(own, disturbance)
+        first = jax.tree.map(
+            lambda leaf: jnp.broadcast_to(leaf, (len(own), robots, *jnp.shape(leaf))), players[role].memory
+        )
+        returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
+        return SideState(players[role].sample(own), returns, first, handicap)
+
+    return Games(starts, ROLES.map(side))
 
 
 def of_robots(values: Sequence[Array]) -> Array:
@@ -112,7 +102,7 @@ def of_robots(values: Sequence[Array]) -> Array:
 
 def step_games(
     game: Game,
-    players: BySide[Players],
+    players: BySide[AbstractPlayers],
     games: Games,
     bits: UInt32[Array, "2 games"],
     disturbance: Disturbance = NONE,
@@ -158,7 +148,7 @@ def step_games(
 
 
 def decide(
-    players: Players, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
+    players: AbstractPlayers, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
 ) -> tuple[tuple[Actions, ...], Memory]:
     """Return the actions of each of a side's robots in many games, and their next memory.
 
@@ -195,7 +185,7 @@ def _mixed(bits: UInt32[Array, " games"], number: int) -> UInt32[Array, " games"
 
 def collect(
     game: Game,
-    players: BySide[Players],
+    players: BySide[AbstractPlayers],
     games: Games,
     starts: GameState,
     key: PRNGKeyArray,

@@ -29,12 +29,9 @@ def reproduce(
     """Train the agents of all seeds, then make every section and write the report.
 
     Args:
-        folder: of the study.
         budget: name of a training preset.
         seeds: how many, from 0.
         resume: go on with a study that was stopped.
-        games: games in a match.
-        report: called with every line of progress.
         on: where trainings run, as `run_jobs` has it.
 
     Returns:

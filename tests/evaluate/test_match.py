@@ -12,9 +12,8 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, count, play_match
+from apollonius.evaluate.match import Match, StartFilter, count, play_match
 from apollonius.evaluate.result import count_robots, read_result
-from apollonius.evaluate.start_filter import StartFilter
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import in_teams, make_game

@@ -10,8 +10,7 @@ from scipy.special import expit
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import tournament_table
-from apollonius.evaluate.match import Match, MatchResult
-from apollonius.evaluate.start_filter import StartFilter
+from apollonius.evaluate.match import Match, MatchResult, StartFilter
 from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import counts_by_name

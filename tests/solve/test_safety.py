@@ -10,8 +10,7 @@ import pytest
 from apollonius.agents.classical import Uniform
 from apollonius.agents.shield import Shielded
 from apollonius.arenas.charting import charted
-from apollonius.evaluate.match import play_match
-from apollonius.evaluate.start_filter import StartFilter
+from apollonius.evaluate.match import StartFilter, play_match
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, RobotState, Role
