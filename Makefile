@@ -64,7 +64,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/speed.py train
 	$(BIN)/python benchmarks/speed.py train --profile fast
 	$(BIN)/python benchmarks/page.py
-	taskset -c 0 $(BIN)/python benchmarks/solver.py
+	taskset -c 0 $(BIN)/python benchmarks/speed.py solve
 
 # Hashes and no addresses: one file serves every Python from 3.11 on.
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

@@ -1,7 +1,9 @@
-"""Env steps and updates per second on this machine: `python benchmarks/speed.py env|train [OPTIONS]`.
+"""Env steps, updates and backups per second on this machine: `python benchmarks/speed.py env|train|solve [OPTIONS]`.
 
 `env` plays at random with auto-reset, in any game; one env step moves the robots of both sides.
-`train` trains in the `paper` game from the first update on. Wall seconds; pin it to a core (`taskset -c 0`).
+`train` trains in the `paper` game from the first update on.
+`solve` sweeps over one robot's grid and over a grid of two; a backup is one action at one node.
+Medians of wall seconds; pin it to a core (`taskset -c 0`).
 """
 
 import argparse
@@ -9,7 +11,7 @@ import functools
 import os
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,16 +23,22 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.file import find_game
+from apollonius.cli.values import nodes
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, Role
+from apollonius.game.types import NUM_ACTIONS, GameState, Role
 from apollonius.learn.learner_config import PROFILES, DQNConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
 from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
+from apollonius.solve.grid import lanes_of
+from apollonius.solve.joint import guarantee, make_duel
+from apollonius.solve.solving import joint_grids, reference_grid
+from apollonius.solve.transition_map import make_side
+from apollonius.solve.zero_sum_game import make_zero_sum_game
 
 STEPS, START_ROWS = 250, 16
 CLASSIC = DQNConfig(
@@ -101,6 +109,29 @@ def measure_training(config: DQNConfig, stage: str) -> dict[str, Any]:
     return {"games": config.games, "env_steps_per_second": steps / seconds, "updates_per_second": updates / seconds}
 
 
+def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
+    """Time a sweep of one robot's safety, and one side's backups of a game of two on a grid of `counts` nodes."""
+    game = make_game("paper")
+    grid, alone_hold = reference_grid(game, Role.PURSUER)
+    side, free = make_side(game, Role.PURSUER, grid, alone_hold), jnp.zeros(grid.shape, jnp.float32)
+
+    def value(index: Array, action: int, later: Array) -> Array:
+        return jnp.where(side.free[index, action], later, 0.0)
+
+    sweep = jax.jit(lambda table: side.transitions.backup(table, value))
+    alone = timed(lambda _: sweep(free), 5)
+    duel = make_duel(make_zero_sum_game(game, joint_grids(game, list(counts)), hold, Role.PURSUER))
+    lanes = lanes_of(duel.first.grid)
+    pairs = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
+    both = timed(lambda _: guarantee(duel, pairs), 5)
+    return {
+        "nodes": grid.size,
+        "million_backups_per_second": grid.size * NUM_ACTIONS / alone / 1e6,
+        "million_pairs": pairs.size / 1e6,
+        "million_backups_per_second_of_pairs": pairs.size * NUM_ACTIONS / both / 1e6,
+    }
+
+
 def timed(run: Callable[[int], Any], repeats: int) -> float:
     """Return the median wall seconds of a repeat; one that compiles and warms up goes before."""
     seconds: list[float] = []
@@ -114,21 +145,24 @@ def timed(run: Callable[[int], Any], repeats: int) -> float:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("env", "train"))
+    parser.add_argument("what", choices=("env", "train", "solve"))
     parser.add_argument("--games", type=int, help="at a time (default: 4096 for env, the profile's for train)")
     parser.add_argument("--game", default="paper", help="of env: a name or file (default: %(default)s)")
     parser.add_argument("--profile", choices=("classic", *PROFILES), default="classic", help="of train")
     parser.add_argument("--stage", choices=("fixed-target", "self-play"), default="fixed-target", help="of train")
+    parser.add_argument("--grid", type=nodes, default="11x11x5x8", help="of solve, of two (default: %(default)s)")
     options = parser.parse_args()
     if options.what == "env":
         result = measure_env(find_game(options.game), options.games or 4096)
+    elif options.what == "solve":
+        result = measure_solver(options.grid, hold=10)
     else:
         config = {"classic": CLASSIC, **PROFILES}[options.profile]
         config = config if options.games is None else replace(config, games=options.games)
         result = measure_training(config, options.stage)
     print(f"{jax.devices()[0].device_kind}, {len(os.sched_getaffinity(0))} cores, jax {jax.__version__}")
     for name, value in result.items():
-        print(f"{name:<30} {value:,.{0 if value >= 100 else 2}f}")
+        print(f"{name:<36} {value:,.{0 if value >= 100 else 2}f}")
 
 
 if __name__ == "__main__":

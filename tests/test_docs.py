@@ -6,7 +6,6 @@ import json
 import re
 import runpy
 import tomllib
-from fnmatch import fnmatch
 from pathlib import Path
 
 import jax
@@ -24,7 +23,6 @@ from apollonius.catalogue import SHIELDED
 from apollonius.cli import values
 from apollonius.cli.main import main
 from apollonius.game.presets import TEAM
-from apollonius.game.types import Outcome
 from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
@@ -137,51 +135,6 @@ def test_every_game_and_config_in_the_documents_is_one(block, tmp_path):
     elif "map =" not in block.code:  # whose files `tests/arenas/test_map_file.py` makes
         game = find_game(str(path))
         assert game.scenario is not None or game.capture_distance == 0.6
-
-
-def made_by(words, options):
-    """Files and folders that a command leaves behind, with `*` for what is not known before it has run."""
-    match words:
-        case ["apollonius", "train", *_]:
-            stage1 = {"P_stage1"} if options["stage"] in (None, "both") else {"P_*"}
-            kind = "scratch" if options["stage"] == "self-play" and not options["pursuer"] else "curriculum"
-            both = {f"P_{kind}", f"E_{kind}"} if options["stage"] != "fixed-target" else set()
-            folder = options["out"]
-            names = {"P_optimal", "E_optimal"} if "optimal" in str(options["config"]) else stage1 | both
-            made = {f"{folder}/agents/{name}*.safetensors" for name in names} if folder else set()
-            made |= {f"{folder}/config.toml"}
-        case ["apollonius", "reproduce", *_]:
-            made = {str(options["out"] or f"runs/reproduce-{options['budget']}")}
-        case _:
-            made = set()
-    if options.get("record"):
-        made |= {f"{options['replays']}/game-*-{outcome.name.lower()}.json" for outcome in Outcome}
-    return made | {str(options[name]) for name in ("out", "keep") if options.get(name)}
-
-
-def needed_by(options):
-    """Files and folders that a command reads: whatever it names that looks like one, but for what it writes."""
-    written = ("out", "plot", "replays", "keep", "site")
-    values = [value for name, value in options.items() if name not in written]
-    names = [str(name) for value in values for name in (value if isinstance(value, list | tuple) else [value])]
-    bare = [name.removeprefix(SHIELDED) for name in names]
-    return [name for name in bare if name.endswith(FILES) or name.startswith("runs/")]
-
-
-@pytest.mark.usefixtures("only_parse")
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_file_that_a_command_reads_is_made_before(document, monkeypatch):
-    """By the commands that stand before it, by a block that begins with the file's name, or it is in the repository."""
-    made = set()
-    for block in (block for block in ALL if block.document == document):
-        named = re.match(r"# (\S+)\n", block.code)
-        made |= {named[1]} if named and block.language == "toml" else set()
-        for words in block.commands() if block.language == "sh" else ():
-            options = asked(words, monkeypatch) or {}
-            for name in needed_by(options):
-                there = any(fnmatch(name, pattern) for pattern in made) or (REPOSITORY / name).exists()
-                assert there, f"{block}: nothing before makes {name}"
-            made |= made_by(words, options)
 
 
 def anchors(document):

@@ -36,16 +36,15 @@ def room_of(module: str) -> str:
     return inside[0] if package == PACKAGE.name and inside else package
 
 
-def imported(tree: ast.AST, module: str, modules: Collection[str]) -> set[str]:
-    """Return the full names of all that the statements of a module import."""
+def imported(tree: ast.AST, modules: Collection[str]) -> set[str]:
+    """Return the full names of all that the statements of a module import, which are absolute ones."""
     names: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         if isinstance(node, ast.ImportFrom):
-            above = module.split(".")[: -node.level] if node.level else []
-            source = ".".join([*above, *([node.module] if node.module else [])])
-            names |= {f"{source}.{alias.name}" for alias in node.names} & set(modules) or {source}
+            assert node.module, "imports have whole names"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} & set(modules) or {node.module}
     return names
 
 
@@ -53,7 +52,7 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
     """Return all rooms, each below those that it imports. Raises graphlib.CycleError where arrows go in a circle."""
     arrows: dict[str, set[str]] = {}
     for module, text in texts.items():
-        names = {name for name in imported(ast.parse(text), module, texts) if name.split(".")[0] == PACKAGE.name}
+        names = {name for name in imported(ast.parse(text), texts) if name.split(".")[0] == PACKAGE.name}
         here = room_of(module)
         arrows.setdefault(here, set()).update({room_of(name) for name in names} - {here})
     behind: dict[str, set[str]] = {}

@@ -28,7 +28,6 @@ def add_show(parser: argparse.ArgumentParser) -> None:
 def run_show(options: argparse.Namespace) -> int:
     from apollonius.play.replay import load_replay, save_replay
     from apollonius.show import animation
-    from apollonius.show.words import describe_end
 
     if options.speed is not None:
         moving = f"left out, as only {', '.join(MOVING)} move"
@@ -55,8 +54,7 @@ def run_show(options: argparse.Namespace) -> int:
         animation.save_animation(replay, options.out, options.speed or 1.0)
     display.end()
     print(
-        f"{replay.pursuer} against {replay.evader}: {describe_end(replay)} "
-        f"({len(replay.actions)} steps, starts: {starts})"
+        f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({len(replay.actions)} steps, starts: {starts})"
     )
     if options.out.suffix == ".json":
         then = command("show", options.out, "--out", options.out.with_suffix(".gif"))

@@ -1,6 +1,7 @@
 """`apollonius simulate`: the games of a match between robots with bodies, beside the same games by the rules."""
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from apollonius.cli.options import (
@@ -46,7 +47,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     written = write_replays(options, "bodies", (record_course(simulated, match, index) for index in worst))
     display.end()
     if options.json:
-        print(to_json(match_facts(options, match) | comparison.to_dict()))
+        print(to_json(match_facts(options, match) | asdict(comparison)))
     else:
         print(match_heading(match))
         print(_table(comparison))

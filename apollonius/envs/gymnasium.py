@@ -5,8 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from apollonius.envs.live import RENDER_MODES, LiveGame
-from apollonius.envs.spaces import action_space, observation_space
+from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require

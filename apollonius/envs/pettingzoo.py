@@ -7,8 +7,7 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from pettingzoo import ParallelEnv
 
-from apollonius.envs.live import RENDER_MODES, LiveGame
-from apollonius.envs.spaces import action_space, observation_space
+from apollonius.envs.live import RENDER_MODES, LiveGame, action_space, observation_space
 from apollonius.game.game import Game
 from apollonius.game.types import RobotStatus
 

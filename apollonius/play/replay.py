@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray, Shaped
+from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray, Shaped
 
 from apollonius.agents.pool import Pool
 from apollonius.arenas.record import from_dict, to_dict
@@ -138,6 +138,17 @@ class Replay:
             status = self._again()[0].status
             states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
+
+    def in_play(self) -> Bool[np.ndarray, "rows robots"]:
+        """Return for each state which robots are in play; in a game of two both are, to the end."""
+        if self.game.teams is None:
+            return np.ones((len(self.states), 2), bool)
+        return np.stack([np.asarray(robot) for side in self.trajectory().states.active for robot in side], axis=-1)
+
+    def ending(self) -> str:
+        """Return how and when the game ended, as `captured after 12.3 s`."""
+        outcome = self.outcome.name.lower().replace("_", " ")
+        return f"{outcome} after {len(self.actions) * float(self.game.dt):.1f} s"
 
     def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
         """Play the game again, as `play_actions`."""

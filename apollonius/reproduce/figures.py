@@ -15,7 +15,6 @@ from apollonius.show import palette, style
 from apollonius.show.animation import last_frame
 from apollonius.show.canvas import SIZE, save_side_by_side
 from apollonius.show.style import Curve, draw_bars, draw_seeds, smooth
-from apollonius.show.words import describe_end
 
 _WINDOW = 50
 """Chunks over which the reward is averaged."""
@@ -70,7 +69,7 @@ def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
     """Draw the ends of games side by side, each above its name, and return how they ended."""
     pictures = {name: last_frame(replay) for name, replay in games.items()}
     save_side_by_side(pictures, path, columns=len(games), size=SIZE)
-    return [describe_end(replay) for replay in games.values()]
+    return [replay.ending() for replay in games.values()]
 
 
 def figure_6(study: Study) -> Finding:

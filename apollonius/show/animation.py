@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
+from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput, install, require
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
-from apollonius.show.words import describe_end, describe_play, in_play, side_name
 
 LETTERS = 14
 """Height of a line's letters [pixels]."""
@@ -52,7 +52,7 @@ class Captioned:
         self.corner = ((width - arena.width) // 2, MARGIN + 2 * LINE)
         """Column and row of the arena's upper left corner."""
         self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
-        self._in_play = in_play(replay)
+        self._in_play = replay.in_play()
         self._here: Sequence[float] = ()
         self._head(ImageDraw.Draw(self._page))
 
@@ -67,9 +67,9 @@ class Captioned:
         draw = ImageDraw.Draw(page)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
-            clock = describe_end(self._replay)
+            clock = self._replay.ending()
         self._write(draw, MARGIN, self._below, f"{clock}{self._pace}", INK)
-        now = describe_play(self._replay.game, self._here, self._in_play[step].tolist())
+        now = _standing(self._replay.game, self._here, self._in_play[step].tolist())
         self._write(draw, page.width - MARGIN, self._below, now, INK, "rm")
         return page
 
@@ -84,7 +84,7 @@ class Captioned:
         names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
         for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):
             draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
-            begins, side = MARGIN + _SIGN + 6, side_name(self._replay.game, role)
+            begins, side = MARGIN + _SIGN + 6, _side_name(self._replay.game, role)
             self._write(draw, begins, row, self._fit(f"{side} {name}", end - begins - MARGIN), colour)
 
     def _write(
@@ -104,6 +104,30 @@ class Captioned:
         while shown and self._font.getlength(text[:shown]) > width:
             shown -= 1
         return text[:shown]
+
+
+def _side_name(game: Game, role: Role) -> str:
+    """Return the name of a side: `pursuer`, or `3 pursuers`."""
+    count, name = len(game.bodies[role]), role.name.lower()
+    return name if count == 1 else f"{count} {name}s"
+
+
+def _standing(game: Game, robots: Sequence[float], active: Sequence[bool]) -> str:
+    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in play.
+
+    Args:
+        robots: x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
+        active: for each robot, whether it is in play.
+    """
+    points = [robots[first : first + 2] for first in range(0, len(robots), 4)]
+    first_evader = len(game.bodies.pursuer)
+    sides = slice(None, first_evader), slice(first_evader, None)
+    pursuers, evaders = ([at for at, plays in zip(points[side], active[side], strict=True) if plays] for side in sides)
+    apart = min((math.hypot(ex - px, ey - py) for px, py in pursuers for ex, ey in evaders), default=None)
+    distance = "" if apart is None else f"distance {apart:.2f} m"
+    if game.teams is None:
+        return distance
+    return f"{len(pursuers)} v {len(evaders)} in play{distance and ', '}{distance}"
 
 
 MOVING = (".gif", ".webp", ".mp4")

@@ -25,7 +25,6 @@ from apollonius.learn.metrics import load_metrics
 from apollonius.play.replay import Replay, as_data
 from apollonius.show import palette
 from apollonius.show.curves import learning_pictures
-from apollonius.show.words import in_play
 
 GAMES = 200
 """Games of each pairing among which those that are shown are found."""
@@ -76,7 +75,7 @@ class Shown:
         data = as_data(self.replay) | {"states": self.replay.states.astype(float).round(_DIGITS).tolist()}
         del data["actions"]
         if self.replay.game.teams:
-            steps = in_play(self.replay).sum(axis=0).tolist()
+            steps = self.replay.in_play().sum(axis=0).tolist()
             data["until"] = [step if step < len(self.replay.states) else None for step in steps]
         return data
 

@@ -1,9 +1,7 @@
 """Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -52,13 +50,6 @@ class Simulated:
         return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
 
 
-class Choice(eqx.Module):
-    """Actions and controls (u1 [m/s^2], u2 [rad/s]) of both sides in a step."""
-
-    actions: Int[Array, "games 2"] | Float[Array, "games 2 2"]
-    controls: Float[Array, "games 2 2"]
-
-
 def simulate(
     game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArray, drive: Drive,
     report: Report = lambda done, total: None,
@@ -88,15 +79,14 @@ def simulate(
     log: list[tuple[np.ndarray, ...]] = []
     alive = np.arange(count)
     while alive.size:
-        choice, sides = _choose(game, players, sides, rows, length, key)
-        controls = np.asarray(choice.controls, float)
-        asked = references.follow(drive, controls, limits, physics.steps, physics.step)
+        actions, controls, sides = _choose(game, players, sides, rows, length, key)
+        asked = references.follow(drive, np.asarray(controls, float), limits, physics.steps, physics.step)
         bodies[alive] = physics.advance(bodies[alive], asked[alive])
         before, rows = rows, rows.copy()
         rows[alive] = physics.measure(bodies[alive])
         length[alive] += 1
         outcome[alive] = np.asarray(_judge(game, before, rows, length))[alive]
-        taken = (before, np.asarray(choice.actions), rows)
+        taken = (before, np.asarray(actions), rows)
         log.append((alive, *(part[alive] for part in taken)))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
@@ -133,16 +123,14 @@ def _choose(
     rows: Float32[Array, "games 8"],
     length: Int[Array, " games"],
     key: PRNGKeyArray,
-) -> tuple[Choice, BySide[SideState]]:
+) -> tuple[Int[Array, "games 2"] | Float[Array, "games 2 2"], Float[Array, "games 2 2"], BySide[SideState]]:
+    """Return the actions of both sides, their controls (u1 [m/s^2], u2 [rad/s]), and the sides after choosing them."""
     state, bits = jax.vmap(as_state)(rows, length), random_bits_of(key, jnp.arange(rows.shape[0]), length)
     games, moves = step_games(game, players, Games(state, sides), bits)
     actions = moves.sides.map(lambda side: side.action)
     controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
-    choice = Choice(
-        actions=jax.vmap(stack_actions)(*actions),
-        controls=jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1),
-    )
-    return choice, games.sides
+    stacked = jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1)
+    return jax.vmap(stack_actions)(*actions), stacked, games.sides
 
 
 @jax.jit
@@ -176,30 +164,19 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A match by the rules and the same match with bodies.
-
-    Attributes:
-        rules, bodies: what each came to.
-        differences: of the events of `EVENTS`.
-    """
+    """The results of a match by the rules and of the same match with bodies, and the differences of `EVENTS`."""
 
     rules: MatchResult
     bodies: MatchResult
     differences: dict[str, Difference]
 
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 def compare(match: Match, rules: Results, simulated: Simulated) -> Comparison:
-    """The results of a match by the rules and with bodies."""
-    bodies = simulated.results
-    differences = {event: difference(rules, bodies, outcomes) for event, outcomes in EVENTS.items()}
-    return Comparison(count(match, rules), count(match, bodies), differences)
-
-
-def difference(rules: Results, bodies: Results, outcomes: tuple[Outcome, ...]) -> Difference:
-    """Return how much more often games from the same starts ended in some of the outcomes with bodies."""
-    by_rules, with_bodies = (np.isin(np.asarray(results.outcome), outcomes) for results in (rules, bodies))
-    often, more = float(by_rules.mean()), float(with_bodies.mean())
-    return Difference(often, more, more - often, paired_difference_interval(with_bodies, by_rules))
+    """Return the results of a match by the rules and with bodies, and their differences over the same starts."""
+    differences: dict[str, Difference] = {}
+    for event, outcomes in EVENTS.items():
+        by_rules, with_bodies = (np.isin(np.asarray(one.outcome), outcomes) for one in (rules, simulated.results))
+        often, more = float(by_rules.mean()), float(with_bodies.mean())
+        interval = paired_difference_interval(with_bodies, by_rules)
+        differences[event] = Difference(often, more, more - often, interval)
+    return Comparison(count(match, rules), count(match, simulated.results), differences)

@@ -5,30 +5,20 @@ import sys
 
 import gymnasium
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
 from apollonius.arenas.charting import charted
-from apollonius.arenas.file import as_game
 from apollonius.envs.gymnasium import OneSide
-from apollonius.envs.spaces import action_space, as_actions
+from apollonius.envs.live import action_space, as_actions
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
-from apollonius.io.limits import PARALLEL_GAMES
 from apollonius.observe.registry import observe
 from apollonius.show.palette import EVADER, PURSUER
-
-PAPER = make_game("paper")
-
-
-@pytest.fixture(scope="module")
-def env():
-    return OneSide(Role.EVADER, opponent="still")
 
 
 @pytest.mark.parametrize(
@@ -41,37 +31,14 @@ def test_gymnasiums_checker_has_no_complaint(name, options):
     check_env(env.unwrapped)
 
 
-def start_of(env, game, seed):
-    """The state from which an environment's game begins after a seed."""
-    bits = np.random.Generator(type(env.np_random.bit_generator)(seed)).integers(2**32, dtype=np.uint64)
-    return game.reset(jax.random.key(np.uint32(bits)))
-
-
-def test_a_game_goes_as_the_rules_say(env):
-    seen, info = env.reset(seed=5)
-    assert info == {"outcome": "ongoing"}
-    state = start_of(env, PAPER, 5)
-    step, sees = jax.jit(PAPER.step), jax.jit(lambda state: observe(PAPER, state, Role.EVADER, "encoded"))
-    np.testing.assert_allclose(seen, sees(state), atol=1e-6)
-    for turn in range(400):
-        action = jnp.int32(6 + turn % 2)
-        seen, reward, terminated, truncated, info = env.step(int(action))
-        after = step(state, jnp.int32(4), action)
-        np.testing.assert_allclose(seen, sees(after.state), atol=1e-4)
-        assert reward == pytest.approx(float(after.reward.evader), abs=1e-4)
-        assert (terminated, truncated) == (bool(after.terminated), bool(after.truncated))
-        assert info["outcome"] == Outcome(int(after.outcome)).name.lower()
-        state = after.state
-        if terminated:
-            break
-    assert info["outcome"] in {"evader_hit_obstacle", "evader_out_of_range", "captured"}
-
-
 @pytest.mark.slow
 def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
-    env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), charted(PAPER)
-    seen, _ = env.reset(seed=5)
-    np.testing.assert_allclose(seen, observe(game, start_of(env, game, 5), Role.PURSUER, "egocentric"), atol=1e-5)
+    env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), charted(make_game("paper"))
+    seen, info = env.reset(seed=5)
+    assert info == {"outcome": "ongoing"}
+    bits = np.random.Generator(type(env.np_random.bit_generator)(5)).integers(2**32, dtype=np.uint64)
+    state = game.reset(jax.random.key(np.uint32(bits)))
+    np.testing.assert_allclose(seen, observe(game, state, Role.PURSUER, "egocentric"), atol=1e-5)
 
 
 def test_one_seed_gives_one_game_and_another_seed_another():
@@ -123,12 +90,14 @@ def test_the_picture_shows_the_robots_where_they_are_and_the_trail_behind_the_on
 
 
 @pytest.mark.parametrize(
-    "option", [{"observation": "eyes"}, {"opponent": "nobody"}, {"actions": "analogue"}, {"render_mode": "human"}]
-)
-def test_unknown_options_are_refused(option):
-    ((name, value),) = option.items()
+    ("name", "value"),
+    [
+        ("observation", "eyes"), ("opponent", "nobody"), ("actions", "analogue"), ("render_mode", "human"), ("game", 3),
+    ],
+)  # fmt: skip
+def test_unknown_options_are_refused(name, value):
     with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
-        OneSide(Role.PURSUER, **option)
+        OneSide(Role.PURSUER, **{name: value})
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous"])
@@ -136,14 +105,6 @@ def test_what_is_no_action_is_refused(kind):
     for action in (None, float("nan"), 4.5, True, 9, 2**40, 2**80, "left", [1, 2], [[1], [2, 3]]):
         with pytest.raises(InvalidInput, match="action"):
             as_actions(action, kind)
-
-
-def test_arguments_of_another_kind_are_refused():
-    with pytest.raises(InvalidInput, match="game = 3"):
-        as_game(3)
-    for games in (2**40, True, 2.5, "many", None, 0):
-        with pytest.raises(InvalidInput, match="num_envs"):
-            PARALLEL_GAMES.require("num_envs", games)
 
 
 def test_a_forked_process_is_refused_with_the_remedy():

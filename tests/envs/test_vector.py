@@ -129,7 +129,7 @@ def test_bad_input_is_refused(env):
     with pytest.raises(InvalidInput, match="seed = "):
         env.reset(seed=[1, 2])
     for bad, named in (
-        ({"num_envs": 0}, "num_envs = 0"),
+        *[({"num_envs": games}, "num_envs = ") for games in (2**40, True, 2.5, "many", None, 0)],
         ({"autoreset_mode": "Disabled"}, "NextStep, SameStep|SameStep, NextStep"),
     ):
         with pytest.raises(InvalidInput, match=named):

@@ -9,7 +9,6 @@ from PIL import Image, ImageDraw
 
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
-from apollonius.io.errors import InvalidInput
 from apollonius.play.replay import Replay
 from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
@@ -117,20 +116,6 @@ def test_an_arena_that_is_no_square_keeps_its_shape_and_the_words_their_width(re
     assert picture.width == max(size[0], 400) + 2 * MARGIN
     assert all(side % 2 == 0 for side in picture.size)
     assert Captioned(wide).corner[0] == (picture.width - size[0]) // 2
-
-
-@pytest.mark.parametrize(
-    ("name", "speed", "naming"),
-    [
-        ("game.avi", 1.0, r"game\.avi .*\.gif, \.webp, \.mp4, \.png"),
-        ("game.gif", 0.0, "speed = 0.0 .* 0.05 to 100"),
-        ("game.gif", float("nan"), "speed = nan"),
-    ],
-)
-def test_what_cannot_be_animated_is_refused(replay, tmp_path, name, speed, naming):
-    with pytest.raises(InvalidInput, match=naming):
-        save_animation(replay, tmp_path / name, speed)
-    assert not list(tmp_path.iterdir())
 
 
 def save_panel(path):

@@ -9,9 +9,8 @@ from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
-from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
-from apollonius.show.slices import save_slice, slice_values
+from apollonius.show.slices import slice_values
 
 OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
 OWN = (0.6, 0.8)
@@ -46,25 +45,3 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
         assert not missing[(away > disc.radius + 0.2) & (away < disc.radius + 0.5)].any()
     assert missing[0].all()
     assert not missing[10, 10]
-
-
-def test_a_slice_is_drawn(network, tmp_path):
-    save_slice(Greedy(network), Role.EVADER, "an agent", make_game("paper"), OWN, OPPONENT, tmp_path / "slice.png")
-    assert (tmp_path / "slice.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("own", "opponent", "naming"),
-    [
-        ((1.3, 0.0), (5, 5, 0, 0), "^speed = 1.3 .* 1.2"),
-        ((0.0, 0.0), (5, 5, 2, 0), "opponent's speed = 2 .* 1.2"),
-        ((0.0, 0.0), (3, 3, 0, 0), r"^opponent = \(3.0, 3.0\) .*discs"),
-        ((float("nan"), 0.0), (5, 5, 0, 0), "^speed = nan"),
-        ((0.0, 0.0), (float("nan"), 5, 0, 0), "^opponent = "),
-    ],
-)
-def test_states_that_cannot_be_are_refused(network, own, opponent, naming, tmp_path):
-    state = RobotState(*map(jnp.float32, opponent))
-    with pytest.raises(InvalidInput, match=naming):
-        save_slice(Greedy(network), Role.PURSUER, "x", make_game("paper"), own, state, tmp_path / "x.png")
-    assert not list(tmp_path.iterdir())

@@ -12,7 +12,6 @@ from apollonius.game.types import GameState, Outcome, RobotState
 from apollonius.play.replay import Replay, as_rows, play_actions
 from apollonius.show.animation import frames
 from apollonius.show.report import Shown
-from apollonius.show.words import in_play
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 from tests.show.test_replay_player import RECORDER, run
 
@@ -32,7 +31,7 @@ def replay():
 
 
 def test_who_is_in_play_is_known_for_each_state(replay):
-    steps = in_play(replay).sum(axis=0)
+    steps = replay.in_play().sum(axis=0)
     assert steps.tolist() == [OUT, 13, CAUGHT, 13]
     shown = Shown(replay, 1).to_dict()
     assert shown["until"] == [OUT, None, CAUGHT, None]

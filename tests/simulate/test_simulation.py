@@ -116,4 +116,3 @@ def test_both_plays_are_counted_and_compared(simulated):
     assert rate.bodies == timeouts.mean()
     assert rate.difference == pytest.approx(rate.bodies - rate.rules)
     assert rate.interval[0] <= rate.difference <= rate.interval[1]
-    assert set(found.to_dict()) == {"rules", "bodies", "differences"}
