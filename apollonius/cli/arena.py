@@ -4,9 +4,8 @@ import argparse
 from pathlib import Path
 
 from apollonius.arenas.names import KINDS
-from apollonius.cli.options import add_json, command, finish
+from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.values import count, known_game, new_file, real
-from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
 
@@ -70,17 +69,10 @@ def run_check(options: argparse.Namespace) -> int:
         save_plan(Path(options.game).stem, game, found, options.out)
     if saved:
         save_game(to_dict(game), saved)
-    options.display.end()
     notes = [*found.notes, *([str(passage)] if passage else [])]
-    if options.json:
-        print(to_json({"game": options.game, "wrong": found.wrong, "notes": notes}))
-    else:
-        for line in found.wrong:
-            print(f"wrong: {line}")
-        for line in notes:
-            print(f"note: {line}")
-        if not found.wrong:
-            print(f"{options.game}: nothing is wrong with this arena")
+    lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
+    verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
+    answer(options, {"game": options.game, "wrong": found.wrong, "notes": notes}, "\n".join([*lines, *verdict]))
     if saved:
         finish(saved, then=command("play", "--game", saved), json=options.json)
     elif options.out:

@@ -4,6 +4,7 @@ import argparse
 
 from apollonius.cli.options import (
     add_match_options,
+    answer,
     check_records,
     finish,
     finish_with_replays,
@@ -12,7 +13,6 @@ from apollonius.cli.options import (
     write_replays,
 )
 from apollonius.cli.values import new_file, varied
-from apollonius.io.document import to_json
 from apollonius.io.errors import require
 
 
@@ -42,11 +42,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     options.display.begin("judging the starts", compiles=True)
     result = count(match, results)
     written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
-    options.display.end()
-    if options.json:
-        print(to_json(match_facts(options, match) | result.to_dict()))
-    else:
-        print(match_table(match, result))
+    answer(options, match_facts(options, match) | result.to_dict(), match_table(match, result))
     finish_with_replays(written, options)
     return 0
 
@@ -67,8 +63,7 @@ def _vary(options: argparse.Namespace) -> int:
         from apollonius.show.matches import draw_varied
 
         draw_varied(found, options.out)
-    options.display.end()
-    print(to_json(match_facts(options, found.match) | found.to_dict()) if options.json else varied_table(found))
+    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
     if options.out:
         finish(options.out)
     return 0

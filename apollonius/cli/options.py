@@ -3,22 +3,21 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.values import count, known_agent, known_game, new_folder, nodes, require_writable
+from apollonius.cli.values import count, known_agent, known_game, new_folder, require_writable
+from apollonius.io.document import to_json
 from apollonius.io.errors import require
-from apollonius.io.limits import GAME_FILES, GAMES, HOLD, RECORDS, SEED, Counted
+from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
 
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
     from apollonius.evaluate.match import Match
     from apollonius.game.game import Game
-    from apollonius.game.types import Role
     from apollonius.play.replay import Replay
-    from apollonius.solve.grid import Grid
 
 
 AGENT = (
@@ -33,7 +32,7 @@ LENGTHS = ("quick", "standard", "paper")
 
 
 def add_game(parser: argparse.ArgumentParser) -> None:
-    about = "name of the game, or a .toml or .json file (default: %(default)s)"
+    about = "name of the game, as office or team-3v1/office, or a .toml or .json file (default: %(default)s)"
     parser.add_argument("--game", type=known_game, default="paper", help=about)
 
 
@@ -124,6 +123,12 @@ def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" =
         options.display.tell(f"{options.game}: {line}")
 
 
+def answer(options: argparse.Namespace, facts: dict[str, Any], text: str) -> None:
+    """Print a result, as one JSON object where that is asked for; the display shows no more."""
+    options.display.end()
+    print(to_json(facts) if options.json else text)
+
+
 def match_facts(options: argparse.Namespace, match: "Match") -> dict[str, Any]:
     names = {"pursuer": match.players.pursuer.name, "evader": match.players.evader.name}
     return names | {"game": options.game, "starts": match.starts_played, "seed": match.seed}
@@ -134,33 +139,6 @@ def check_records(options: argparse.Namespace, most: int, bound: str) -> None:
     require(options.record <= most, "--record", options.record, f"from 0 to {bound}")
     if options.record:
         require_writable("--replays", options.replays)
-
-
-def add_grid_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
-    )
-    parser.add_argument(
-        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s of them)"
-    )
-
-
-def requested_grid(
-    options: argparse.Namespace,
-    game: "Game",
-    role: "Role",
-    reference: "Callable[[Game, Role], tuple[Grid, int]] | None" = None,
-) -> tuple["Grid", int]:
-    """Return the grid and hold of the options, by default those of `reference`."""
-    from apollonius.solve.grid import make_grid
-    from apollonius.solve.solving import reference_grid
-
-    grid, hold = (reference or reference_grid)(game, role)
-    if options.grid is not None:
-        grid = make_grid(game.arena, game.body(role), options.grid)
-    if options.hold is not None:
-        hold = options.hold
-    return grid, hold
 
 
 def finish(*written: Path, then: str = "", json: bool = False) -> None:

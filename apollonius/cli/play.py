@@ -5,8 +5,8 @@ import tempfile
 import webbrowser
 from pathlib import Path
 
-from apollonius.cli.options import finish, warn
-from apollonius.cli.values import count, known_agent, known_game, new_folder
+from apollonius.cli.options import add_game, finish, warn
+from apollonius.cli.values import count, known_agent, new_folder
 from apollonius.io.limits import PORT, SEED
 
 PLAYER = (
@@ -25,12 +25,7 @@ def add_play(parser: argparse.ArgumentParser) -> None:
         metavar="AGENT",
         help=f"your opponent: {PLAYER} (default: the best there is, a little slow to see)",
     )
-    parser.add_argument(
-        "--game",
-        type=known_game,
-        default="paper",
-        help="name of the game, as team-3v1/office, or a .toml or .json file (default: %(default)s)",
-    )
+    add_game(parser)
     parser.add_argument("--seed", type=count(SEED), default=0, help="seed of the starts (default: %(default)s)")
     parser.add_argument(
         "--port", type=count(PORT), help="port of the page on this machine (default: the first free one)"

@@ -4,10 +4,9 @@ import argparse
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.options import add_json, warn
+from apollonius.cli.options import add_json, answer, warn
 from apollonius.cli.terminal import columns
 from apollonius.cli.values import known_game
-from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -31,14 +30,13 @@ def run_pursuers(options: argparse.Namespace) -> int:
     warn(options, game)
     display.begin("looking where robots can be", compiles=True)
     enough = how_many(free_space(game), lambda spacing: display.begin(f"solving the game on cells of {spacing:.2g} m"))
-    display.end()
     if not enough.readings:
         raise InvalidInput(
             f"'{options.game}' has too many obstacles: the game on its graph would have more than {MOST_NODES:,} nodes "
             "that matter; take a part of it."
         )
     facts = _facts(options.game, enough)
-    print(to_json(facts) if options.json else _text(facts, enough.verdict))
+    answer(options, facts, _text(facts, enough.verdict))
     return 0 if enough.agree else 1
 
 

@@ -8,6 +8,7 @@ from apollonius.cli.options import (
     add_game_options,
     add_json,
     add_record_options,
+    answer,
     check_records,
     finish_with_replays,
     warn,
@@ -15,7 +16,6 @@ from apollonius.cli.options import (
 )
 from apollonius.cli.solve import add_table_options, requested_tables
 from apollonius.cli.values import count, known_agent
-from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAMES
 
@@ -55,12 +55,8 @@ def run_regret(options: argparse.Namespace) -> int:
     display.begin("playing against the table", compiles=True)
     card = measure_card(match, own, display.report)
     written = write_replays(options, "game", (record_game(match, lost["game"]) for lost in card.worst))
-    display.end()
-    if options.json:
-        about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
-        about["grid"] = list(own.zero_sum_game.grids[0].counts)
-        print(to_json(about | asdict(card)))
-    else:
-        print(card_table(agent.name, game.starts.speed, card))
+    about = {"agent": agent.name, "game": options.game, "starts": game.starts.speed, "seed": options.seed}
+    about["grid"] = list(own.zero_sum_game.grids[0].counts)
+    answer(options, about | asdict(card), card_table(agent.name, game.starts.speed, card))
     finish_with_replays(written, options)
     return 0

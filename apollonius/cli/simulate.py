@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from apollonius.cli.options import (
     add_match_options,
+    answer,
     check_records,
     finish_with_replays,
     match_facts,
@@ -14,11 +15,11 @@ from apollonius.cli.options import (
 )
 from apollonius.cli.terminal import columns, match_heading
 from apollonius.cli.values import existing_file
-from apollonius.io.document import to_json
 from apollonius.io.errors import require_extra
 from apollonius.io.limits import SIMULATED_GAMES
 
 if TYPE_CHECKING:
+    from apollonius.evaluate.match import Match
     from apollonius.simulate.simulation import Comparison
 
 
@@ -45,17 +46,12 @@ def run_simulate(options: argparse.Namespace) -> int:
     comparison = compare(match, rules, simulated)
     worst = worst_first(simulated.results)
     written = write_replays(options, "bodies", (record_course(simulated, match, index) for index in worst))
-    display.end()
-    if options.json:
-        print(to_json(match_facts(options, match) | asdict(comparison)))
-    else:
-        print(match_heading(match))
-        print(_table(comparison))
+    answer(options, match_facts(options, match) | asdict(comparison), _table(match, comparison))
     finish_with_replays(written, options)
     return 0
 
 
-def _table(comparison: "Comparison") -> str:
+def _table(match: "Match", comparison: "Comparison") -> str:
     by_rules, with_bodies = comparison.rules.outcomes, comparison.bodies.outcomes
     rows = [("", "by the rules", "with bodies", "difference")]
     rows += [
@@ -66,4 +62,4 @@ def _table(comparison: "Comparison") -> str:
     for event, rate in comparison.differences.items():
         low, high = (f"{100 * end:+.1f}" for end in rate.interval)
         rows.append((f"  {event}", f"{rate.rules:.1%}", f"{rate.bodies:.1%}", f"{low} to {high} points (95 %)"))
-    return "\n".join(columns(rows))
+    return "\n".join([match_heading(match), *columns(rows)])

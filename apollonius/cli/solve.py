@@ -5,19 +5,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from apollonius.cli.options import (
-    add_game,
-    add_grid_options,
-    add_json,
-    chosen_rules,
-    command,
-    finish,
-    requested_grid,
-    warn,
-)
-from apollonius.cli.values import existing_file, new_file, nodes, real, require_writable
-from apollonius.io.document import to_json
+from apollonius.cli.options import add_game, add_json, answer, chosen_rules, command, finish, warn
+from apollonius.cli.values import count, existing_file, new_file, nodes, real, require_writable
 from apollonius.io.errors import InvalidInput, require
+from apollonius.io.limits import HOLD
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
@@ -91,7 +82,12 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
     )
     parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
-    add_grid_options(parser)
+    parser.add_argument(
+        "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
+    )
+    parser.add_argument(
+        "--hold", type=count(HOLD), help="steps for which an action is held (default: about 0.5 s of them)"
+    )
     parser.add_argument(
         "--out",
         type=new_file(".safetensors"),
@@ -125,12 +121,8 @@ def run_solve(options: argparse.Namespace) -> int:
         save_solution(solution, path)
     display.begin("judging the table", compiles=True)
     facts = about(solution, game) | {"file": str(path)}
-    display.end()
-    if options.json:
-        print(to_json(facts))
-    else:
-        for name, value in facts.items():
-            print(f"{name:<52} {value:.4g}" if isinstance(value, float) else f"{name:<52} {value}")
+    said = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
+    answer(options, facts, "\n".join(f"{name:<52} {value}" for name, value in said.items()))
     if is_new:
         finish(path, then=_next(options, path, problem.role), json=options.json)
     return 0
@@ -139,6 +131,7 @@ def run_solve(options: argparse.Namespace) -> int:
 def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     from apollonius.arenas.record import to_dict
     from apollonius.game.types import Role
+    from apollonius.solve.grid import make_grid
     from apollonius.solve.solving import joint_grid, reference_grid
     from apollonius.solve.store import Problem
 
@@ -147,8 +140,10 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     alone = not (what == "reach" and options.role)
     require(alone, "--role", options.role, "left out for reach, where the pursuer moves")
     role = Role[(options.role or "pursuer").upper()]
-    grid, hold = requested_grid(options, game, role, joint_grid if what == "game" else reference_grid)
-    return Problem(what, role.name.lower(), to_dict(game), list(grid.counts), hold, target)
+    grid, hold = (joint_grid if what == "game" else reference_grid)(game, role)
+    counts, hold = options.grid or grid.counts, options.hold or hold
+    make_grid(game.arena, game.body(role), counts)  # refused here, before anything is solved
+    return Problem(what, role.name.lower(), to_dict(game), list(counts), hold, target)
 
 
 def _next(options: argparse.Namespace, path: Path, role: str) -> str:

@@ -2,9 +2,8 @@
 
 import argparse
 
-from apollonius.cli.options import AGENT, add_game_options, add_json, chosen_rules, command, finish, warn
+from apollonius.cli.options import AGENT, add_game_options, add_json, answer, chosen_rules, command, finish, warn
 from apollonius.cli.values import count, known_agent, new_file
-from apollonius.io.document import to_json
 from apollonius.io.limits import GAMES
 
 
@@ -49,12 +48,8 @@ def run_tournament(options: argparse.Namespace) -> int:
         from apollonius.show.matches import draw_tournament
 
         draw_tournament(tournament, options.plot)
-    options.display.end()
-    if options.json:
-        settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
-        print(to_json(settings | tournament.to_dict()))
-    else:
-        print(tournament_table(tournament, starts.word(game)))
+    settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
+    answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts.word(game)))
     if options.plot:
         ratings = tournament.ratings
         best = [

@@ -145,7 +145,8 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             infos = self._of_all(outcome=outcome)
         else:
             self._left -= int(over.sum())
-            infos = _final(np.array(made.seen), outcome, over) if over.any() else {}
+            final = {"final_obs": np.array(made.seen), "final_info": {"outcome": outcome, "_outcome": over}}
+            infos = final | {"_final_obs": over, "_final_info": over} if over.any() else {}
         if made.rewards is not None:
             infos |= self._of_all(rewards=np.array(made.rewards), status=np.array(made.status))
         return seen, reward, terminated, truncated, infos
@@ -164,13 +165,3 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _bits(self) -> np.uint32:
         return np.uint32(self.np_random.integers(2**32, dtype=np.uint64))
-
-
-def _final(led_to: np.ndarray, outcome: np.ndarray, over: np.ndarray) -> dict[str, Any]:
-    """Return the `info` of games that ended and were restarted."""
-    return {
-        "final_obs": led_to,
-        "_final_obs": over,
-        "final_info": {"outcome": outcome, "_outcome": over},
-        "_final_info": over,
-    }

@@ -100,15 +100,10 @@ EXTRAS = {
 """Modules of each extra, and what pip calls them."""
 
 
-def install(extra: str) -> str:
-    """Return the command that installs the libraries of an extra, with and without a checkout."""
-    missing = [name for module, name in EXTRAS[extra].items() if find_spec(module) is None]
-    return f"pip install {' '.join(missing or EXTRAS[extra].values())} (the extra '{extra}')"
-
-
 def missing(extra: str) -> str | None:
-    """Return the command that installs an extra; None if all its libraries are there."""
-    return None if all(find_spec(module) for module in EXTRAS[extra]) else install(extra)
+    """Return the command that installs what an extra lacks, with and without a checkout; None if nothing is missing."""
+    names = [name for module, name in EXTRAS[extra].items() if find_spec(module) is None]
+    return f"pip install {' '.join(names)} (the extra '{extra}')" if names else None
 
 
 def require_extra(extra: str, what: str) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from apollonius.io.cache import keep_compilations
-from apollonius.io.errors import InvalidInput, require
+from apollonius.io.errors import InvalidInput, require, require_extra
 from apollonius.io.interrupts import SIGNALS, asked_to_stop, listen
 
 if TYPE_CHECKING:
@@ -113,11 +113,10 @@ def _run_on_ray(jobs: Sequence[Job], cores: Sequence[int], report: Callable[[str
 
     The job of a lost worker is resumed on another one from its files: all machines must see the same folders.
     """
-    try:
-        import ray  # pyright: ignore[reportMissingImports]
-        from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
-    except ModuleNotFoundError as error:
-        raise InvalidInput("this needs Ray: pip install 'apollonius[ray]'.") from error
+    require_extra("ray", "ray")
+    import ray  # pyright: ignore[reportMissingImports]
+    from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
+
     ours = not ray.is_initialized()
     if ours:
         running = "RAY_ADDRESS" in os.environ

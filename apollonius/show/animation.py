@@ -16,7 +16,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.document import write_atomically
-from apollonius.io.errors import InvalidInput, install, require
+from apollonius.io.errors import require, require_extra
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_reach, draw_robot
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
@@ -210,10 +210,9 @@ def _palette() -> Image.Image:
 
 
 def _mp4(pictures: list[Image.Image], per_second: float) -> bytes:
-    try:
-        import imageio_ffmpeg
-    except ModuleNotFoundError as error:
-        raise InvalidInput(f"MP4 needs imageio-ffmpeg: {install('video')}, or use .gif.") from error
+    require_extra("video", "MP4")
+    import imageio_ffmpeg
+
     pictures += pictures[-1:] * round(_LAST_SECONDS * per_second)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "game.mp4"

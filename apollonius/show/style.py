@@ -42,40 +42,31 @@ _SETTINGS: dict[Any, Any] = {
 
 
 @contextmanager
-def picture(
-    path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0, rows: int = 1
-) -> Generator[list[Axes], None, None]:
-    """Open a figure of panels in rows, which is saved as PNG when the block ends.
+def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0) -> Generator[list[Axes], None, None]:
+    """Open a figure of panels side by side, which is saved as PNG when the block ends.
 
     Args:
-        path: where to save it.
-        columns, rows: number of panels.
         width, height: of a panel [inches].
-
-    Yields:
-        The panels, from left to right, row by row.
     """
     with mpl.rc_context(_SETTINGS):
-        figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
-        yield list(figure.subplots(rows, columns, squeeze=False).flat)
+        figure = Figure(figsize=(columns * width, height), layout="constrained")
+        yield list(figure.subplots(1, columns, squeeze=False).flat)
         content = io.BytesIO()
         figure.savefig(content)
     write_atomically(path, content.getvalue())
 
 
-def inline_svg(draw: Callable[[Axes], None], label: str, width: float = 4.6, height: float = 3.0) -> str:
+def inline_svg(draw: Callable[[Axes], None], label: str) -> str:
     """Return a figure of one panel as an `<svg>` for a page that defines the palette's colours as CSS variables.
 
     The same figure serves light and dark pages. Letters stay text.
 
     Args:
-        draw: draws on the panel.
         label: what the figure shows, for readers who do not see it; plain text that needs no escaping.
-        width, height: of the panel [inches].
     """
     settings: dict[Any, Any] = _SETTINGS | {"svg.fonttype": "none", "svg.hashsalt": label}
     with mpl.rc_context(settings):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(4.6, 3.0), layout="constrained")
         draw(figure.subplots())
         file = io.StringIO()
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))

@@ -110,17 +110,21 @@ def test_a_reader_that_leaves_early_is_no_error(monkeypatch):
     assert (result.returncode, result.stderr) == (1, "")
 
 
-def test_help_and_version_import_nothing_that_takes_time():
+def test_help_version_and_refusals_import_nothing_that_takes_time():
     result = run_process(
-        "import atexit, sys\n"
+        "import sys\n"
         "from apollonius.cli.main import main\n"
+        "for words in sys.argv[1:]:\n"
+        "    try:\n        main(words.split())\n"
+        "    except SystemExit as leaving:\n        print(leaving.code)\n"
         "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
-        "atexit.register(lambda: print('imported:', [name for name in heavy if name in sys.modules]))\n"
-        "main([]) or main(['--version'])"
-    )
-    assert (result.returncode, result.stderr) == (0, "")
+        "print('imported:', [name for name in heavy if name in sys.modules])",
+        "", "--version", "evaluate random still --games 10000000000", "evaluate P_pol still", "report folder",
+        "evaluate a.safetensors still", "show game.json",
+    )  # fmt: skip
+    assert (result.returncode, result.stderr.count("\n")) == (0, 5)
     assert "train " in result.stdout
-    assert result.stdout.endswith("apollonius 0.1.0\nimported: []\n")
+    assert result.stdout.splitlines()[-8:] == ["apollonius 0.1.0", "0", *["2"] * 5, "imported: []"]
 
 
 def test_help_names_every_command_once_under_what_it_is_for(capsys):

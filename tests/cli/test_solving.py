@@ -11,9 +11,8 @@ from tests.cli.test_cli import assert_refused, run_main
 from tests.documents import REPOSITORY
 
 COARSE, COARSER = ("--grid", "21x21x9x16"), ("--grid", "11x11x3x8")
-"""Too coarse for anything but the command itself."""
 GRID = ("--grid", "4x4x2x4", "--hold", "10")
-"""Too coarse for anything but the commands themselves."""
+"""All too coarse for anything but the commands themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +69,9 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     kept = [load_replay(path) for path in Path("lost").iterdir()]
     assert {replay.index for replay in kept} == {game["game"] for game in card["worst"][:2]}
     assert {(replay.pursuer, replay.evader) for replay in kept} == {("table", "random")}
+    twice = ("--tables", tables["evader"], tables["evader"])
+    assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
+    assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
     assert "gap to its own table's estimate" in capsys.readouterr().out
 
@@ -90,15 +92,6 @@ def test_attackers_are_reported_each_and_the_worst_is_judged_on_other_starts(cap
     again = run_json(capsys, "exploit", "evader", "still", *both, *kinds[:2], "--games", "20", "--seed", "5")
     if found["worst"]["name"] == "table":
         assert again["attackers"][0]["loses"] == found["worst"]["loses"], "judged on the games of the next seed"
-
-
-@pytest.mark.slow
-def test_tables_are_of_both_sides_and_know_their_grid(capsys, tables):
-    twice = ("--tables", tables["evader"], tables["evader"])
-    assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
-    both = ("--tables", tables["pursuer"], tables["evader"])
-    assert_refused(capsys, "regret", "random", *both, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
-    assert_refused(capsys, "exploit", "evader", "still", *twice, naming=("--tables", "a pursuer's and an evader's"))
 
 
 @pytest.mark.slow

@@ -3,8 +3,6 @@ one line with status 2 before anything is done."""
 
 import argparse
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -174,27 +172,3 @@ def test_a_value_is_shown_on_one_short_line():
     assert len(shown("x" * 10_000)) < 250
     assert shown(16**5_000) == "a number of thousands of digits"
     assert "\n" not in str(InvalidInput("one\ntwo"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["evaluate", "random", "still", "--games", str(10**10)],
-        ["evaluate", "P_pol", "still"],
-        ["report", "folder"],
-        ["evaluate", "a.safetensors", "still"],
-        ["show", "game.json"],
-    ],
-    ids=" ".join,
-)
-def test_the_command_itself_refuses_without_importing_jax(words):
-    script = (
-        "import sys\nfrom apollonius.cli.main import main\ntry:\n main()\nfinally:\n assert 'jax' not in sys.modules"
-    )
-    said = subprocess.run(
-        [sys.executable, "-c", script, *words], env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (said.returncode, said.stdout, said.stderr.count("\n")) == (2, "", 1)
-    assert os.listdir() == ["folder"]

@@ -10,6 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from apollonius.arenas.charting import charted
+from apollonius.arenas.file import as_game
 from apollonius.envs.gymnasium import OneSide
 from apollonius.envs.live import action_space, as_actions
 from apollonius.game.arena import Arena
@@ -92,10 +93,12 @@ def test_the_picture_shows_the_robots_where_they_are_and_the_trail_behind_the_on
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("observation", "eyes"), ("opponent", "nobody"), ("actions", "analogue"), ("render_mode", "human"), ("game", 3),
+        ("observation", "eyes"), ("opponent", "nobody"), ("actions", "analogue"), ("render_mode", "human"),
     ],
 )  # fmt: skip
 def test_unknown_options_are_refused(name, value):
+    with pytest.raises(InvalidInput, match="game = 3"):
+        as_game(3)
     with pytest.raises(InvalidInput, match=value if name == "opponent" else f"{name} = {value}"):
         OneSide(Role.PURSUER, **{name: value})
 

@@ -15,18 +15,7 @@ from jax._src import compilation_cache
 
 from apollonius.game.presets import make_game
 from apollonius.io import cache
-from apollonius.io.cache import (
-    VARIABLE,
-    Entries,
-    Memory,
-    cache_folder,
-    cached,
-    content,
-    entry,
-    environment,
-    keep_compilations,
-    make_room,
-)
+from apollonius.io.cache import Entries, Memory, cache_folder, cached, content, entry, keep_compilations, make_room
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import InvalidInput
 
@@ -79,8 +68,7 @@ def test_the_content_of_a_pytree_is_all_of_it():
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from apollonius.io.cache import cached
-from apollonius.io.cache import Entries
+from apollonius.io.cache import Entries, cached
 from apollonius.io.document import write_atomically
 
 os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
@@ -208,7 +196,7 @@ print(json.dumps({kind: events.count(kind) for kind in ("cache_hits", "cache_mis
 
 def compiled(folder):
     """Hits and misses of a process that compiles something."""
-    env = {**os.environ, VARIABLE: str(folder), "JAX_PLATFORMS": "cpu"}
+    env = {**os.environ, cache.VARIABLE: str(folder), "JAX_PLATFORMS": "cpu"}
     done = subprocess.run([sys.executable, "-c", COMPILES], env=env, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     return json.loads(done.stdout)
@@ -225,7 +213,7 @@ def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_pa
     assert compiled(tmp_path) == {"cache_hits": first["cache_misses"], "cache_misses": 0}
 
     found = entries(tmp_path)
-    assert {path.parent.name for path in found} == {environment()}
+    assert {path.parent.name for path in found} == {cache.environment()}
     whole = found[0].read_bytes()
     found[0].write_bytes(whole[: len(whole) // 2])
     mended = compiled(tmp_path)
@@ -234,7 +222,7 @@ def test_what_one_process_compiles_the_next_one_finds_unless_it_is_broken(tmp_pa
 
 
 def test_a_folder_that_jax_was_told_of_stays(monkeypatch, tmp_path):
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "other"))
     before, made_by = jax.config.values["jax_compilation_cache_dir"], compilation_cache.get_file_cache
     assert before is not None  # these tests have one of their own
     keep_compilations()

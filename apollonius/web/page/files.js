@@ -35,12 +35,15 @@ async function findArena({ games, maps }, name) {
   if (!maps[name]) return game;
   return load(`the map of ${name}`, maps[name].field, (buffer) => {
     const map = { ...maps[name], ...game.arena.map, field: new Float32Array(buffer) };
-    return { ...game, arena: { ...game.arena, map }, record: game };
+    return { ...game, arena: { ...game.arena, map } };
   });
 }
 
-/** A game as replays have it, without the numbers of its map. */
-export const asRecord = (game) => game.record ?? game;
+/** A game as replays have it: of its map the file and the digest. */
+export function asRecord(game) {
+  const { map, ...arena } = game.arena;
+  return map ? { ...game, arena: { ...arena, map: { file: map.file, sha256: map.sha256 } } } : game;
+}
 
 /** Let a person save a text, or bytes, as a file. */
 export function saveAs(name, content, type) {

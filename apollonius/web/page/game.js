@@ -76,8 +76,7 @@ export function inTeams(game, pursuers, evaders) {
   if (pursuers === 1 && evaders === 1) return game;
   const more = (body, count) => Array.from({ length: count - 1 }, () => body);
   const teams = { pursuers: more(game.pursuer, pursuers), evaders: more(game.evader, evaders), mates_collide: false };
-  const record = game.record && { ...game.record, teams };
-  return record ? { ...game, teams, record } : { ...game, teams };
+  return { ...game, teams };
 }
 
 /** Return the name of a game of teams: `team-3v1/office`, and `team-3v1` in the paper's arena. */

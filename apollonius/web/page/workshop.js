@@ -40,7 +40,7 @@ export class Workshop {
   /** Open the workshop with the arena of the game that is played. */
   open() {
     this.session.enter("drawing");
-    const { teams: _teams, record: _record, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
+    const { teams: _teams, ...game } = this.session.match?.game ?? this.session.catalogue.games.paper; // a game of two
     this.editor.open({ ...game, arena: { ...game.arena, polygons: game.arena.polygons ?? [] } });
   }
 
@@ -65,12 +65,9 @@ export class Workshop {
 
   /** Put a drawn game among the others, and choose it. */
   #offer(game) {
-    const { map, ...arena } = game.arena;
-    const record = { ...game, arena: { ...arena, map: map && { file: map.file, sha256: map.sha256 } } };
-    const named = map ? { ...game, record } : game;
     const { catalogue } = this.session;
-    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: named } };
-    this.choices.addGame(DRAWN, named);
+    this.session.catalogue = { ...catalogue, games: { ...catalogue.games, [DRAWN]: game } };
+    this.choices.addGame(DRAWN, game);
   }
 
   /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
