@@ -82,7 +82,6 @@ class Canvas:
         for corners, colour, filled in shapes(arena):
             fill, outline = (colour, None) if filled else (None, colour)
             draw.polygon([self._pixel(x, y) for x, y in corners], fill, outline, 2 * _FINER)
-        self._shown = self._trails.reduce(_FINER)
         self._here: list[Sequence[float]] = []
         self._active: Sequence[bool] = ()
         self._driven = [0.0] * len(self._robots)
@@ -97,29 +96,18 @@ class Canvas:
         here = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
         draw = ImageDraw.Draw(self._trails)
         for index, (before, after) in enumerate(zip(self._here, here, strict=False)):
-            role, length = self._robots[index][0], hypot(after[0] - before[0], after[1] - before[1])
-            self._driven[index] += length
+            role = self._robots[index][0]
+            self._driven[index] += hypot(after[0] - before[0], after[1] - before[1])
             if not role or self._driven[index] // (_DASH * self._length) % 2 == 0:
                 ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
                 draw.line(ends, fill=_COLOURS[role], width=2 * _FINER, joint="curve")
-                self._renew(self._shown, self._around(after[0], after[1], length))
         self._here, self._active = here, active
 
     def picture(self) -> Image.Image:
         """Return the game as it stands, or an empty arena where no robot has moved yet."""
-        picture = self._shown.copy()
-        # Only the surroundings of robots are averaged again: all of it takes twice as long as the rest of an animation.
-        boxes = [
-            self._around(x, y, 2 * radius if role else max(self._reach, 2 * radius))
-            for (role, _, radius), (x, y, *_) in zip(self._robots, self._here, strict=False)
-        ]
-        trails = [self._trails.crop(box) for box in boxes]
-        self._draw_robots(ImageDraw.Draw(self._trails))
-        for box in boxes:
-            self._renew(picture, box)
-        for box, before in zip(boxes, trails, strict=True):
-            self._trails.paste(before, box)
-        return picture
+        picture = self._trails.copy()
+        self._draw_robots(ImageDraw.Draw(picture))
+        return picture.reduce(_FINER)
 
     def _draw_robots(self, draw: ImageDraw.ImageDraw) -> None:
         finer, robots = self.scale * _FINER, list(zip(self._active, self._robots, self._here, strict=False))
@@ -133,15 +121,6 @@ class Canvas:
                 nose = self._pixel(x + 2 * radius * cos(heading), y + 2 * radius * sin(heading))
                 draw.line([self._pixel(x, y), nose], fill=_COLOURS[role], width=3 * _FINER)
                 draw_robot(draw, self._pixel(x, y), radius * finer, role, mark)
-
-    def _around(self, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
-        """Return a box of whole pixels of the picture, in finer ones, with all lines up to `reach` [m] away."""
-        ends = (*self._pixel(x - reach, y + reach), *self._pixel(x + reach, y - reach))
-        a, b, c, d = (int(end // _FINER + margin) * _FINER for end, margin in zip(ends, (-4, -4, 5, 5), strict=True))
-        return a, b, c, d
-
-    def _renew(self, picture: Image.Image, box: tuple[int, int, int, int]) -> None:
-        picture.paste(self._trails.crop(box).reduce(_FINER), (box[0] // _FINER, box[1] // _FINER))
 
     def _draw_cells(self, occupancy: OccupancyMap) -> None:
         """Draw occupied cells; the picture's own pixels may be coarser."""

@@ -411,16 +411,13 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     assert wrote.startswith("wrote run (")
     assert then == "next: apollonius report run"
     assert set(json.loads(Path("run/evaluation.json").read_text())) == {"P_stage1 against still"}
-    agent = Path("run/agents/P_stage1.safetensors").read_bytes()
-    metrics = Path("run/metrics.jsonl").read_text().splitlines()
 
     Path("run/notes.txt").write_text("mine")
     Path("run/report.html").write_text("of the run before")
-    assert run_main(*arguments, "--force") == 0
-    assert not Path("run/report.html").exists()
-    assert Path("run/agents/P_stage1.safetensors").read_bytes() == agent
-    assert len(Path("run/metrics.jsonl").read_text().splitlines()) == len(metrics)
-    assert Path("run/notes.txt").read_text() == "mine"
+    monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
+    assert run_main(*arguments, "--force") == 130
+    left = {str(path.relative_to("run")) for path in Path("run").rglob("*") if path.is_file()}
+    assert left == {"config.toml", "notes.txt"}
 
 
 INTERRUPTED = """

@@ -148,7 +148,7 @@ def test_an_opponent_that_reads_a_chart_is_given_it():
     assert env.observation_space.contains(env.step(np.full(4, 4))[0])
 
 
-TEAM = make_game("team-3v2")
+TEAM = make_game("team-2v2")
 
 
 def test_every_game_of_teams_goes_as_the_rules_say():
@@ -156,7 +156,7 @@ def test_every_game_of_teams_goes_as_the_rules_say():
     flee, reads = find_player("flee", Role.EVADER, TEAM).policy, find_observation("paper")
     make = {"num_envs": 32, "vectorization_mode": "vector_entry_point", "game": TEAM, "opponent": "flee"}
     env = gymnasium.make_vec("apollonius.envs.gymnasium:apollonius/Pursuit-v0", observation="paper", **make)
-    assert env.single_action_space == gymnasium.spaces.MultiDiscrete([9, 9, 9])
+    assert env.single_action_space == gymnasium.spaces.MultiDiscrete([9, 9])
     own, rng = env.unwrapped, np.random.default_rng(0)
     seen, _ = env.reset(seed=3)
     assert env.observation_space.contains(seen)
@@ -166,11 +166,11 @@ def test_every_game_of_teams_goes_as_the_rules_say():
     def follow(state, actions):
         evaders = [act(flee, look(TEAM, state, Role.EVADER, number), jnp.uint32(0)) for number in range(2)]
         after = TEAM.step(state, list(actions), evaders)
-        return after, [reads(look(TEAM, after.state, Role.PURSUER, number)) for number in range(3)]
+        return after, [reads(look(TEAM, after.state, Role.PURSUER, number)) for number in range(2)]
 
     outcomes, lost = set(), set()
     for _ in range(120):
-        state, actions = own._now.state, rng.integers(5, 9, size=(32, 3))
+        state, actions = own._now.state, rng.integers(5, 9, size=(32, 2))
         seen, reward, terminated, truncated, infos = env.step(actions)
         assert env.observation_space.contains(seen)
         after, should_see = follow(state, actions)
@@ -201,7 +201,7 @@ def test_a_team_with_continuous_actions_drives_each_robot_by_its_own():
 
 
 def test_one_evader_acts_against_a_team_without_an_axis_of_robots():
-    env = ManyGames(Role.EVADER, 8, opponent="pure-pursuit", game="team-3v1", autoreset_mode="NextStep")
+    env = ManyGames(Role.EVADER, 8, opponent="pure-pursuit", game="team-2v1", autoreset_mode="NextStep")
     assert env.reset(seed=2)[0].ndim == 2
     ended, caught = np.zeros(8, bool), 0
     for _ in range(100):

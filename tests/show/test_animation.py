@@ -5,7 +5,7 @@ from dataclasses import replace
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
@@ -57,18 +57,6 @@ def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome
     (name,) = (word for word in words_of(replace(replay, pursuer="long-" * 30), [0]) if word.startswith("pursuer"))
     assert name.startswith("pursuer long-")
     assert len(name) < 60
-
-
-def test_a_picture_renewed_in_parts_is_that_of_the_whole(replay):
-    """Also where robots stand close together, at a wall, and beyond it."""
-    canvas, states = Canvas(replay.game), replay.states.copy()
-    states[4:8, 4:6] = states[4:8, :2] + 0.05
-    states[8:, 0] = np.linspace(9.5, 10.5, STEPS - 7)
-    for state in states.tolist():
-        canvas.move(state, [True, True])
-        whole = canvas._trails.copy()
-        canvas._draw_robots(ImageDraw.Draw(whole))
-        np.testing.assert_array_equal(np.asarray(canvas.picture()), np.asarray(whole.reduce(2)))
 
 
 def durations(path):
