@@ -176,7 +176,7 @@ ELSEWHERE = {
     "python": "tests/examples",
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_exploit.py",
-    "simulate": "tests/bodies and tests/cli/test_simulate_command.py",
+    "simulate": "tests/simulate and tests/cli/test_cli.py",
 }
 """Commands that a walk leaves out, and where they are run."""
 

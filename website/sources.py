@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 
 from apollonius.arenas.file import about_game, game_names
@@ -13,38 +12,25 @@ REPOSITORY = Path(__file__).parents[1]
 HERE = Path(__file__).parent
 
 
-@dataclass(frozen=True)
-class Part:
-    """A tab of the site."""
-
-    title: str
-    front: str
-    """The document that the tab opens."""
-    pages: tuple[str, ...] = ()
-    """The documents below it, in their order."""
+def _folder(name: str, pages: str) -> tuple[str, ...]:
+    """Return the documents of a folder, the one that its tab opens first."""
+    return f"{name}/index", *(f"{name}/{page}" for page in pages.split())
 
 
-def _folder(name: str, pages: str) -> tuple[str, tuple[str, ...]]:
-    """Return the front of a folder of documents, and its pages."""
-    return f"{name}/index", tuple(f"{name}/{page}" for page in pages.split())
-
-
-PARTS = (
-    Part("Get started", "start"),
-    Part("Tutorials", *_folder("tutorials", "play train floor_plan own_learner")),
-    Part(
-        "How-to",
-        *_folder("how-to", "runs extend evaluate solve environments jax teams export ros2 pictures reproduce cache"),
+PARTS = {
+    "Get started": ("start",),
+    "Tutorials": _folder("tutorials", "play train floor_plan own_learner"),
+    "How-to": _folder(
+        "how-to", "runs extend evaluate solve environments jax teams export ros2 pictures reproduce cache"
     ),
-    Part(
-        "Reference",
-        *_folder("reference", "command config api/index rules game_files run_folder agents arenas browser glossary"),
+    "Reference": _folder(
+        "reference", "command config api/index rules game_files run_folder agents arenas browser glossary"
     ),
-    Part("Concepts", *_folder("concepts", "paper self_play shield solver any_arena pursuers simulation architecture")),
-    Part("Benchmarks", *_folder("benchmarks", "replication leaderboard generalisation speed")),
-    Part("Project", "contributing", ("changelog", "security", "licence", "report")),
-)
-"""The site besides its home page."""
+    "Concepts": _folder("concepts", "paper self_play shield solver any_arena pursuers simulation architecture"),
+    "Benchmarks": _folder("benchmarks", "replication leaderboard generalisation speed"),
+    "Project": ("contributing", "changelog", "security", "licence", "report"),
+}
+"""The tabs of the site besides its home page, each with its documents: first the one that it opens."""
 GENERATED = {"reference/command", "reference/config", "reference/api/index"}
 """Pages that are made from the package."""
 BESIDE = {
@@ -117,10 +103,10 @@ def _contents(name: str) -> str:
     """Return the hidden table of contents of the home page or of a part's front; other pages have none."""
     entries: list[str] = []
     if name == "index.md":
-        entries = [f"{part.title} <{part.front}>" for part in PARTS]
-    for part in PARTS:
-        if name == f"{part.front}.md":
-            entries = [f"/{page}" for page in part.pages]
+        entries = [f"{title} <{front}>" for title, (front, *_) in PARTS.items()]
+    for front, *pages in PARTS.values():
+        if name == f"{front}.md":
+            entries = [f"/{page}" for page in pages]
     if not entries:
         return ""
     return "\n".join(["```{toctree}", ":hidden:", *entries, "```", ""])

@@ -35,7 +35,7 @@ def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
 
 
 def count(counted: Counted) -> Callable[[str], int]:
-    """A whole number of something that is counted."""
+    """Return the reader of a whole number of something that is counted."""
     return partial(_count, counted)
 
 

@@ -20,11 +20,8 @@ class OneSide(gymnasium.Env[np.ndarray, int | np.integer | np.ndarray]):
     Args:
         role: the side that acts from outside.
         opponent: player of the other side, as `find_player` knows it.
-        game: the game, the name of one, or its `.toml` or `.json` file.
-        observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, or None.
-        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1]. The opponent
-            acts as it does.
+        game, observation, actions, render_mode: as those of `apollonius.envs.live.LiveGame`; the opponent acts as it
+            does.
 
     Raises:
         InvalidInput: for an unknown opponent, game, observation, render mode or kind of actions, a side of several

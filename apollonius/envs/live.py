@@ -34,37 +34,25 @@ _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box:
-    """Return the space of observations, within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
+    """Return the space of observations of some robots, of which several have an axis; raises InvalidInput if unknown.
 
-    Args:
-        observation: of each robot.
-        robots: their number; several have an axis.
-
-    Raises:
-        InvalidInput: for an unknown observation.
+    They are within 2 of 0 unless a robot goes half an arena beyond the walls in one step.
     """
     size = find_observation(observation).size
     return gymnasium.spaces.Box(-2.0, 2.0, (size,) if robots == 1 else (robots, size), np.float32)
 
 
 def action_space(actions: str, robots: int = 1) -> gymnasium.spaces.Space[Any]:
-    """Return the nine actions of Eq. 5, or shares of the largest acceleration and of the largest turn rate.
-
-    Args:
-        actions: `discrete` or `continuous`.
-        robots: their number; several have an axis.
+    """Return the space of a kind of actions of some robots, of which several have an axis.
 
     Raises:
-        InvalidInput: for an unknown kind of actions.
+        InvalidInput: for an unknown kind.
     """
     require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
     if actions == "continuous":
         return gymnasium.spaces.Box(-1.0, 1.0, (2,) if robots == 1 else (robots, 2), np.float32)
-    return (
-        gymnasium.spaces.Discrete(NUM_ACTIONS)
-        if robots == 1
-        else gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
-    )
+    several = gymnasium.spaces.MultiDiscrete([NUM_ACTIONS] * robots)
+    return gymnasium.spaces.Discrete(NUM_ACTIONS) if robots == 1 else several
 
 
 def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
@@ -99,10 +87,10 @@ class LiveGame:
     array: passing each costs several times the step.
 
     Args:
-        game: the rules, the name of a game, or its file.
-        observation: name of the observation of all robots (`apollonius.observe.registry`).
-        actions: kind of the actions from outside, `discrete` or `continuous`.
-        render_mode: `rgb_array` for pictures, or None.
+        game: the rules, the name of a game, or its `.toml` or `.json` file.
+        observation: name of what all robots see (`apollonius.observe.registry`).
+        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
+        render_mode: `rgb_array` for pictures from `render`, or None.
         inside: the name of the player of each side that is not played from outside.
     """
 

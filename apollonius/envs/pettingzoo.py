@@ -24,10 +24,7 @@ class BothSides(ParallelEnv[str, np.ndarray, Any]):
     `active`, `captured`, `hit_obstacle`, `out_of_range` or `hit_mate`.
 
     Args:
-        game: the game, the name of one, or its `.toml` or `.json` file.
-        observation: name of what is seen (`apollonius.observe.registry`).
-        render_mode: `rgb_array` for pictures from `render`, or None.
-        actions: `discrete`, or `continuous`: shares of the largest acceleration and turn rate in [-1, 1].
+        game, observation, actions, render_mode: as those of `apollonius.envs.live.LiveGame`.
 
     Raises:
         InvalidInput: for an unknown game, observation, render mode or kind of actions.

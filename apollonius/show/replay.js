@@ -29,11 +29,6 @@ export function facts(game, state) {
   return [distance, ...rest].filter(Boolean).join(" · ");
 }
 
-/** An outcome in words. */
-export function inWords(outcome) {
-  return outcome.replaceAll("_", " ");
-}
-
 /** Draw a game as it stands at a step, whole or not, with some of the page's layers: `brakes`, `regions`. */
 export function drawGame(canvas, game, states, step, colours, shown = []) {
   const index = Math.min(Math.floor(step), states.length - 1);
@@ -88,7 +83,7 @@ export class ReplayPlayer {
     this.part("seek").max = this.last;
     this.part("layers").disabled = Boolean(arena.map);
     this.part("outcome").textContent =
-      `${pursuer} against ${evader}: ${inWords(outcome)} after ${(this.last * dt).toFixed(1)} s` +
+      `${pursuer} against ${evader}: ${outcome.replaceAll("_", " ")} after ${(this.last * dt).toFixed(1)} s` +
       (arena.map ? "; the occupancy map of this arena is not shown here" : "");
     for (const choice of this.choices) choice.setAttribute("aria-pressed", String(Number(choice.dataset.game) === index));
     this.show(this.last);

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 import tomli_w
 
@@ -460,6 +461,37 @@ def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys):
     assert run_main("resume", "run") == 0
     assert "P_stage1 (pursuer) against still (evader)" in capsys.readouterr().out
     assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 4
+
+
+@pytest.fixture
+def bodies():
+    """Words that simulate three short games."""
+    pytest.importorskip("mujoco")
+    Path("short.toml").write_text("max_steps = 15\n")
+    return ["simulate", "pure-pursuit", "flee", "--games", "3", "--game", "short.toml"]
+
+
+def test_simulate_prints_both_matches_and_records_games(bodies, capsys):
+    assert run_main(*bodies, "--record", "1") == 0
+    said = capsys.readouterr().out
+    assert "pure-pursuit (pursuer) against flee (evader), 3 games, starts: rest" in said
+    assert "by the rules  with bodies" in said
+    assert "no result" in said
+    (replay,) = Path("replays").iterdir()
+    assert load_replay(replay).outcome == Outcome.NO_RESULT
+
+
+def test_a_drive_of_ones_own_turns_as_slowly_as_its_file_says_and_a_bad_one_is_refused(bodies, capsys):
+    turned = {}
+    for acceleration in (0.5, 5.0):
+        Path("drive.toml").write_text(f"turn_acceleration = {acceleration}\n")
+        assert run_main(*bodies, "--drive", "drive.toml", "--record", "1", "--replays", f"{acceleration}") == 0
+        (file,) = Path(f"{acceleration}").iterdir()
+        turned[acceleration] = np.abs(load_replay(file).states[5] - load_replay(file).states[0])[[3, 7]].sum()
+    assert turned[0.5] < turned[5.0] / 1.2, turned
+    capsys.readouterr()
+    Path("drive.toml").write_text("mas = 3.0\n")
+    assert_refused(capsys, *bodies, "--drive", "drive.toml", naming=["drive.toml", "did you mean 'mass'"])
 
 
 def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):

@@ -4,8 +4,8 @@ import { pathToFileURL } from "node:url";
 
 const { page, ...asked } = JSON.parse(readFileSync(0, "utf8"));
 const load = (name) => import(pathToFileURL(`${page}/${name}.js`));
-const [game, calls, agents, players, programs, { Match }, { makeRandom }, hindsight, file, plan, { survey }] = await Promise.all(
-  ["game", "calls", "agents", "players", "programs", "match", "starts", "hindsight", "gamefile", "plan", "survey"].map(load),
+const [game, calls, players, { Match }, hindsight, file, plan, { survey }] = await Promise.all(
+  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey"].map(load),
 );
 
 /** What all robots have in a row, as either side has it. */
@@ -24,7 +24,7 @@ const asState = (rules, row, statuses = []) => {
 
 function read(path) {
   const bytes = readFileSync(path);
-  return agents.readAgent(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
+  return players.readAgent(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
 }
 
 /** A player of a match by {name, late [s]}: `forwards`, a rule, or the path of an agent's file; `shielded:` may stand before it. */
@@ -32,9 +32,9 @@ function findPlayer({ name, late = 0 }, role) {
   const known = name.replace("shielded:", "");
   if (known === "forwards") return { name, act: () => game.HOLD };
   const rule = calls.CLASSICAL[role][known];
-  const player = agents.BUILT_IN[known] ?? (rule ? agents.byValues(rule) : agents.atBest(read(known)));
+  const player = players.BUILT_IN[known] ?? (rule ? players.byValues(rule) : players.atBest(read(known)));
   const seeing = late ? players.seeingLate(player, late) : player;
-  const ranked = name === known ? seeing : agents.shielded(seeing);
+  const ranked = name === known ? seeing : players.shielded(seeing);
   return { name, act: (...seen) => ranked(...seen)[0] };
 }
 
@@ -70,8 +70,8 @@ const answers = {
   agent({ path, game: rules, role, observations, rows }) {
     const network = read(path);
     const chosen = (player) => rows.map((row) => game.actionLevels(player(rules, asState(rules, row), { role, number: 0 })[0]));
-    const outputs = observations.map((observation) => [...agents.outputs(network, observation)]);
-    return { outputs, levels: chosen(agents.atBest(network)), shielded: chosen(agents.shielded(agents.atBest(network))) };
+    const outputs = observations.map((observation) => [...players.outputs(network, observation)]);
+    return { outputs, levels: chosen(players.atBest(network)), shielded: chosen(players.shielded(players.atBest(network))) };
   },
   views({ game: rules, role, number, statuses, rows, observations }) {
     const seen = rows.map((row, index) => [rules, asState(rules, row, statuses[index]), { role, number }]);

@@ -12,7 +12,7 @@ DOCUMENT = REPOSITORY / "docs" / "how-to" / "jax.md"
 
 
 def test_each_document_belongs_to_one_part():
-    pages = [page for part in PARTS for page in (part.front, *part.pages)]
+    pages = [page for part in PARTS.values() for page in part]
     assert len(pages) == len(set(pages))
     assert set(documents()) == {f"{page}.md" for page in set(pages) - GENERATED} | {"index.md"}
 

@@ -1,14 +1,12 @@
-// Files that the page loads when it is first asked for, agents' networks and games with the fields of their maps, and
+// Files that the page loads when it is first asked for, as the fields of maps, games from a catalogue, and
 // those that it lets a person save.
 
-import { readAgent } from "./agents.js";
-import { readOwn } from "./calls.js";
 import { inTeams, partsOf } from "./game.js";
 
 const read = new Map();
 
 /** Read a file by a function of its bytes, once. `name` is for messages. */
-async function load(name, path, reads) {
+export async function load(name, path, reads) {
   if (!read.has(path)) {
     const answer = await fetch(path);
     if (!answer.ok) throw new Error(`${name} cannot be loaded (${answer.status})`);
@@ -19,9 +17,6 @@ async function load(name, path, reads) {
 
 /** Return whether an agent is a user's own player, and no network. */
 export const isOwn = ({ files }, name) => files[name]?.endsWith(".wasm");
-
-/** The network of a trained agent, or a player of a user's own. */
-export const findAgent = (catalogue, name) => load(name, catalogue.files[name], isOwn(catalogue, name) ? readOwn : readAgent);
 
 /** A game, such as `office` or `team-3v1/office`. */
 export async function findGame(catalogue, name) {

@@ -41,8 +41,8 @@ function showPhase(message) {
 
 const actions = {
   go: () => page.go(),
-  again: () => page.again(),
-  next: () => page.next(),
+  again: () => page.begins("again"),
+  next: () => page.begins("next"),
   menu() {
     page.pause();
     element("levels").replaceChildren(...levelButtons(page.catalogue.games, stage.colours, page.choice?.level ?? null, (level) => choose(asChoice(level))));
@@ -59,7 +59,7 @@ const actions = {
   },
   draw: () => workshop.open(),
   "play-here": () => workshop.play(),
-  back: () => page.again(),
+  back: () => page.begins("again"),
   download() {
     const { match } = page;
     saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");

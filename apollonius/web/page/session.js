@@ -1,13 +1,12 @@
 // A person's time with the page: a match is chosen, counted in, played, paused, over, and looked back at.
 
-import { shielded } from "./agents.js";
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
 import { ACTIONS, ROLES, countsOf, isActive } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
 import { keepWin, lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
-import { findTeam } from "./players.js";
+import { findTeam, shielded } from "./players.js";
 import { YOU, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
@@ -118,15 +117,9 @@ export class Session {
     if (this.phase === "playing" || this.phase === "counting") this.go();
   }
 
-  /** Begin again at the same start. */
-  again() {
-    this.match?.again();
-    if (this.match) this.#makeReady();
-  }
-
-  /** Another start. */
-  next() {
-    this.match?.next();
+  /** Get ready for another game: `again` at the same start, `next` at another one. */
+  begins(how) {
+    this.match?.[how]();
     if (this.match) this.#makeReady();
   }
 
