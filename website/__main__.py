@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def _write_palette(path: Path) -> None:
-    """The colours by meaning as CSS variables, for both kinds of pages."""
+    """Write the colours by meaning as CSS variables, for both kinds of pages."""
     path.parent.mkdir()
     rules: list[str] = []
     for theme, colours in (("light", palette.LIGHT), ("dark", palette.DARK)):

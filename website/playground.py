@@ -15,13 +15,10 @@ _DATA = (".json", ".safetensors", ".f32")
 
 
 def write_playground(folder: Path) -> None:
-    """Write the page, to be served by any web host or opened from the folder.
+    """Write the page to a new folder, to be served by any web host or opened from the folder.
 
     A browser loads no module and fetches no file for a page that comes from `file:`. So the folder holds everything
     as plain scripts, too, and `offline.html`, which loads them.
-
-    Args:
-        folder: to write to; new.
     """
     write_site(folder)
     page = (folder / "index.html").read_text()

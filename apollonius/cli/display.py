@@ -60,12 +60,7 @@ class Display(Progress):
             self.stop()
 
     def begin(self, what: str, compiles: bool = False) -> None:
-        """Begin a piece of work.
-
-        Args:
-            what: the piece, in words.
-            compiles: whether it has to be compiled before it can report.
-        """
+        """Begin a piece of work, in words; one that `compiles` first cannot report before that is done."""
         self._what, self._notes = what, {}
         self.reset(self._task, total=None, description=f"{what} (compiling)" if compiles else what)
         self.tasks[0].total = None  # which `reset` leaves as it was

@@ -79,11 +79,8 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
 def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
     """Return the match of two players that are named, of `options.games`, and warn of what is odd about it.
 
-    Args:
-        in_one_arena: refuse a game in several arenas.
-
     Raises:
-        InvalidInput: as `game_in_one_arena` and `Match.of_names`.
+        InvalidInput: as `Match.of_names`, and for several arenas where `in_one_arena` asks for one.
     """
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match

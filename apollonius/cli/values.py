@@ -30,7 +30,7 @@ _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
 
 
 def unfit(text: str, bound: str) -> argparse.ArgumentTypeError:
-    """The error of a value that is not possible; the parser puts the argument's name before it."""
+    """Return the error of a value that is not possible; the parser puts the argument's name before it."""
     return argparse.ArgumentTypeError(f"= {shown(text) or 'nothing'} is not possible: it must be {bound}.")
 
 
@@ -50,7 +50,7 @@ def _count(counted: Counted, text: str) -> int:
 
 
 def real(text: str) -> float:
-    """A finite number of modest size."""
+    """Return a finite number of modest size."""
     try:
         number = float(text)
     except ValueError:
@@ -68,7 +68,7 @@ def engine(text: str) -> str:
 
 
 def varied(text: str) -> tuple[str, tuple[float, ...]]:
-    """A number of a game and evenly spaced values of it, as `pursuer.v_max=0.8:1.6:5`."""
+    """Return a number of a game and evenly spaced values of it, given as `pursuer.v_max=0.8:1.6:5`."""
     field, equals, numbers = text.partition("=")
     ends = numbers.split(":")
     if not (field.strip() and equals and len(ends) == 3):
@@ -96,7 +96,7 @@ def named(text: str) -> str:
 
 
 def known_agent(text: str) -> str:
-    """A player's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     bare = named(text).removeprefix(SHIELDED)
     if bare.endswith(_FILES):
         existing_file(bare)
@@ -108,7 +108,7 @@ def known_agent(text: str) -> str:
 
 
 def known_game(text: str) -> str:
-    """A game's name, or where its file is; one that nobody has is refused here, where JAX is not needed for it."""
+    """Return a game's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     name = named(text).split("/", 1)[-1] if TEAM.fullmatch(named(text).split("/")[0]) else text
     if name.endswith(GAME_FILES):
         existing_file(name)
@@ -137,11 +137,7 @@ def run_folder(text: str) -> Path:
 
 
 def new_file(*suffixes: str, needs: Mapping[str, str] = _NEEDED) -> Callable[[str], Path]:
-    """A file to write, with a name that ends in one of these, in a place where that can be done.
-
-    Args:
-        needs: the extra without which a file with this ending cannot be written.
-    """
+    """Return the reader of a file to write with one of these suffixes; `needs` has the extras that some take."""
     return partial(_new_file, suffixes, needs)
 
 
@@ -160,7 +156,7 @@ def _new_file(suffixes: tuple[str, ...], needs: Mapping[str, str], text: str) ->
 
 
 def new_folder(text: str) -> Path:
-    """A folder to write to, new or not, in a place where that can be done."""
+    """Return a folder to write to, new or not, in a place where that can be done."""
     path = Path(named(text))
     if _is(path.exists) and not _is(path.is_dir):
         raise unfit(text, "a folder, and something else has that name; choose another")
@@ -170,15 +166,7 @@ def new_folder(text: str) -> Path:
 
 
 def require_writable(name: str, path: Path) -> None:
-    """Refuse a path that nobody gave and that cannot be written to: a default, which is not read like an argument.
-
-    Args:
-        name: the argument that gives another one.
-        path: of a folder, new or not.
-
-    Raises:
-        InvalidInput: with the reason.
-    """
+    """Refuse a folder, new or not, that is an argument's default and cannot be written to; raises InvalidInput."""
     reason = _unwritable(path, path)
     require(reason is None, name, path, reason or "")
 

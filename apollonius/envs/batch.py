@@ -26,12 +26,7 @@ _TOGETHER = 512
 
 
 class Outside(AbstractPolicy):
-    """A player whose actions come from outside: each is put into its memory before the step.
-
-    Attributes:
-        first: any action.
-        reads: the observation that is returned.
-    """
+    """A player whose actions come from outside: each is put into its memory, at first any action, before the step."""
 
     first: Action
     reads: AbstractObservation = eqx.field(static=True)

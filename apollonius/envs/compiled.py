@@ -11,13 +11,9 @@ from apollonius.io.errors import InvalidInput
 
 
 class Compiled:
-    """A function, compiled at its first call with its first arguments as constants.
+    """A function of a module, compiled at its first call with its first arguments as constants.
 
     It is pickled as what it is made of; what is read compiles for itself.
-
-    Args:
-        function: of a module, so that pickle finds it by name.
-        constants: its first arguments.
     """
 
     def __init__(self, function: Callable[..., Any], *constants: Any) -> None:
@@ -40,11 +36,7 @@ os.register_at_fork(after_in_child=lambda: _forked.append(True))
 
 
 def require_unforked() -> None:
-    """Refuse to compute in a process that was forked after this module was imported.
-
-    Raises:
-        InvalidInput: there, with the remedy.
-    """
+    """Refuse, by InvalidInput, to compute in a process that was forked after this module was imported."""
     if _forked:
         raise InvalidInput(
             "JAX cannot compute in a forked process: start it by spawning, as "

@@ -43,11 +43,7 @@ def observation_space(observation: str, robots: int = 1) -> gymnasium.spaces.Box
 
 
 def action_space(actions: str, robots: int = 1) -> gymnasium.spaces.Space[Any]:
-    """Return the space of a kind of actions of some robots, of which several have an axis.
-
-    Raises:
-        InvalidInput: for an unknown kind.
-    """
+    """Return the space of a kind of actions of some robots, of which several have an axis; raises InvalidInput."""
     require(actions in ("discrete", "continuous"), "actions", actions, "one of discrete, continuous")
     if actions == "continuous":
         return gymnasium.spaces.Box(-1.0, 1.0, (2,) if robots == 1 else (robots, 2), np.float32)
@@ -56,11 +52,7 @@ def action_space(actions: str, robots: int = 1) -> gymnasium.spaces.Space[Any]:
 
 
 def as_actions(given: Any, kind: str, batch: tuple[int, ...] = ()) -> np.ndarray:
-    """Return one action of a kind or a batch in its number type.
-
-    Raises:
-        InvalidInput: for another shape or type, or an action outside the space.
-    """
+    """Return one action of a kind, or a batch, in its number type; raises InvalidInput for what is not in the space."""
     discrete = kind == "discrete"
     name, numbers = "actions" if batch else "action", "a whole number" if discrete else "numbers"
     shape = batch if discrete else (*batch, 2)

@@ -101,13 +101,10 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start new games from the game's distribution of starts.
-
-        Args:
-            seed: of these games and of all that are drawn after them.
+        """Start new games from the game's distribution of starts; one seed, not a list, is that of all.
 
         Raises:
-            InvalidInput: for a list of seeds, as one seeds them all.
+            InvalidInput: for a list of seeds.
         """
         require(not isinstance(seed, list), "seed", seed, "one number or None: it seeds all games")
         require_unforked()

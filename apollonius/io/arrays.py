@@ -28,11 +28,7 @@ _NUMBERS = {
 
 @contextmanager
 def opened(path: Path, remedy: str, kind: str = "safetensors file") -> Generator[Any, None, None]:
-    """Open a safetensors file, of which only the header is read yet.
-
-    Args:
-        remedy: for the message.
-        kind: of file, for the message.
+    """Open a safetensors file, of which only the header is read yet; its `kind` and the remedy are for the message.
 
     Raises:
         InvalidInput: when it is no such file, is cut off, or has a header of more than `MOST_HEADER` bytes.
@@ -60,10 +56,7 @@ def read_header(path: Path, file: Any, form: tuple[str, int], foreign: str) -> d
 
     Args:
         form: name and version of the format that it must have.
-        foreign: the message for a file of another format.
-
-    Raises:
-        InvalidInput: for another format or version.
+        foreign: the message of InvalidInput for a file of another format.
     """
     fields = parse_json((file.metadata() or {}).get("header", ""), foreign)
     if fields.get("format") != form[0]:
@@ -81,11 +74,7 @@ def kinds_in(file: Any) -> dict[str, tuple[tuple[int, ...], Any]]:
 
 
 def require_finite(path: Path, arrays: dict[str, np.ndarray], remedy: str) -> None:
-    """Refuse a file whose numbers are not all finite.
-
-    Raises:
-        InvalidInput: with the name of the first array that is not finite.
-    """
+    """Refuse, by InvalidInput, a file whose numbers are not all finite."""
     for name, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise InvalidInput(f"'{path}' has numbers that are not finite, in {name}: {remedy}.")

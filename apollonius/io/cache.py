@@ -192,11 +192,7 @@ def processor() -> str:
 
 
 class Entries:
-    """The compilations of one environment, with the methods that JAX calls.
-
-    Args:
-        largest: size of all environments' compilations [bytes].
-    """
+    """The compilations of one environment, with the methods that JAX calls; `largest` bounds those of all [bytes]."""
 
     def __init__(self, folder: Path, largest: int = LARGEST["compilations"]) -> None:
         self._path = folder

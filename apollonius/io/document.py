@@ -74,11 +74,7 @@ def write_atomically(path: Path, content: bytes, synced: bool = True) -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Generator[Path, None, None]:
-    """Fill a new or empty folder: with everything that the block writes, or not at all.
-
-    Yields:
-        A temporary folder to write to, which is renamed in the end.
-    """
+    """Yield a folder to write to, which in the end is renamed to this new or empty one: it is whole, or not there."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent) as beside:
         filled = Path(beside) / "folder"
@@ -89,11 +85,7 @@ def whole_folder(folder: Path) -> Generator[Path, None, None]:
 
 
 def to_json(data: Any, indent: int | None = None, sort_keys: bool = False) -> str:
-    """Return data as JSON.
-
-    Raises:
-        ValueError: for a number that is not finite.
-    """
+    """Return data as JSON; raises ValueError for a number that is not finite."""
     return json.dumps(data, allow_nan=False, indent=indent, sort_keys=sort_keys)
 
 

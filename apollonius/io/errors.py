@@ -52,36 +52,24 @@ def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant:
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:
-    """Refuse a value unless the condition holds.
+    """Refuse a value of this name, by InvalidInput, unless the condition holds.
 
     Args:
-        name: of the value, where it was given.
         bound: completes "it must be ...", with the remedy.
-
-    Raises:
-        InvalidInput: unless it holds.
     """
     if not holds:
         raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
 
 
 def require_positive(record: object, *names: str) -> None:
-    """Refuse a record unless its fields of these names are more than 0.
-
-    Raises:
-        InvalidInput: for the first that is not.
-    """
+    """Refuse, by InvalidInput, a record unless its fields of these names are more than 0."""
     for name in names:
         value = getattr(record, name)
         require(value > 0, name, value, "more than 0")
 
 
 def require_within(record: object, low: int | float, high: int | float, *names: str) -> None:
-    """Refuse a record unless its fields of these names are from `low` to `high`.
-
-    Raises:
-        InvalidInput: for the first that is not.
-    """
+    """Refuse, by InvalidInput, a record unless its fields of these names are from `low` to `high`."""
     for name in names:
         value = getattr(record, name)
         require(low <= value <= high, name, value, f"from {low:,} to {high:,}")
@@ -107,13 +95,6 @@ def missing(extra: str) -> str | None:
 
 
 def require_extra(extra: str, what: str) -> None:
-    """Refuse work that needs libraries which are not installed.
-
-    Args:
-        what: the work, for the message.
-
-    Raises:
-        InvalidInput: with the command that installs them.
-    """
+    """Refuse work that needs libraries which are not installed, by InvalidInput with the command that installs them."""
     if remedy := missing(extra):
         raise InvalidInput(f"{what} needs libraries that are not installed: {remedy}.")

@@ -61,8 +61,7 @@ def answer() -> None:
 def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, None]:
     """Let the block ask whether to stop, instead of interrupting it, so that it can save its work first.
 
-    Args:
-        again: whether a second signal interrupts it.
+    A second signal interrupts it where `again` is set.
     """
     numbers: list[int] = []
 
@@ -85,11 +84,7 @@ def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, Non
 
 
 def listen(says: bool = True) -> None:
-    """End the process if it does not answer a signal in time. To be called in its main thread, once.
-
-    Args:
-        says: whether it says that it was stopped.
-    """
+    """End the process where a signal stays unanswered; it `says` a last line. To be called once, in the main thread."""
     ears, mouth = socket.socketpair()
     mouth.setblocking(False)
     signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)

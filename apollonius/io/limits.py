@@ -69,15 +69,7 @@ class Counted:
 
 
 def require_memory(name: str, value: object, needed: int, remedy: str) -> None:
-    """Refuse a value that needs more memory than this machine has.
-
-    Args:
-        name: of the value, where it was given.
-        needed: memory that it takes [bytes].
-
-    Raises:
-        InvalidInput: with the memory needed and the memory there is.
-    """
+    """Refuse a value, by InvalidInput, that needs more memory [bytes] than this machine has."""
     available = available_memory()
     if needed > available:
         raise InvalidInput(

@@ -113,12 +113,7 @@ def _side_name(game: Game, role: Role) -> str:
 
 
 def _standing(game: Game, robots: Sequence[float], active: Sequence[bool]) -> str:
-    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in play.
-
-    Args:
-        robots: x [m], y [m], v [m/s], heading [rad] of each pursuer, then of each evader.
-        active: for each robot, whether it is in play.
-    """
+    """Return the least distance of a pursuer and an evader; for teams also the numbers of robots in play."""
     points = [robots[first : first + 2] for first in range(0, len(robots), 4)]
     first_evader = len(game.bodies.pursuer)
     sides = slice(None, first_evader), slice(first_evader, None)

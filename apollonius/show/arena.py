@@ -60,11 +60,7 @@ def kinds_of_places(survey: Survey) -> Int[np.ndarray, "rows columns"]:
 
 
 def save_plan(name: str, game: Game, survey: Survey, path: Path) -> None:
-    """Write the picture as PNG, with axes in metres, a key of what occurs and how many things are wrong.
-
-    Args:
-        name: what the game is called.
-    """
+    """Write the plan of a named game as PNG: axes in metres, a key of what occurs, and how many things are wrong."""
     arena, kinds = game.arena, kinds_of_places(survey)
     ends = (float(arena.x_min), float(arena.x_max), float(arena.y_min), float(arena.y_max))
     width, height = ends[1] - ends[0], ends[3] - ends[2]

@@ -170,12 +170,7 @@ _LETTERS = 15
 
 
 def save_side_by_side(pictures: Mapping[str, Image.Image], path: Path, columns: int, size: int) -> None:
-    """Write pictures in rows as one PNG, each above its caption.
-
-    Args:
-        pictures: by caption.
-        size: of a picture's longer side at most [pixels].
-    """
+    """Write pictures in rows as one PNG, each above its caption; `size` bounds their longer sides [pixels]."""
     lines = 1 + max(caption.count("\n") for caption in pictures)
     width, height = size + _GAP, size + 2 * _GAP + lines * _LETTERS
     rows = -(-len(pictures) // columns)

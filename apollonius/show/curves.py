@@ -23,7 +23,6 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
     """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, as far as they were measured.
 
     Args:
-        lines: of the run's `metrics.jsonl`, of one stage.
         against: the evaders of stage 1, by name.
     """
     stage = lines[0].stage

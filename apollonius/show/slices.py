@@ -48,13 +48,10 @@ def slice_values(
     opponent: RobotState,
     cells: int = CELLS,
 ) -> Slice:
-    """Return the values of all actions over the arena.
+    """Return the values of all actions over the arena, on a number of cells along each side.
 
     Args:
-        role: the side that the player plays.
-        own: speed [m/s] and heading [rad] of its robot, the same everywhere.
-        opponent: the other robot's state.
-        cells: along each side of the arena.
+        own: speed [m/s] and heading [rad] of the player's robot, the same everywhere.
     """
     arena = game.arena
     x, y = (
@@ -95,10 +92,7 @@ def save_slice(
     neither a win nor a loss.
 
     Args:
-        role: the side that it plays.
-        name: what it is called.
-        own: speed [m/s] and heading [rad] of its robot.
-        opponent: the other robot's state.
+        own: speed [m/s] and heading [rad] of the player's robot.
 
     Raises:
         InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.

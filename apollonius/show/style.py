@@ -43,11 +43,7 @@ _SETTINGS: dict[Any, Any] = {
 
 @contextmanager
 def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.0) -> Generator[list[Axes], None, None]:
-    """Open a figure of panels side by side, which is saved as PNG when the block ends.
-
-    Args:
-        width, height: of a panel [inches].
-    """
+    """Open a figure of panels side by side [inches], which is saved as PNG when the block ends."""
     with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(columns * width, height), layout="constrained")
         yield list(figure.subplots(1, columns, squeeze=False).flat)

@@ -61,17 +61,13 @@ class Drive:
         require(self.mass_behind < self.caster, "mass_behind", self.mass_behind, bound)
 
     def wheel_speeds(self, v: Float[np.ndarray, "*robots"], turn_rate: Float[np.ndarray, "*robots"]) -> np.ndarray:
-        """Speeds [rad/s] of the left and the right wheel at a speed [m/s] and a turn rate [rad/s], on a last axis."""
+        """Return the speeds of left and right wheels [rad/s] at a speed [m/s] and a turn rate [rad/s]."""
         half = turn_rate * self.track / 2
         return np.stack([v - half, v + half], axis=-1) / self.wheel_radius
 
 
 def load_drive(path: Path | None) -> Drive:
-    """The drive of a .toml file that says what is other about a robot; without a file, the one that is built in.
-
-    Raises:
-        InvalidInput: for a file that is missing or no TOML, an unknown key, or an impossible number.
-    """
+    """Return the drive of a .toml file with what is other about a robot, or the usual one; raises InvalidInput."""
     if path is None:
         return Drive()
     return from_dict(Drive, parse_toml(read_bytes(path, "a drive's .toml file", "check the path"), path), f"'{path}'")
@@ -102,13 +98,12 @@ class References:
         steps: int,
         h: float,
     ) -> Float[np.ndarray, "games steps 4"]:
-        """Wheel speeds [rad/s] to be asked for over one step of the game: pursuer's left and right, then evader's.
+        """Return the wheel speeds [rad/s] asked for over one step of the game: pursuer's left and right, then evader's.
 
         Args:
             chosen: acceleration [m/s^2] and turn rate [rad/s] of both sides.
             limits: lowest and highest speed [m/s] of each.
-            steps: of the physics, in one step of the game.
-            h: duration of each [s].
+            steps, h: of the physics in one step of the game, and their duration [s].
         """
         asked = np.empty((len(self.v), steps, 2, 2))
         reach = drive.turn_acceleration * h

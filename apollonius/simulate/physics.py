@@ -32,13 +32,10 @@ _ABOVE = 0.06
 
 
 def mjcf(game: Game, drive: Drive, step: float) -> str:
-    """The model as text.
+    """Return the model as text, for a physics of steps of `step` [s].
 
     Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
     hollow one. Robots do not touch each other: whether the evader is caught is for the referee to say.
-
-    Args:
-        step: of the physics [s].
 
     Raises:
         InvalidInput: for an arena with an occupancy map, and for a robot that is not driven by two wheels.
@@ -95,7 +92,7 @@ def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterato
 
 
 def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radius: float) -> None:
-    """A chassis with two wheels and a caster; its frame is on the axle, x ahead.
+    """Add a chassis with two wheels and a caster; its frame is on the axle, x ahead.
 
     Obstacles push the robot where the game's has a radius; one that is a point is judged by its centre alone.
     """
@@ -160,7 +157,7 @@ class Physics:
         self._rollout = rollout.Rollout(nthread=1)
 
     def place(self, rows: Float[np.ndarray, "games 8"]) -> Float64[np.ndarray, "games numbers"]:
-        """States in which the robots stand, or roll, where rows of x, y, v and heading say."""
+        """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
         for row, state in zip(rows.astype(float).reshape(-1, 2, 4), states, strict=True):
@@ -180,7 +177,7 @@ class Physics:
     def advance(
         self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps 4"]
     ) -> Float64[np.ndarray, "games numbers"]:
-        """States after a step of the physics for each of the wheel speeds asked for [rad/s]."""
+        """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s]."""
         moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
         return moved[:, -1]
 

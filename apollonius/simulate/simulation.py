@@ -95,21 +95,13 @@ def simulate(
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
-    """The games of a match, from the same starts, with bodies; `report` as in `simulate`.
-
-    Raises:
-        InvalidInput: as `simulate`, and for more games than memory has room for.
-    """
+    """Simulate a match from its starts, as `simulate`; raises InvalidInput for more games than fit into memory."""
     SIMULATED_GAMES.require("games", match.games)
     return simulate(match.rules, match.pools, *begin(match), drive, report)
 
 
 def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
-    """One of the games as a replay, to be looked at. Played again, by the rules, it goes another way.
-
-    Args:
-        index: which of the games, from 0.
-    """
+    """Return one of the games as a replay, to be looked at. Played again, by the rules, it goes another way."""
     outcome = Outcome(int(simulated.results.outcome[index]))
     names, games = match.players.map(lambda player: player.name), len(simulated.results.outcome)
     return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)

@@ -38,11 +38,7 @@ def step(
     dt: Scalar,
     left: Int[Array, ""],
 ) -> dict[str, Any]:
-    """Return the robots after a step, pursuers first, and the outcome.
-
-    Args:
-        left: steps until the time limit.
-    """
+    """Return the robots after a step, pursuers first, and the outcome; `left` steps remain until the time limit."""
     (first, *pursuers), (other, *evaders) = (robots.side(robots.bodies, second) for second in (False, True))
     teams = Teams(tuple(pursuers), tuple(evaders))
     game = Game(first, other, floor.arena(field), capture_distance, dt, left, teams=teams)

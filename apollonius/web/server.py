@@ -53,10 +53,9 @@ class FolderHandler(SimpleHTTPRequestHandler):
 
 
 def make_server(folder: Path, port: int | None = None) -> ThreadingHTTPServer:
-    """Return a server of a folder on the loopback address, ready for `serve_forever`.
+    """Return a server of a folder, and nothing above it, on the loopback address, ready for `serve_forever`.
 
     Args:
-        folder: to serve; nothing above it can be reached.
         port: to listen on; None takes the first free one from `FIRST_PORT` on.
 
     Raises:

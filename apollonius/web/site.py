@@ -66,13 +66,7 @@ class Choice:
 
 
 def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
-    """Return the choice that a person asked for.
-
-    Args:
-        person: the side of the person.
-        against: the opponent: built in, in the zoo, or a file; `shielded:` may precede it.
-        game: name or file of the game.
-        seed: of the starts.
+    """Return the choice of a person on one side, against an opponent and in a game by their names or files.
 
     Raises:
         InvalidInput: for a game, seed or player that does not exist, or that the page cannot play.
@@ -114,12 +108,7 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
 
 
 def write_site(folder: Path, choice: Choice | None = None) -> None:
-    """Write the page and all files that it loads.
-
-    Args:
-        folder: to write to; its other files stay.
-        choice: the first match of the page.
-    """
+    """Write the page and all files that it loads into a folder, whose other files stay, with its first match."""
     chosen = choice or Choice()
     shutil.copytree(PAGE, folder, dirs_exist_ok=True)
     (folder / "agents").mkdir(exist_ok=True)

@@ -42,11 +42,7 @@ def digest(files: dict[str, str]) -> str:
 
 
 def compiled(programs: Sequence[Program], flags: Sequence[str]) -> bytes:
-    """Return the module with some programs.
-
-    Raises:
-        InvalidInput: where the compiler is not installed.
-    """
+    """Return the module with some programs; raises InvalidInput where the compiler is not installed."""
     require(find_spec("ziglang") is not None, "ziglang", "missing", "installed, as it compiles: pip install ziglang")
     files = sources(programs)
     with tempfile.TemporaryDirectory() as folder:
