@@ -182,12 +182,6 @@ def test_wins_are_counted_by_arenas(three):
     assert found.interval == (0.0, 1.0)
 
 
-def test_the_interval_over_few_arenas_is_students():
-    reach = 4.302653 * 0.1 / np.sqrt(3)  # Student's t, two degrees of freedom
-    assert ByArena((6, 5, 7), (10, 10, 10)).interval == pytest.approx((0.6 - reach, 0.6 + reach))
-    assert ByArena((6,), (10,)).interval == (0.0, 1.0)
-
-
 def test_a_match_in_several_arenas_tells_of_them(capsys):
     assert main(["evaluate", "intercept", "still", "--game", THREE, "--games", "6"]) == 0
     out = capsys.readouterr().out

@@ -48,13 +48,6 @@ def test_the_clearance_along_a_step_is_the_least_of_its_places_wherever_the_wall
     assert (sampled > 0.1).sum() > 50
 
 
-def test_a_disc_is_hit_by_passing_right_through_it_within_one_step():
-    before, after = at(-0.5, 1), at(0.5, 1)
-    assert ARENA.clearance(before.x, before.y) > 0
-    assert ARENA.clearance(after.x, after.y) > 0
-    assert hits(ARENA, before, after, 0.0)
-
-
 @pytest.mark.parametrize(("radius", "touches"), [(0.0, False), (0.25, False), (0.26, True)])
 def test_a_body_hits_a_disc_when_it_comes_closer_than_its_own_radius(radius, touches):
     assert hits(ARENA, at(-0.5, 1.5), at(0.5, 1.5), radius) == touches

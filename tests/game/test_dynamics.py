@@ -97,21 +97,6 @@ def test_an_accelerating_turn_is_off_by_less_than_20_micrometres_in_one_step():
     assert 1e-5 < worst_position_error(starts, u1, u2, 0.1) < 2.01e-5
 
 
-@in_float64
-@pytest.mark.parametrize("v", [0.1, 1.0], ids=["below the limit", "saturating"])
-def test_accelerating_turns_converge_with_the_square_of_dt(v):
-    start, u1, u2, duration = (0.0, 0.0, v, 0.5), 0.3, 0.8, 2.0
-    truth = solved(BODY, start, u1, u2, duration)
-    errors = []
-    for steps in (8, 16, 32, 64):
-        robot = RobotState(*jnp.asarray(start))
-        for _ in range(steps):
-            robot = move(BODY, robot, jnp.asarray(u1), jnp.asarray(u2), duration / steps)
-        errors.append(math.dist(numbers(robot)[:2], truth[:2]))
-    orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    np.testing.assert_allclose(orders, 2.0, atol=0.15)
-
-
 speeds = st.floats(0, 1, width=32)
 limits = st.tuples(st.floats(-2, 2, width=32), st.floats(-2, 2, width=32)).map(sorted)
 

@@ -65,13 +65,6 @@ def test_what_is_asked_for_is_enough_and_less_is_not(short):
     assert not bool(starts.fits(ARENA, body, body, *map(jnp.float32, places)))
 
 
-@pytest.mark.parametrize(("name", "separation"), [("apart", 5.0), ("moving", 1.0)])
-def test_robots_start_at_least_the_separation_apart(name, separation, request):
-    states = request.getfixturevalue(name)
-    distances = np.hypot(states.evader.x - states.pursuer.x, states.evader.y - states.pursuer.y)
-    assert separation - 1e-5 < distances.min() < separation + 0.05
-
-
 def test_pairs_are_uniform_over_all_pairs_that_fit(apart):
     """The distribution of pairs that a simple rejection in NumPy leaves: compared by place and by distance."""
     places = np.random.default_rng(0).uniform(0, 10, (200_000, 2, 2))

@@ -148,36 +148,6 @@ def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
             same(np.exp(1j * np.asarray(robot.heading)), np.exp(1j * place[:, 3]), atol=1e-6)
 
 
-def test_a_game_of_two_has_no_statuses_and_is_what_a_team_of_one_plays():
-    """The second pursuer is out from the start: the others play the game of two."""
-    game, team = paper(), make_game("team-2v1")
-    starts = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 200)
-    assert starts.status is None
-    far = jax.tree.map(lambda leaf: leaf + 1.0, starts.pursuer)
-    active, out = (jnp.full(200, status, jnp.int32) for status in (RobotStatus.ACTIVE, RobotStatus.HIT_OBSTACLE))
-    robots, status = BySide((starts.pursuer, far), (starts.evader,)), BySide((active, out), (active,))
-    state = jax.vmap(lambda robots, steps, status: GameState(robots, steps, status=status))(
-        robots, starts.steps, status
-    )
-    actions = jnp.asarray(np.random.default_rng(0).integers(NUM_ACTIONS, size=(3, 200)))
-
-    @jax.jit
-    def play(game, state, pursuers):
-        def one_step(state, _):
-            after = jax.vmap(Game.step, in_axes=(None, 0, 0, 0))(game, state, pursuers, actions[2])
-            rewards = after.rewards.pursuer[0], after.rewards.evader[0]
-            return after.state, (after.outcome, rewards, after.state.robots.pursuer[0], after.state.robots.evader)
-
-        return jax.lax.scan(one_step, state, length=60)[1]
-
-    ones, twos = play(game, starts, actions[0]), play(team, state, [actions[0], actions[1]])
-    ongoing = np.logical_and.accumulate(np.asarray(ones[0]) == Outcome.ONGOING)
-    assert 0.2 < ongoing[-1].mean() < 0.95
-    until = np.concatenate([np.ones((1, 200), bool), ongoing[:-1]])  # the step that ends it too
-    for one, two in zip(jax.tree.leaves(ones), jax.tree.leaves(twos), strict=True):
-        np.testing.assert_array_equal(np.asarray(one)[until], np.asarray(two)[until])
-
-
 def state_of(pursuers, evaders, status=None):
     robots = BySide(
         *(tuple(RobotState(*jnp.asarray(robot, jnp.float32)) for robot in side) for side in (pursuers, evaders))

@@ -5,13 +5,11 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, RobotState, Role
-from apollonius.observe.registry import OBSERVATIONS
 from apollonius.observe.registry import observe as observe_one
 
 GAME = Game(
@@ -20,7 +18,6 @@ GAME = Game(
     arena=Arena(0.0, 8.0, -2.0, 2.0, discs=(Disc(6.0, 0.0, 0.5),)),
 )
 observe = jax.jit(observe_one, static_argnames=("role", "name"))
-observe_many = jax.jit(jax.vmap(observe_one, in_axes=(None, 0, None, None)), static_argnames=("role", "name"))
 
 
 def robot(x, y, v, heading):
@@ -56,22 +53,3 @@ def test_encoded_warns_of_a_disc_in_the_braking_distance():
     """At 2 m/s and 1 m/s^2 the evader stops after 2 m, in the middle of the disc 2 m ahead of it."""
     seen = observe(GAME, state(PURSUER, (4.0, 0.0, 2.0, 0.0)), Role.EVADER, "encoded")
     np.testing.assert_allclose(seen[13:15], [1.0, -0.5], atol=1e-6)
-
-
-def random_states(count):
-    rng = np.random.default_rng(0)
-    x, y, heading = (rng.uniform(*limits, (2, count)) for limits in ((0, 8), (-2, 2), (-np.pi, np.pi)))
-    v = rng.uniform([[-0.5], [0.0]], [[1.5], [2.0]], (2, count))
-    pursuers, evaders = (jax.vmap(robot)(*numbers) for numbers in zip(x, y, v, heading, strict=True))
-    return jax.vmap(GameState.of_two)(pursuers, evaders, jnp.zeros(count, jnp.int32))
-
-
-@pytest.mark.parametrize("profile", [name for name, one in OBSERVATIONS.items() if not one.charted])
-@pytest.mark.parametrize("role", Role)
-def test_observations_have_the_declared_size_and_lie_in_their_range(profile, role):
-    seen = observe_many(GAME, random_states(2000), role, profile)
-    assert seen.shape == (2000, OBSERVATIONS[profile].size)
-    reach = np.ones(seen.shape[1])
-    if profile == "encoded":
-        reach[10:13] = math.hypot(1, 4 / 8)
-    assert np.all(np.abs(seen) <= reach * (1 + 1e-6))
