@@ -190,7 +190,9 @@ def test_games_are_guarded_together_as_by_trying_all_nine_actions_in_each(game, 
     assert held_back % 8
 
 
-@pytest.mark.parametrize("v_min", [0.2, -0.5], ids=["drives on", "goes backwards"])
-def test_a_robot_that_does_not_come_to_rest_is_refused(v_min):
-    with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, 0.3\) .*can stop"):
-        shielded(Uniform(), Game(pursuer=Unicycle(v_min=v_min)), Role.PURSUER)
+@pytest.mark.parametrize(
+    ("v_min", "u1_max"), [(0.2, 0.3), (-0.5, 0.3), (0.0, 0.0)], ids=["drives on", "goes backwards", "does not brake"]
+)
+def test_a_robot_that_does_not_come_to_rest_is_refused(v_min, u1_max):
+    with pytest.raises(InvalidInput, match=rf"v_min, u1_max = \({v_min}, {u1_max}\) .*can stop"):
+        shielded(Uniform(), Game(pursuer=Unicycle(v_min=v_min, u1_max=u1_max)), Role.PURSUER)

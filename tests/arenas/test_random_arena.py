@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_edt, label
 
 from apollonius.arenas.file import load_game
 from apollonius.arenas.map_file import load_map, save_map
@@ -31,14 +30,6 @@ def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     found = survey(game)
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert found.wrong == ()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_one_seed_gives_one_arena_and_another_another(kind):
-    assert random_arena(kind, 7) == random_arena(kind, 7)
-    assert random_arena(kind, 7) != random_arena(kind, 8)
-    if kind != "caves":
-        assert len({len(random_arena(kind, 0, width=side, height=side).obstacles) for side in (6.0, 12.0, 24.0)}) == 3
 
 
 @pytest.mark.parametrize(
@@ -86,31 +77,6 @@ def test_the_command_writes_a_game_that_is_sound(tmp_path, monkeypatch, capsys):
     assert "--discs" in capsys.readouterr().err
     assert main(["arena", "random", "--kind", "rooms", "--seed", "3", "--out", "rooms.json"]) == 0
     assert load_game(tmp_path / "rooms.json").arena == random_arena("rooms", 3)
-
-
-SIZES = [(6.0, 6.0, 0.85), (9.3, 16.1, 1.15), (30.0, 20.0, 4.0)]
-
-
-@pytest.mark.parametrize(("seed", "width", "height", "gap"), [(seed, *size) for seed, size in enumerate(SIZES)])
-def test_all_that_is_free_is_within_reach_of_one_network_of_passages(seed, width, height, gap):
-    arena = random_arena("caves", seed, gap=gap, width=width, height=height)
-    cell = arena.map.cell
-    assert cell == gap / 8
-    assert (arena.x_max, arena.y_max) == (arena.map.x_max, arena.map.y_max)
-    assert abs(arena.x_max - width) <= cell / 2
-    assert abs(arena.y_max - height) <= cell / 2
-    rock = np.pad(arena.map.occupied(), 1, constant_values=True)
-    # Cells cut in nine, so that their middles are near enough to everywhere.
-    fine = np.kron(rock, np.ones((3, 3), bool))
-    room = distance_transform_edt(~fine) * cell / 3
-    for radius in (0.1, 0.3, 0.5):
-        parts, _ = label(room >= radius * gap, np.ones((3, 3)))
-        assert np.sum(np.bincount(parts.ravel())[1:] > 9) == 1  # what is no larger than a cell is a speck
-    ways = room >= gap / 2
-    assert (distance_transform_edt(~ways)[~fine] * cell / 3).max() <= gap / 2 + 1.5 * cell
-    assert (~rock).mean() > 0.35
-    _, pieces = label(rock, np.ones((3, 3)))
-    assert pieces > 1
 
 
 def test_a_saved_cave_is_the_same_map(tmp_path):

@@ -88,7 +88,7 @@ def test_bodies_that_overlap_before_they_are_caught_are_noted():
     assert survey(Game(pursuer=body, evader=body, capture_distance=0.4)).notes == ()
 
 
-def test_the_plan_shows_what_was_found_with_axes_key_and_summary(tmp_path, monkeypatch):
+def test_the_plan_shows_what_was_found_and_says_what_is_wrong(tmp_path, monkeypatch):
     game = Game(pursuer=Unicycle(radius=0.15), arena=Arena(discs=GATE), starts=Starts(clearance=0.2))
     found = survey(game)
     kinds = kinds_of_places(found)
@@ -101,13 +101,8 @@ def test_the_plan_shows_what_was_found_with_axes_key_and_summary(tmp_path, monke
     monkeypatch.setattr(Figure, "savefig", lambda figure, path: drawn.append(figure))
     save_plan("gate", game, found, tmp_path / "plan.png")
     (axes,) = drawn[0].axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
     assert axes.get_images()[0].get_extent() == [0, 10, 0, 10]
-    keys = [text.get_text() for text in axes.get_legend().get_texts()]
-    present = [name for kind, name in enumerate(KINDS) if (kinds == kind).any()]
-    assert [key.split(" (")[0] for key in keys] == present
-    about = axes.get_title(loc="left")
-    assert about.startswith("gate, 10 x 10 m: 1 thing is wrong")
+    assert axes.get_title(loc="left").startswith("gate, 10 x 10 m: 1 thing is wrong")
 
 
 def test_the_command_says_what_is_wrong(tmp_path, capsys):

@@ -55,13 +55,6 @@ def solved(body, robot, u1, u2, time):
     return robot
 
 
-@pytest.mark.parametrize(
-    ("v_min", "u1_max", "stops"), [(0.0, 0.3, True), (0.0, 0.0, False), (-0.5, 0.3, False), (0.2, 0.3, False)]
-)
-def test_who_brakes_to_rest_can_brake_and_neither_drives_on_nor_backwards(v_min, u1_max, stops):
-    assert Unicycle(v_min=v_min, u1_max=u1_max).brakes_to_rest is stops
-
-
 def random_robots(rng, count):
     return np.stack([*rng.uniform(0, 10, (2, count)), rng.uniform(0, 1.2, count), rng.uniform(-3, 3, count)], axis=-1)
 
