@@ -119,10 +119,10 @@ class Run:
                 begin_metrics(self.metrics)
             if standing is None or standing.stage != stage:
                 first = ROLES.map(lambda role: load_first(self.config, role))
-                saved = self._start(stage, BySide(first.pursuer or best, first.evader))
+                saved = self.start(stage, BySide(first.pursuer or best, first.evader))
                 standing = Standing(stage, metrics_bytes=self.metrics.stat().st_size)
             else:
-                saved = load_checkpoint(self.checkpoint, self._start(stage, BySide(None, None)))
+                saved = load_checkpoint(self.checkpoint, self.start(stage, BySide(None, None)))
                 begin_metrics(self.metrics, standing)
             saved, finished = self._train_stage(saved, standing)
             if not finished:
@@ -130,7 +130,7 @@ class Run:
             best = saved.best
         return True
 
-    def _start(self, stage: str, networks: BySide[Network | None]) -> Saved:
+    def start(self, stage: str, networks: BySide[Network | None]) -> Saved:
         """Return the beginning of a stage whose networks go on from these."""
         plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == DISTILLATION:

@@ -25,6 +25,8 @@ from apollonius.io.limits import SEED
 
 PAGE = Path(__file__).parent / "page"
 """HTML, CSS and plain JavaScript."""
+LEARNERS = Path(__file__).parent / "learners"
+"""The pursuer of one short training after shares of it: 0, 1, 5, 25 and 100 %."""
 YOU = "you"
 """The name of a person in place of an agent's."""
 AT_HOME = ("paper", "zero-sum")
@@ -114,7 +116,8 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
     (folder / "agents").mkdir(exist_ok=True)
     names: dict[str, list[str]] = {role.name.lower(): [] for role in Role}
     published, anywhere = {}, []
-    paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()} | chosen.agents
+    paths = {name: ZOO / f"{name}.safetensors" for name in zoo_names()}
+    paths |= {path.stem: path for path in sorted(LEARNERS.glob("*.safetensors"))} | chosen.agents
     for number, (name, path) in enumerate(paths.items()):
         header = None if path.suffix == OWN else load_header(path)
         if header is None or header.observation in READS:

@@ -210,6 +210,22 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     assert re.search(r"game=blocks&difficulty=fair&seed=\d+$", page.url)
 
 
+def test_a_slider_shows_how_the_opponent_learned(desk):
+    page = desk.open("?level=3")
+    assert page.inner_text("#message").endswith("Your opponent is a neural network that taught itself")
+    reached = []
+    for place in range(5):
+        page.fill("#learning input", str(place))
+        page.wait_for_selector("#go:enabled")
+        desk.play(20)
+        reached.append(desk.match("players.pursuer[0].name"))
+        assert page.inner_text("#learning output") == f"{reached[-1].removeprefix('learner-')} %"
+    assert reached == [f"learner-{share}" for share in (0, 1, 5, 25, 100)]
+    assert desk.match("outcome") == "captured"
+    page = desk.open("?level=2")
+    assert page.is_hidden("#learning")
+
+
 @pytest.mark.parametrize("people", [1, 2])
 def test_a_game_is_on_one_phone_screen(phone, people):
     page = phone.open(f"?pursuer={'you' if people == 2 else 'still'}&evader=you")

@@ -22,7 +22,7 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.show import palette
-from apollonius.web.site import PAGE, READS, YOU, choose, write_site
+from apollonius.web.site import LEARNERS, PAGE, READS, YOU, choose, write_site
 
 
 def test_the_site_is_whole(tmp_path):
@@ -30,11 +30,13 @@ def test_the_site_is_whole(tmp_path):
     catalogue = json.loads((tmp_path / "catalogue.json").read_text())
     assert catalogue["games"] == {name: to_dict(find_game(name)) for name in game_names()}
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
-    assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == read
+    learners = {path.stem: path for path in LEARNERS.iterdir()}
+    assert len(learners) == 5
+    assert sorted(catalogue["agents"]["pursuer"] + catalogue["agents"]["evader"]) == sorted([*read, *learners])
     assert read == sorted(zoo_names())
     assert set(catalogue["anywhere"]) == {"P_any", "P_team", "E_any"}
     for name, file in catalogue["files"].items():
-        assert (tmp_path / file).read_bytes() == (ZOO / f"{name}.safetensors").read_bytes()
+        assert (tmp_path / file).read_bytes() == learners.get(name, ZOO / f"{name}.safetensors").read_bytes()
     page = (tmp_path / "index.html").read_text()
     for file in re.findall(r'(?:src|href)="([^"]+)"', page):
         assert (tmp_path / file).is_file()

@@ -134,7 +134,7 @@ export class Choices {
 
 /** A level as what the form would say. */
 export function asChoice(level) {
-  const players = { [level.side]: YOU, [other(level.side)]: SHIELDED + level.against };
+  const players = { [level.side]: YOU, [other(level.side)]: (level.isBare ? "" : SHIELDED) + level.against };
   return { ...players, game: level.game, difficulty: level.difficulty, seed: level.seed, level };
 }
 

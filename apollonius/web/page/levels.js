@@ -3,13 +3,19 @@
 
 import { EVADER, PURSUER } from "./game.js";
 
+/** The shares of one training [%] after each of which the page has its pursuer. */
+export const SHARES = [0, 1, 5, 25, 100];
+/** The name of that pursuer. */
+export const learner = (share) => `learner-${share}`;
+
 /**
  * In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]; in the first one
- * the person starts with open floor ahead, and a shield brakes for the robot.
+ * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one unless they are bare.
  */
 export const LEVELS = [
   { name: "Open floor", side: EVADER, against: "P_any", difficulty: "gentle", game: "open", seconds: 20, seed: 3571, isGuarded: true },
   { name: "Three pillars", side: EVADER, against: "P_any", difficulty: "gentle", game: "paper", seconds: 40 },
+  { name: "Watch it learn", side: EVADER, against: learner(100), difficulty: "sharp", game: "paper", seconds: 40, seed: 3, isBare: true },
   { name: "The hunter", side: PURSUER, against: "flee-aware", difficulty: "gentle", game: "paper", seconds: 60 },
   { name: "A courtyard", side: EVADER, against: "P_any", difficulty: "gentle", game: "courtyard", seconds: 60 },
   { name: "Nine houses", side: EVADER, against: "P_any", difficulty: "fair", game: "blocks", seconds: 60 },

@@ -3,7 +3,7 @@
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
-import { LEVELS, withOpenFloor } from "./levels.js";
+import { LEVELS, SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
 import { asReplayLink, drawCard, fromReplayLink } from "./share.js";
 import { Stage } from "./stage.js";
@@ -13,7 +13,7 @@ import { describeGoal, wordsOf } from "./words.js";
 import { Workshop } from "./workshop.js";
 
 const element = (id) => document.getElementById(id);
-const TODAY = 5; // the level of which everybody has the same start on one day
+const TODAY = 6; // the level of which everybody has the same start on one day
 const steering = new Steering();
 const stage = new Stage(element, steering);
 const page = new Session((role, together) => steering.action(role, together), showPhase);
@@ -29,12 +29,21 @@ function showPhase(message) {
   element("go").textContent = page.label;
   element("go").disabled = element("again").disabled = element("next").disabled = phase === "loading";
   element("download").disabled = phase !== "over";
+  const share = SHARES.findIndex((one) => choice?.pursuer === learner(one));
+  element("learning").hidden = share < 0;
   if (!match) return;
+  if (share >= 0) showShare(share);
   element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me);
   for (const role of [PURSUER, EVADER]) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
   }
+}
+
+function showShare(index) {
+  const [output, input] = element("learning").children;
+  output.textContent = `${SHARES[index]} %`;
+  input.value = index;
 }
 
 // ---- what can be done: each of these is a button
@@ -156,6 +165,10 @@ function wire() {
   element("speed").addEventListener("change", ({ target }) => {
     page.pace = Number(target.value);
     target.blur();
+  });
+  element("learning").addEventListener("change", ({ target }) => {
+    target.blur();
+    choose({ ...page.choice, pursuer: learner(SHARES[target.value]) });
   });
   element("moment").addEventListener("input", ({ target }) => page.look(Number(target.value)));
   element("moment").addEventListener("pointerup", ({ target }) => target.blur());

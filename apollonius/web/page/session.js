@@ -2,12 +2,12 @@
 
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
-import { ACTIONS, ROLES, countsOf, isActive } from "./game.js";
+import { ACTIONS, ROLES, countsOf, isActive, other } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
 import { keepWin, lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
 import { findTeam, shielded } from "./players.js";
-import { YOU, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
+import { YOU, bare, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
 
 const LONGEST_PAUSE = 0.25; // of the clock, when a browser held frames back [s]
 const COUNTDOWN = 1.5; // before a person's game continues [s]
@@ -85,7 +85,9 @@ export class Session {
 
   #makeReady() {
     this.#beginGame();
-    this.enter("ready", describeReady(this.people.length));
+    const { me, match, catalogue } = this;
+    const isTaught = me && Object.hasOwn(catalogue.files, bare(match.players[other(me)][0].name).split(" ")[0]);
+    this.enter("ready", describeReady(this.people.length, isTaught));
   }
 
   /** The one button: start, pause, go on, the next game or level. */

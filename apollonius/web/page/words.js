@@ -35,6 +35,8 @@ export const bare = (name) => name.replace(SHIELDED, "");
 /** A player in words: "knows any arena"; its name where there are none. */
 export function inWords(name) {
   const known = bare(name);
+  const [, share] = /^learner-(\d+)$/.exec(known) ?? [];
+  if (share) return share === "0" ? "has learned nothing yet" : `after ${share} % of its training`;
   return known === "P_random" ? "learned against random moves" : (WORDS[known.replace(/^[PE]_/, "")] ?? known);
 }
 
@@ -88,9 +90,10 @@ export function describeChance({ game }, me, number) {
   return number === null ? `An agent in your place would not ${better} either.` : `At ${asTime(number * game.dt)} an agent in your place would still ${better}.`;
 }
 
-/** Return how a game is started and steered by a number of people. */
-export function describeReady(people) {
+/** Return how a game is started and steered by a number of people, and whether their opponent is a trained network. */
+export function describeReady(people, isTaught) {
   const touch = matchMedia("(pointer: coarse)").matches;
   const how = people ? (touch ? "hold the pad to steer" : "↑ speeds up, ↓ brakes, ← → turn") : "agents play";
-  return `${touch ? "Start" : "Space"} to begin; ${how}`;
+  const whom = isTaught ? ". Your opponent is a neural network that taught itself" : "";
+  return `${touch ? "Start" : "Space"} to begin; ${how}${whom}`;
 }
