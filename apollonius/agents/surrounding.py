@@ -24,6 +24,8 @@ _DIRECTIONS = 16
 """Directions in which it is looked ahead."""
 _SHARPNESS = 8
 """How much the best direction counts more than the others."""
+_EVEN = 1e-3
+"""Costs that differ by less are the same but for rounding: no path leads to where it would go."""
 _STRIDE = 2
 """Sampling stride over the chart's coarse cells, along rows and columns."""
 _PATH_WEIGHT = 0.2
@@ -33,7 +35,7 @@ Cost = Callable[[Scalar, Scalar], Scalar]
 
 
 class AbstractSurrounding(AbstractSteering):
-    """A pursuer of a team that goes where its cost falls, and close to the evader straight at it.
+    """A pursuer of a team that goes where its cost falls; near the evader, or where it falls nowhere, straight at it.
 
     Attributes:
         ahead: how far ahead it looks [m].
@@ -73,11 +75,11 @@ class AbstractSurrounding(AbstractSteering):
         costs = jax.vmap(self.cost(seen))(own.x + along * cos, own.y + along * sin)
         # A mean of the directions: of a cost that falls evenly it is just the direction in which it falls.
         worst, best = jnp.max(costs), jnp.min(costs)
-        weights = ((worst - costs) / jnp.maximum(worst - best, 1e-6)) ** _SHARPNESS
+        weights = ((worst - costs) / jnp.maximum(worst - best, _EVEN)) ** _SHARPNESS
         downwards = jnp.arctan2(jnp.sum(weights * sin), jnp.sum(weights * cos))
-        close = path_length_to(seen, opponent)(own.x, own.y) < self.near
-        heading = jnp.where(close, direction(own, opponent), downwards)
-        return heading, jnp.where(close, arc_speed(body, own, opponent), facing_speed(body, own, heading))
+        straight = (path_length_to(seen, opponent)(own.x, own.y) < self.near) | (worst - best < _EVEN)
+        heading = jnp.where(straight, direction(own, opponent), downwards)
+        return heading, jnp.where(straight, arc_speed(body, own, opponent), facing_speed(body, own, heading))
 
     @abstractmethod
     def cost(self, seen: View) -> Cost:

@@ -42,7 +42,8 @@ DRAWN = 200
 
 def exportable(game, name, side=None):
     game = find_game(game) if isinstance(game, str) else game
-    return find_exportable(name, side_of(name, side or ("evader" if name.endswith("random") else None)), game)
+    either = name.removeprefix("shielded:") == "random"
+    return find_exportable(name, side_of(name, side or ("evader" if either else None)), game)
 
 
 def games_of(name):

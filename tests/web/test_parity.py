@@ -119,6 +119,7 @@ GAMES = {
     "territory": lambda: make_game("territory"),
     "map": lambda: fast(on_a_floor()),
     "crowd": lambda: crowd(among_polygons()),
+    "crowd on a floor": lambda: crowd(on_a_floor()),
     "team-3v2/office": lambda: find_game("team-3v2/office"),
 }
 
@@ -175,6 +176,7 @@ def test_games_come_out_the_same(name, draw):
         slow("map", Role.PURSUER, 0),
         slow("territory", Role.EVADER, 0),
         slow("crowd", Role.EVADER, 1),
+        slow("crowd on a floor", Role.PURSUER, 0),
         slow("team-3v2/office", Role.PURSUER, 2),
     ],
 )
