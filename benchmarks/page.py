@@ -75,7 +75,7 @@ def load(browser: Browser, address: str, folder: Path) -> dict[str, float | str]
 
 
 def measure_all(browser: Browser, address: str, folder: Path, seconds: float) -> Iterator[dict[str, float | str]]:
-    """The figures of each case."""
+    """Yield the figures of each case."""
     yield load(browser, address, folder)
     yield load(browser, (folder / "index.html").as_uri(), folder)
     for name, (query, has_layers) in CASES.items():

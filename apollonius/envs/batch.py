@@ -1,7 +1,10 @@
-"""Many games that one side plays from outside: pure functions of the games under way and of a pile of starts."""
+"""Compiled functions that pickle, and many games that one side plays from outside: functions of the games under way."""
 
+import functools
+import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -13,6 +16,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Action, GameState, Role
+from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, perceive
 from apollonius.play.rollout import Games, begin, of_robots, step_games
 
@@ -23,6 +27,39 @@ SPARE = 4
 """Starts are drawn beforehand, for this many times the number of games at once."""
 _TOGETHER = 512
 """Starts that are drawn together until all fit: with more, more draws would be in vain."""
+
+
+class Compiled:
+    """A function of a module, compiled at its first call with its first arguments as constants.
+
+    It is pickled as what it is made of; what is read compiles for itself.
+    """
+
+    def __init__(self, function: Callable[..., Any], *constants: Any) -> None:
+        self._function, self._constants = function, constants
+        self._compiled = jax.jit(functools.partial(function, *constants))
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Return the result of the function for the rest of its arguments."""
+        return self._compiled(*arguments)
+
+    def __reduce__(self) -> tuple[type["Compiled"], tuple[Any, ...]]:
+        return Compiled, (self._function, *self._constants)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Compiled":
+        return self  # nothing of it ever changes
+
+
+_PROCESS = os.getpid()
+
+
+def require_unforked() -> None:
+    """Refuse, by InvalidInput, to compute in a process that was forked after this module was imported."""
+    if os.getpid() != _PROCESS:
+        raise InvalidInput(
+            "JAX cannot compute in a forked process: start it by spawning, as "
+            "gymnasium.vector.AsyncVectorEnv does with context='spawn', or take gymnasium.make_vec."
+        )
 
 
 class Outside(AbstractPolicy):

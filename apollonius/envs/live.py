@@ -15,7 +15,7 @@ from apollonius.agents.policy import AbstractPolicy, Memory
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
-from apollonius.envs.compiled import Compiled, require_unforked
+from apollonius.envs.batch import Compiled, require_unforked
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import NUM_ACTIONS, Action, GameState, Outcome, RobotStatus, Role

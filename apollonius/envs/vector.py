@@ -16,8 +16,7 @@ from apollonius.agents.pool import solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.catalogue import find_player
-from apollonius.envs.batch import SPARE, Batch, Outside, UnderWay
-from apollonius.envs.compiled import Compiled, require_unforked
+from apollonius.envs.batch import SPARE, Batch, Compiled, Outside, UnderWay, require_unforked
 from apollonius.envs.live import action_space, as_actions, observation_space
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game

@@ -64,7 +64,7 @@ class Pilot:
         return Command(self.speed, turn_rate, trouble)
 
     def ask(self, now: float) -> tuple[float, float]:
-        """The policy's acceleration [m/s^2] and turn rate [rad/s]; raises where it cannot be asked or believed."""
+        """Return the policy's acceleration [m/s^2] and turn rate [rad/s]; raises where it cannot be believed."""
         own, opponent = self.state("own", now), self.state("opponent", now)
         *_, u1, turn_rate = self.decide([*own, *opponent])
         limits = self.limits
@@ -74,7 +74,7 @@ class Pilot:
         return u1, turn_rate
 
     def state(self, robot: str, now: float) -> Sequence[float]:
-        """The robot's last state, if it is to be trusted; raises otherwise."""
+        """Return the robot's last state, if it is to be trusted; raises otherwise."""
         if robot not in self.seen:
             raise ValueError(f"{robot}: never seen")
         state, stamp = self.seen[robot]
@@ -86,7 +86,7 @@ class Pilot:
 
 
 def load_policy(file: Path) -> Decide:
-    """The policy in a file that `apollonius export --to onnx` wrote."""
+    """Return the policy in a file that `apollonius export --to onnx` wrote."""
     import numpy as np
     import onnxruntime
 
