@@ -215,7 +215,8 @@ def _advance(
         index = jnp.where(fresh, first + upcoming, under_way.index)
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
         begun = begin(state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
-        games = jax.vmap(reset_where_done)(fresh, begun, under_way.games)
+        # Empty slots begin too: a shield would search in vain, at every step, for an action of a robot that has failed.
+        games = jax.vmap(reset_where_done)(free, begun, under_way.games)
         watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
 
         bits = random_bits_of(key, index, games.state.steps)
