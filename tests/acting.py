@@ -1,8 +1,19 @@
-"""Players asked by hand: what they do for what is seen, without the memory that a game would carry on."""
+"""Robots placed by hand, and players asked by hand, without the memory that a game would carry on."""
 
 import jax
+import jax.numpy as jnp
 
+from apollonius.game.types import GameState, RobotState
 from apollonius.observe.view import look
+
+
+def robot(x, y, v=0.0, heading=0.0):
+    return RobotState(*map(jnp.float32, (x, y, v, heading)))
+
+
+def state(pursuer, evader):
+    """Return the start of a game of two, from x, y, v and heading of each."""
+    return GameState.of_two(robot(*pursuer), robot(*evader), jnp.int32(0))
 
 
 def act(player, seen, bits):

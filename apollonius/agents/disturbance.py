@@ -19,7 +19,7 @@ from apollonius.game.types import ROLES, Action, GameState, Real, RobotState, Ro
 from apollonius.io.errors import require_within
 
 _HANDICAP, _NOISE = 1, 2
-"""What random bits are used for besides the player's own use of it."""
+"""Numbers folded into random bits for handicaps and for noise, beside the player's own use of the bits."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Disturbance:
     turn_time: float = 0.0
     """The drive takes a time drawn from 0 to this to change its turn rate by u2_max [s]."""
     position_noise: float = 0.0
-    """Standard deviation of the error of a seen x or y [m], new in every step, as of the two below."""
+    """Standard deviation of the error of a seen x or y [m]; all errors are drawn in every step."""
     speed_noise: float = 0.0
-    """Of a speed [m/s]."""
+    """Standard deviation of the error of a seen speed [m/s]."""
     heading_noise: float = 0.0
-    """Of a heading [rad]."""
+    """Standard deviation of the error of a seen heading [rad]."""
 
     def __post_init__(self) -> None:
         require_within(self, 0, 100, "delay")

@@ -5,7 +5,7 @@ from pathlib import Path
 ZOO = Path(__file__).parent / "zoo"
 """Folder of the trained agents that ship with the package."""
 FROM_ZOO = "zoo/"
-"""Before the name of a trained agent that ships with the package, where it could be taken for another."""
+"""Prefix that marks the name of an agent that ships with the package."""
 BUILT_IN = (
     "random", "still", "pure-pursuit", "intercept", "voronoi-pursuit", "encirclement", "flee", "flee-aware",
     "territory",
@@ -13,9 +13,9 @@ BUILT_IN = (
 """Players that need no file; what they do says `apollonius.agents.built_in`."""
 
 SHIELDED = "shielded:"
-"""Before a player's name: the same, behind a shield."""
+"""Prefix that puts the player of a name behind a shield."""
 
 
 def zoo_names() -> list[str]:
-    """Names of the agents that ship with the package."""
+    """Return the names of the agents that ship with the package."""
     return sorted(path.stem for path in ZOO.glob("*.safetensors"))

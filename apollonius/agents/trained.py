@@ -44,7 +44,7 @@ def greedy_in(game: Game | None, network: Network, name: str) -> Greedy | Squash
 
 
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
-    """Return the player that deviates from it, by chance: by an amount of 0 never.
+    """Return the player that acts by a network and explores around its best action; with an amount of 0 it never does.
 
     Args:
         amount: of action values, the share of random actions; of a distribution, what its standard deviations are

@@ -16,7 +16,7 @@ KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
 
 
 def game_names() -> list[str]:
-    """The presets, then the gallery."""
+    """Return the names of the presets, then those of the gallery."""
     return [*PRESETS, *sorted(path.stem for path in GALLERY.glob("*.toml"))]
 
 

@@ -87,8 +87,9 @@ def _links(
     """Return neighbouring cells between which a robot surely fits, as a graph and as lists of ends and lengths [m].
 
     Args:
-        room: clearance of the body [m] in the middle of each cell, of side `cell` [m]. A line between two middles is
-            free if it is no longer than the sum of their clearances.
+        clearance: of the robot's body in the middle of each cell [m]. A line between two middles is free if it is no
+            longer than the sum of their clearances.
+        cell: side of a cell [m].
     """
     number = np.arange(clearance.size).reshape(clearance.shape)
     starts, ends, lengths = [], [], []

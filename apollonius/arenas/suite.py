@@ -30,9 +30,9 @@ from apollonius.io.errors import require
 from apollonius.io.record import read_record
 
 PAPERS_OWN = 16
-"""Pairs of the paper's robots in training,"""
+"""Pairs of the paper's robots in training."""
 OTHERS = 48
-"""and pairs of others."""
+"""Pairs of other robots in training."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from apollonius.game.types import ROLES, GameState, Outcome
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAMES, SEED
 from apollonius.play.playout import Report, Results, play_out
-from apollonius.play.replay import Replay, Trajectory, as_rows, trace
+from apollonius.play.replay import Replay, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
 
 
@@ -187,16 +187,6 @@ def play_games(match: Match, slots: int | None = None, report: Report = lambda d
     return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
 
 
-def replay_game(match: Match, index: int) -> Trajectory:
-    """Replay one game of a match, numbered from 0, step by step.
-
-    Raises:
-        InvalidInput: when there is no such game, and as `play_match`.
-    """
-    require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
-    return trace(match.rules, match.pools, *begin(match), index)
-
-
 def worst_first(results: Results) -> list[int]:
     """Return the games' numbers: those that the pursuer lost, then those without a winner, then those it won."""
     won, lost = (np.isin(results.outcome, kinds) for kinds in (PURSUER_WINS, evader_winning(time_limit_wins=False)))
@@ -204,8 +194,13 @@ def worst_first(results: Results) -> list[int]:
 
 
 def record_game(match: Match, index: int) -> Replay:
-    """Return one game of a match as a replay; arguments and errors as those of `replay_game`."""
-    course = replay_game(match, index)
+    """Return one game of a match, numbered from 0, as a replay.
+
+    Raises:
+        InvalidInput: when there is no such game, and as `play_match`.
+    """
+    require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
+    course = trace(match.rules, match.pools, *begin(match), index)
     return Replay(
         match.game, match.players.pursuer.name, match.players.evader.name, match.seed, match.games, index,
         as_rows(course.states), np.asarray(course.actions), Outcome(int(course.outcome)),

@@ -14,12 +14,12 @@ from apollonius.play.playout import Report
 
 
 def last_agents(run: Path) -> dict[str, Path]:
-    """Files of the agents at the end of a run's stages by name; those kept on the way are left out."""
+    """Return the files of a run's final agents by name, without earlier snapshots."""
     return {path.stem: path for path in sorted(run.glob("agents/*.safetensors")) if "-" not in path.stem}
 
 
 def pairings(agents: Mapping[str, Path]) -> list[tuple[str, str]]:
-    """Pursuer and evader of every match between these agents and the players that need no training.
+    """Return the names of pursuer and evader in each match of these agents and of players that need no training.
 
     The pursuer of stage 1 meets an evader that stays, as in its training; any other the random evader and all evaders.
     """

@@ -29,7 +29,7 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 def paired_difference_interval(
     first: Bool[np.ndarray, " trials"], second: Bool[np.ndarray, " trials"]
 ) -> tuple[float, float]:
-    """95 % interval of the difference of two rates, `first - second`, over pairs of trials that belong together.
+    """Return the 95 % interval of the difference of two rates, `first - second`, over paired trials.
 
     Bonett and Price's adjusted Wald interval ("Adjusted Wald confidence interval for a difference of binomial
     proportions based on paired data", 2012): of the pairs that differ, with one added to either kind.
@@ -43,7 +43,7 @@ def paired_difference_interval(
 def mean_interval(
     values: Sequence[float] | Float[np.ndarray, " values"], least: float = -inf, most: float = inf
 ) -> tuple[float, float]:
-    """95 % interval of the mean over seeds, arenas or games, by Student's t (`mean_band` at a single point).
+    """Return the 95 % interval of a mean over seeds, arenas or games by Student's t.
 
     Args:
         values: independent ones.
@@ -56,7 +56,7 @@ def mean_interval(
 
 
 def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """95 % interval of a rate, of one seed over its games, of several over seeds.
+    """Return the 95 % interval of a rate: of one seed over its games, of several over the seeds.
 
     Over seeds it is Student's, which games make wider as they make seeds differ; but never narrower than Wilson's of
     all games together, for seeds that happen to agree, as (0, 2000) three times, know no more than their games do.
@@ -79,13 +79,10 @@ def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
 
 
 def mean_band(curves: Float[np.ndarray, "seeds points"]) -> tuple[Float[np.ndarray, " points"], ...]:
-    """95 % interval of the mean over seeds at every point of a curve, by Student's t.
+    """Return the lower and the upper end of the 95 % interval of a mean curve over seeds, by Student's t.
 
     Wide with few seeds, as it should be (of three: 2.5 standard deviations either way), where a percentile bootstrap's
     would stay within their range and hold the mean in 3 of 4 studies. It takes seeds to be normally distributed.
-
-    Returns:
-        Lower and upper end.
 
     Raises:
         ValueError: for fewer than two seeds.

@@ -63,7 +63,7 @@ class OccupancyMap(AbstractObstacle):
         return rows, columns
 
     def _at(self, row: Int[Array, ""], column: Int[Array, ""]) -> Scalar:
-        """The distance at a corner [m]."""
+        """Return the distance at a corner [m]."""
         return self.field[row, column]
 
     def clearance_along(self, before: RobotState, after: RobotState) -> Scalar:

@@ -18,10 +18,10 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import GameState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
-from tests.acting import act
+from tests.acting import act, robot
 from tests.matches import a_match
 
 PAPER = make_game("paper")
@@ -31,10 +31,6 @@ OPEN = Game(
 )
 CLASSICAL = [name for name, (kind, _) in built_in.PLAYERS.items() if issubclass(kind, AbstractClassical)]
 PLAYERS = [(name, role) for name in CLASSICAL for role in built_in.PLAYERS[name][1]]
-
-
-def robot(x, y, v=0.0, heading=0.0):
-    return RobotState(*map(jnp.float32, (x, y, v, heading)))
 
 
 def random_pairs(seed, count=50):

@@ -9,16 +9,12 @@ from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_hand
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import reset_batch
 from apollonius.game.presets import make_game
-from apollonius.game.types import RobotState
 from apollonius.io.errors import InvalidInput
+from tests.acting import robot
 
 BODY, DT = Unicycle(), 0.1
 WORDS = jax.random.bits(jax.random.key(0), (4000,), jnp.uint32)
 LEFT, RIGHT, FASTER_LEFT = 5, 3, 8
-
-
-def robot(v=0.5):
-    return RobotState(*(jnp.float32(value) for value in (1.0, 2.0, v, 0.0)))
 
 
 def handicap(delay=0, late=0, factors=(1.0, 1.0, 1.0), turn_time=0.0):
@@ -31,7 +27,7 @@ def responses(handicap, actions, v=0.5):
     """The controls that actions come to, one after the other."""
     made = []
     for action in actions:
-        controls, handicap = handicap.respond(BODY, robot(v), jnp.asarray(action), DT)
+        controls, handicap = handicap.respond(BODY, robot(1.0, 2.0, v), jnp.asarray(action), DT)
         made.append([float(control) for control in controls])
     return made
 

@@ -25,16 +25,12 @@ from apollonius.game.types import RobotState, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe import paper
 from apollonius.observe.view import look
-from tests.acting import act, of_views
+from tests.acting import act, of_views, robot
 from tests.matches import a_match
 
 PAPER = make_game("paper")
 RUGGED = Game(arena=random_arena("caves", 3, gap=1.2))
 NETWORK = make_network("encoded", 8, 2, jax.random.key(3))
-
-
-def robot(x, y, v=0.0, heading=0.0):
-    return RobotState(*map(jnp.float32, (x, y, v, heading)))
 
 
 @jax.jit

@@ -1,4 +1,4 @@
-"""The unicycle (Eq. 1) against an ODE solver, its order of convergence, and its limits."""
+"""The unicycle (Eq. 1) against an ODE solver, and its limits."""
 
 import functools
 import math

@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,23 +12,15 @@ from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.egocentric import AHEAD, COURSES, EGOCENTRIC, NEAR, RAYS
 from apollonius.observe.view import look
-from tests.acting import of_views
+from tests.acting import of_views, state
 
 SLOW = Unicycle(v_max=0.6, u1_max=0.6, u2_max=1.6, radius=0.15)
 WALL = Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, 6.0), (4.0, 6.0)))
 GAME = charted(Game(pursuer=SLOW, arena=Arena(0.0, 8.0, 0.0, 8.0, polygons=(WALL,)), capture_distance=0.6))
-
-
-def robot(x, y, v, heading):
-    return RobotState(*jnp.asarray([x, y, v, heading], jnp.float32))
-
-
-def state(pursuer, evader):
-    return GameState.of_two(robot(*pursuer), robot(*evader), jnp.asarray(0))
 
 
 def looked(states, role, game=GAME):

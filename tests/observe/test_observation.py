@@ -3,14 +3,14 @@
 import math
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.types import GameState, RobotState, Role
+from apollonius.game.types import Role
 from apollonius.observe.registry import observe as observe_one
+from tests.acting import state
 
 GAME = Game(
     pursuer=Unicycle(v_min=-0.5, v_max=1.5, u1_max=0.5, radius=0.1),
@@ -18,14 +18,6 @@ GAME = Game(
     arena=Arena(0.0, 8.0, -2.0, 2.0, discs=(Disc(6.0, 0.0, 0.5),)),
 )
 observe = jax.jit(observe_one, static_argnames=("role", "name"))
-
-
-def robot(x, y, v, heading):
-    return RobotState(*jnp.asarray([x, y, v, heading], jnp.float32))
-
-
-def state(pursuer, evader):
-    return GameState.of_two(robot(*pursuer), robot(*evader), jnp.asarray(0))
 
 
 PURSUER, EVADER = (2.0, 1.0, 1.0, math.pi / 2), (4.0, 0.0, 1.0, 0.0)

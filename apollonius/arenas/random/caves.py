@@ -23,9 +23,9 @@ _REACH = _PER_GAP // 2 + 0.25
 _ROCK = 0.47
 """Share of the cells that are rock at first."""
 _WINDOW = 3
-"""A cell takes the majority of the cells no farther than this along x and y ..."""
+"""Reach of the cells, along x and y, whose majority a cell takes in a round [cells]."""
 _ROUNDS = 4
-"""... this many times."""
+"""Rounds in which all cells take the majority around them."""
 _LEAST_FREE = 0.45
 """Least share of free cells."""
 _PER_PILLAR = 30
