@@ -81,6 +81,10 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--role", choices=("pursuer", "evader"), help="of safety and game: which side (default: pursuer)"
     )
+    parser.add_argument(
+        "--whole-cells", action="store_true",
+        help="of game: robots move by whole cells along x and y, so that nothing is interpolated there",
+    )  # fmt: skip
     parser.add_argument("--target", type=real, nargs=2, metavar=("X", "Y"), help="of reach: where it stands [m]")
     parser.add_argument(
         "--grid", type=nodes, help="nodes along x, y, v and heading, as 101x101x9x47 (default: about 0.2 m apart)"
@@ -143,7 +147,7 @@ def _requested_problem(options: argparse.Namespace, game: "Game") -> "Problem":
     grid, hold = (joint_grid if what == "game" else reference_grid)(game, role)
     counts, hold = options.grid or grid.counts, options.hold or hold
     make_grid(game.arena, game.body(role), counts)  # refused here, before anything is solved
-    return Problem(what, role.name.lower(), to_dict(game), list(counts), hold, target)
+    return Problem(what, role.name.lower(), to_dict(game), list(counts), hold, target, options.whole_cells)
 
 
 def _next(options: argparse.Namespace, path: Path, role: str) -> str:

@@ -10,6 +10,9 @@ backups of nine actions each instead of one of 81 pairs. What the pursuer is sur
 what the evader is sure of, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
 Capuzzo-Dolcetta, 1997, chapter VIII). On every grid the upper is nowhere less than the lower.
 
+Interpolation in each of many sweeps spreads a robot over cells that it is not in. Where moves along x and y are taken
+for whole cells it does not: then the values are exact ones, of robots whose moves are off by up to half a cell a hold.
+
 Where an action decides the game by a capture (`capture.decisive`), it is worth that. Otherwise a hold that the first
 robot does not survive is lost at once, and one that the second does not survive is won at its end.
 
@@ -61,8 +64,12 @@ class Duel(eqx.Module):
     decided: Decided
 
 
-def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
+def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
     """Return what all sweeps have in common.
+
+    Args:
+        zero_sum_game: the game, from the side that moves first.
+        whole_cells: take moves along x and y for whole cells, and interpolate only speeds and headings.
 
     Raises:
         InvalidInput: when it does not fit into memory, or the robots' grids do not have the same x and y.
@@ -72,7 +79,7 @@ def make_duel(zero_sum_game: ZeroSumGame) -> Duel:
     require_memory("grid", own.name, own.size * other.size * BYTES_PER_PAIR, FEWER_NODES)
     roles = (zero_sum_game.role, zero_sum_game.role.other)
     first, second = (
-        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK)
+        make_side(zero_sum_game.game, role, grid, motion.steps, SLACK, whole_cells)
         for role, grid, motion in zip(roles, zero_sum_game.grids, zero_sum_game.motions, strict=True)
     )
     return Duel(zero_sum_game, first, second, decisive(zero_sum_game, first, second))

@@ -139,7 +139,7 @@ def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] 
         InvalidInput: for a grid that does not fit into memory, and a target that is not clear of everything.
     """
     if problem.kind == "game":
-        solved = solve_duel(make_duel(zero_sum_game_of(problem, game)), report)
+        solved = solve_duel(make_duel(zero_sum_game_of(problem, game), problem.whole_cells), report)
         return Solution(problem, solved.sweeps, solved.residual, solved.table.astype(jnp.float16))
     role = Role[problem.role.upper()]
     grid = make_grid(game.arena, game.body(role), tuple(problem.counts))

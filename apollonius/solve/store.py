@@ -39,6 +39,8 @@ class Problem:
     """Control steps for which an action is held."""
     target: list[float] | None = None
     """Where the target stands [m]; of `reach` only."""
+    whole_cells: bool = False
+    """Whether moves are taken for whole cells along x and y; of `game` only."""
 
     def __post_init__(self) -> None:
         require(self.kind in KINDS, "kind", self.kind, f"one of {', '.join(KINDS)}")
@@ -48,6 +50,9 @@ class Problem:
         (JOINT_HOLD if self.kind == "game" else HOLD).require("hold", self.hold)
         target = self.target is not None
         require(target == (self.kind == "reach"), "target", self.target, "given for reach, and left out otherwise")
+        require(
+            self.kind == "game" or not self.whole_cells, "whole_cells", self.whole_cells, "left out for all but game"
+        )
         place = [abs(number) <= MAX_SIZE for number in self.target or ()]
         require(not target or place == [True, True], "target", self.target, "x and y")
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, Real, RobotState, Role, Scalar
 from apollonius.io.limits import require_memory
 from apollonius.solve.grid import Grid
 from apollonius.solve.motion import NEVER, Motion, motion_of
@@ -36,7 +36,7 @@ class TransitionMap(eqx.Module):
     Attributes:
         course: the states along each hold that begins at the origin, leaves `[slices 9 steps+1]`.
         source, weight: the slices between whose speeds and headings it ends, and their shares.
-        cells, rest: how far it goes along x and y, in whole cells and the fraction of one.
+        cells, rest: how far it goes along x and y, in whole cells and the fraction of one; None without fractions.
         margin: cells by which a hold can leave the grid.
     """
 
@@ -44,7 +44,7 @@ class TransitionMap(eqx.Module):
     source: Int[Array, "slices 9 terms"]
     weight: Float[Array, "slices 9 terms"]
     cells: Int[Array, "slices 9 2"]
-    rest: Float[Array, "slices 9 2"]
+    rest: Float[Array, "slices 9 2"] | None
     margin: int = eqx.field(static=True)
 
     def backup(
@@ -73,24 +73,30 @@ class TransitionMap(eqx.Module):
     def _after(self, padded: Float[Array, "slices wide high *others"], index: Int[Array, ""], action: int) -> Array:
         """Return the interpolated values where an action takes the nodes of a slice: `[x y *others]`."""
         across, along = (count - 2 * self.margin for count in padded.shape[1:3])
-        share_x, share_y = self.rest[index, action]
         values = jnp.zeros((), jnp.float32)
         for term in range(self.source.shape[2]):
-            for on_x, on_y in product((0, 1), repeat=2):
-                share = (share_x if on_x else 1 - share_x) * (share_y if on_y else 1 - share_y)
-                corner = self.cells[index, action] + jnp.array([on_x, on_y]) + self.margin
+            for beside, share in self._beside(index, action):
+                corner = self.cells[index, action] + jnp.array(beside) + self.margin
                 start = (self.source[index, action, term], *corner, *(0,) * (padded.ndim - 3))
                 shifted = jax.lax.dynamic_slice(padded, start, (1, across, along, *padded.shape[3:]))[0]
                 values = values + self.weight[index, action, term] * share * shifted
         return values
 
+    def _beside(self, index: Int[Array, ""], action: int) -> list[tuple[tuple[int, int], Real]]:
+        """Return the places beside that where an action leads, counted from the nearest below, and their shares."""
+        if self.rest is None:
+            return [((0, 0), 1.0)]
+        on_x, on_y = ((1 - share, share) for share in self.rest[index, action])
+        return [((x, y), on_x[x] * on_y[y]) for x, y in product((0, 1), repeat=2)]
 
-def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> TransitionMap:
+
+def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0, whole_cells: bool = False) -> TransitionMap:
     """Return the images of the grid's nodes under the robot's held actions.
 
     Args:
         slack: turns within this many cells of a whole number are taken as whole: where turns are a hundredth
             of a cell off, interpolation would blur headings more than that.
+        whole_cells: take moves along x and y for the nearest whole number of cells.
 
     Raises:
         InvalidInput: when the courses of the actions do not fit into memory.
@@ -101,7 +107,7 @@ def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Transit
     course = _courses(motion, grid)
     end = jax.tree.map(lambda leaf: np.asarray(leaf[..., -1], np.float64), course)
     dx, dy, dv, dheading = (float(distance) for distance in grid.spacing)
-    cells, rest = _whole_and_rest(np.stack([end.x / dx, end.y / dy], axis=-1))
+    cells, rest = _whole_and_rest(np.stack([end.x / dx, end.y / dy], axis=-1), 1.0 if whole_cells else 0.0)
     slower, share_v = _whole_and_rest((end.v - float(grid.low[2])) / dv)
     before, share_heading = _whole_and_rest(end.heading / dheading, slack)
     terms = [
@@ -115,7 +121,7 @@ def transition_map_of(motion: Motion, grid: Grid, slack: float = 0.0) -> Transit
         source=jnp.asarray(np.stack([source for source, _ in needed], axis=-1), jnp.int32),
         weight=jnp.asarray(np.stack([weight for _, weight in needed], axis=-1), jnp.float32),
         cells=jnp.asarray(cells, jnp.int32),
-        rest=jnp.asarray(rest, jnp.float32),
+        rest=None if whole_cells else jnp.asarray(rest, jnp.float32),
         margin=int(np.max(np.abs(cells))) + 1,
     )
 
@@ -190,16 +196,16 @@ class Side(eqx.Module):
         return float(max(abs(body.v_min), abs(body.v_max)) * self.motion.seconds)
 
 
-def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0) -> Side:
+def make_side(game: Game, role: Role, grid: Grid, hold: int, slack: float = 0.0, whole_cells: bool = False) -> Side:
     """Return one robot of a game on its grid.
 
     Args:
         hold: control steps for which an action is held.
-        slack: turns within this many cells of a whole number are taken for it (`transition_map_of`).
+        slack, whole_cells: of turns and moves that are taken for whole cells (`transition_map_of`).
 
     Raises:
         InvalidInput: unless an action is held for at least one step.
     """
     motion = motion_of(game, role, hold)
-    transitions = transition_map_of(motion, grid, slack)
+    transitions = transition_map_of(motion, grid, slack, whole_cells)
     return Side(motion, grid, transitions, of_courses(motion.failure, grid, transitions))

@@ -116,6 +116,7 @@ def test_reach_is_solved_once_and_then_loaded(capsys, monkeypatch):
         patch.setattr("apollonius.solve.solving.solve_reach", None)
         assert run_json(capsys, *arguments, "2") == first
     assert_refused(capsys, *arguments, "3", naming=("tables/six.safetensors", "another problem", "--force"))
+    assert_refused(capsys, *arguments, "3", "--whole-cells", naming=("whole_cells = True", "all but game"))
     Path("t.safetensors").write_text("mine")
     assert_refused(
         capsys, "solve", "safety", *COARSER, "--out", "t.safetensors", naming=("t.safetensors", "not a whole")

@@ -15,12 +15,13 @@ from apollonius.catalogue import find_player
 from apollonius.game.game import reset_batch
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.solving import cached_tables, joint_problem, zero_sum_game_of
+from apollonius.solve.solving import cached_tables, joint_problem, solve_problem, zero_sum_game_of
 from apollonius.solve.store import Problem, Solution, is_solution, load_solution, save_solution
 from tests.solve.small import CRAMPED, FEW, SMALL
 
-PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5)
+PROBLEM = Problem("game", "evader", to_dict(SMALL), [3, 4, 2, 4], 5, whole_cells=True)
 
 REACH = Solution(
     Problem("reach", "pursuer", to_dict(SMALL), [4, 3, 2, 5], 5, [0.5, 1.0]), 12, 3e-5,
@@ -97,6 +98,22 @@ def test_what_is_no_solution_is_refused(tmp_path, damage, said):
     with pytest.raises(InvalidInput, match=said):
         load_solution(path)
     assert is_solution(path) == ("header" not in damage)
+
+
+@pytest.mark.parametrize("role", Role)
+def test_nothing_is_interpolated_where_a_hold_moves_robots_by_whole_cells(role):
+    """Every value is that of a game that ends after a number of steps, and the last sweep changed none."""
+    problem = replace(joint_problem(CRAMPED, role, (5, 4, 3, 8)), hold=10, whole_cells=True)
+    solution = solve_problem(problem, CRAMPED)
+    assert solution.residual == 0
+    values = np.abs(np.asarray(solution.table, np.float64))
+    steps = -HORIZON / CRAMPED.dt * np.log(values[values > 0])
+    assert len(np.unique(np.round(steps))) > 5
+    np.testing.assert_allclose(steps, np.round(steps), atol=0.2)
+    blurred = solve_problem(replace(problem, whole_cells=False), CRAMPED)
+    assert blurred.residual > 0
+    with pytest.raises(InvalidInput, match=r"whole_cells = True.*left out for all but game"):
+        replace(problem, kind="safety")
 
 
 @pytest.fixture

@@ -22,16 +22,25 @@ from tests.solve.small import BODY, SMALL, TINY
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hold", [1, 5], ids=["between speeds", "whole speeds"])
-def test_shifted_slices_are_the_values_where_the_robot_goes(hold):
-    motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (6, 7, 5, 8))
+@pytest.mark.parametrize(
+    ("hold", "whole_cells"), [(1, False), (5, False), (5, True)], ids=["between speeds", "whole speeds", "whole cells"]
+)
+def test_shifted_slices_are_the_values_where_the_robot_goes(hold, whole_cells):
+    motion, grid = motion_of(SMALL, Role.PURSUER, hold), make_grid(SMALL.arena, BODY, (5, 7, 5, 8))
     table = jnp.asarray(np.random.default_rng(0).normal(size=grid.shape), jnp.float32)
-    transitions = transition_map_of(motion, grid)
+    transitions = transition_map_of(motion, grid, whole_cells=whole_cells)
     assert transitions.source.shape[-1] == (4 if hold == 1 else 2)
 
     def straight_there(index, action):
         v, heading, x, y = jnp.unravel_index(index, grid.shape)
-        return grid.interpolate(table, last(motion.hold(grid.node(v, heading, x, y), action)))
+        before = grid.node(v, heading, x, y)
+        after = last(motion.hold(before, action))
+        if whole_cells:
+            dx, dy, _, _ = grid.spacing
+            x = before.x + dx * jnp.round((after.x - before.x) / dx)
+            y = before.y + dy * jnp.round((after.y - before.y) / dy)
+            after = replace(after, x=x, y=y)
+        return grid.interpolate(table, after)
 
     for action in range(9):
 

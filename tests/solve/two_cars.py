@@ -65,7 +65,7 @@ class Setting:
         return Game(car, car, arena, CAPTURE, dt, starts=Starts(clearance=0.0, separation=CAPTURE))
 
 
-def captured(setting, role):
+def captured(setting, role, whole_cells=False):
     """Where capture is certain by one side's table: by the pursuer's speed, psi, x and y, and the evader's speed.
 
     The evader is in the middle and looks along x. Sweeps go on until none adds what is worth as much as a capture at
@@ -74,7 +74,7 @@ def captured(setting, role):
     game, middle = setting.game, setting.places // 2
     counts = (setting.places, setting.places, 2, setting.headings)
     grid = make_grid(game.arena, game.pursuer, counts)
-    duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role))
+    duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role), whole_cells)
     found = solve_duel(duel, tolerance=0.5)
     assert found.sweeps >= setting.holds
     matrix = np.asarray(as_matrix(guarantee(duel, found.table)))
