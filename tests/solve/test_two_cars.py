@@ -1,6 +1,5 @@
 """The two-robot solver against the game of two cars: the same captures as in relative coordinates."""
 
-import math
 from functools import cache
 
 import numpy as np
@@ -9,13 +8,11 @@ from scipy.ndimage import distance_transform_edt
 
 from apollonius.game.types import Role
 from tests.oracle import hj_air3d
-from tests.solve.two_cars import CAPTURE, FINER, SPEEDS, Setting, captured, cells_apart, truth
+from tests.solve.two_cars import FINER, SPEEDS, Setting, captured, cells_apart, truth
 
 pytestmark = pytest.mark.slow
 
 SETTING = Setting(size=12.25, places=15, headings=12, holds=3)
-FITTING = Setting(size=7 * CAPTURE * math.tau / 12 / 2, places=15, headings=12, holds=3)
-"""The fast car moves by two cells in a hold and the slow one by one, where they go straight along x or y."""
 TRUTH = cache(truth)
 
 
@@ -30,14 +27,6 @@ def test_the_solver_captures_two_cars_where_they_can_be_captured_within_a_cell(f
     pursuer, evader = speeds
     too_large, too_small = cells_apart(SETTING, found[pursuer, ..., evader], TRUTH(SETTING, speeds))
     assert max(too_large, too_small) <= 1
-
-
-@pytest.mark.parametrize("role", Role)
-def test_so_do_cars_that_move_by_whole_cells_where_the_cells_fit_their_moves(role):
-    found = captured(FITTING, role, whole_cells=True)
-    for pursuer, evader in SPEEDS.values():
-        apart = cells_apart(FITTING, found[pursuer, ..., evader], TRUTH(FITTING, (pursuer, evader)))
-        assert max(apart) <= 1
 
 
 @pytest.mark.parametrize(("played", "other"), [("both fast", "faster pursuer"), ("both fast", "faster evader")])
