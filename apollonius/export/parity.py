@@ -156,8 +156,8 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     """Return whether a player values this action as its own, to `TOLERANCE`, and its shield allows it."""
     policy, (state, active, memory, bits) = player.package, _case(cases, place)
     sides = player.game.bodies.map(len)
-    given = jax.tree.map(jnp.asarray, (state, active))
-    view = look(player.game, state_of(*given, player.role, sides), player.role)
+    in_play = None if active is None else jnp.asarray(active)
+    view = look(player.game, state_of(jnp.asarray(state), in_play, player.role, sides), player.role)
     if isinstance(policy, Shielded):
         left = policy.backup.of(view).clearance_after(view.own.state, jnp.int32(action))
         if left <= MARGIN - BREADTH:
