@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.envs.gymnasium import OneSide
-from apollonius.envs.live import action_space, as_actions
+from apollonius.envs.live import as_actions
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -28,7 +28,8 @@ from apollonius.show.palette import EVADER, PURSUER
 def test_gymnasiums_checker_has_no_complaint(name, options):
     """Warnings are errors here. The module before the name needs no import."""
     env = gymnasium.make(f"apollonius.envs.gymnasium:apollonius/{name}-v0", opponent="random", **options)
-    assert env.action_space == action_space(options.get("actions", "discrete"))
+    shares = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    assert env.action_space == (shares if options.get("actions") else gymnasium.spaces.Discrete(9))
     check_env(env.unwrapped)
 
 
