@@ -7,8 +7,9 @@ Between two calls, a few times in a second, progress is reported. One compilatio
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import chain, pairwise, zip_longest
+from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
@@ -109,10 +110,11 @@ def play_out(
     shares = max(1, min(cores, total // width))
     ends = [total * share // shares for share in range(shares + 1)]
     plays = [_play_share(advance, rows, *pair, first, under_way, results) for pair in pairwise(ends)]
-    done = 0
-    for new in chain.from_iterable(zip_longest(*plays, fillvalue=0)):
-        done += new
-        report(done, total)
+    done = sum(next(play) for play in plays)  # which traces the function, once
+    with ThreadPoolExecutor(shares) as threads:  # a call of a compiled function keeps its thread busy
+        while turn := [new for new in threads.map(lambda play: next(play, None), plays) if new is not None]:
+            done += sum(turn)
+            report(done, total)
     return jax.device_put(results)
 
 
@@ -126,8 +128,6 @@ def _play_share(
     results: Results,
 ) -> Iterator[int]:
     """Play some of the starts, fill in their results, and yield how many games have ended since the last time.
-
-    It yields while the compiled function runs, so that other shares are played at the same time.
 
     Args:
         advance: `_advance` with its first arguments.
