@@ -23,7 +23,7 @@ LARGEST = 1e6
 _NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
 """Extras without which files with these endings cannot be written."""
 _FILES = (".safetensors", ".json")
-"""What the names of agents' files and of replays end in."""
+"""Suffixes of the files of agents and of replays."""
 VALUES = Counted(0, most=100, least=2)
 """Values of a number that is varied."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)

@@ -1,4 +1,4 @@
-"""What the interfaces share: spaces of observations and actions, and one game under way behind one compiled call."""
+"""Spaces of observations and actions, and one game under way behind one compiled call, for all interfaces."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -40,7 +40,7 @@ class Problem:
     target: list[float] | None = None
     """Where the target stands [m]; of `reach` only."""
     whole_cells: bool = False
-    """Whether moves are taken for whole cells along x and y; of `game` only."""
+    """Round moves along x and y to whole cells; of `game` only."""
 
     def __post_init__(self) -> None:
         require(self.kind in KINDS, "kind", self.kind, f"one of {', '.join(KINDS)}")

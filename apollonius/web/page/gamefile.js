@@ -31,9 +31,17 @@ export function writeGame(game, indent = 2) {
 export function asFragment(game) {
   if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
   const bytes = new TextEncoder().encode(writeGame(game, 0));
-  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
-  return MARK + letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  return MARK + asLetters(bytes);
 }
+
+/** Return bytes in base64url. */
+export function asLetters(bytes) {
+  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  return letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+/** Return the bytes of base64url. Throws where it is damaged. */
+export const fromLetters = (letters) => Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
 
 /** The game of a link's fragment, or null where it has none. Throws an Error in one line. */
 export function fromFragment(fragment) {
@@ -42,8 +50,7 @@ export function fromFragment(fragment) {
   if (letters.length > (4 / 3) * LONGEST) throw new Error("it is too long");
   let text;
   try {
-    const bytes = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
-    text = new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+    text = new TextDecoder("utf-8", { fatal: true }).decode(fromLetters(letters));
   } catch {
     throw new Error("it is damaged; copy the whole link");
   }

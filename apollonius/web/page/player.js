@@ -84,9 +84,10 @@ async function share() {
   const url = location.href.split(/[?#]/)[0] + (await asReplayLink(page.match));
   const shared = { title: "Apollonius", text, url, files: [picture] };
   if (matchMedia("(pointer: coarse)").matches && navigator.canShare?.(shared)) return navigator.share(shared);
+  history.replaceState(null, "", url);
   await navigator.clipboard?.writeText(url).catch(() => null);
   saveAs(picture.name, picture, picture.type);
-  element("message").textContent = "The picture is saved, and a link that plays this game again is copied.";
+  element("message").textContent = "The picture is saved. The link that plays this game again is copied, and in the address bar.";
 }
 
 /** The days since 1970, in the person's own time zone. */

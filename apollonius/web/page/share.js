@@ -1,7 +1,7 @@
 // What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
 
 import { HOLD, PURSUER, ROLES, isContinuous } from "./game.js";
-import { gameFrom } from "./gamefile.js";
+import { asLetters, fromLetters, gameFrom } from "./gamefile.js";
 import { Match, asRow } from "./match.js";
 import { YOU, inWords } from "./words.js";
 
@@ -19,9 +19,9 @@ export async function asReplayLink(match) {
   if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
   const said = JSON.stringify({ game, pursuer, evader, actions, outcome, start: asRow(match.start) });
   const bytes = new Uint8Array(await through(new CompressionStream("deflate-raw"), said));
-  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  const letters = asLetters(bytes);
   if (letters.length > LONGEST) throw new Error("this game is too long for a link: save the replay");
-  return MARK + letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  return MARK + letters;
 }
 
 /** Return the match that a link's fragment plays again, or null where it has none. Throws an Error in one line. */
@@ -29,8 +29,7 @@ export async function fromReplayLink(fragment) {
   if (!fragment.startsWith(MARK)) return null;
   try {
     if (fragment.length > LONGEST + MARK.length) throw new Error("too long");
-    const letters = fragment.slice(MARK.length).replaceAll("-", "+").replaceAll("_", "/");
-    const bytes = Uint8Array.from(atob(letters), (letter) => letter.charCodeAt(0));
+    const bytes = fromLetters(fragment.slice(MARK.length));
     return again(JSON.parse(new TextDecoder().decode(await through(new DecompressionStream("deflate-raw"), bytes))));
   } catch {
     throw new Error("The link's game cannot be played again; copy the whole link");
