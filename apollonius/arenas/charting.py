@@ -41,8 +41,14 @@ _Cells = Int[Array, "rows columns"]
 _Lengths = Int[Array, "rows columns starts"]
 
 
-def charted(game: Game) -> Game:
-    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them."""
+def charted(game: Game, are_read: bool = True) -> Game:
+    """Return a game with charts of all its arenas, by the paths of the largest robot; itself if it has them.
+
+    Args:
+        are_read: whether players read them; where neither they nor the reward do, the game comes back as it is.
+    """
+    if not (are_read or game.reward.along_paths):
+        return game
     if game.scenario is None:
         if game.arena.chart is not None:
             return game

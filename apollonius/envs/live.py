@@ -95,7 +95,7 @@ class LiveGame:
         reads, game = find_observation(observation), as_game(game)
         game.require_one_arena("an environment of a single game")
         players = {role: find_player(name, role, game).policy for role, name in (inside or {}).items()}
-        self.game = game = charted(game) if reads.charted or any(one.charted for one in players.values()) else game
+        self.game = game = charted(game, reads.charted or any(one.charted for one in players.values()))
         self.frames_per_second = max(1, round(1 / float(game.dt)))
         self.places = [(role, number) for role in Role for number in range(len(game.bodies[role]))]
         """Side and number of each robot, in the order of a game's robots."""

@@ -85,7 +85,7 @@ class ManyGames(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         reads, player = find_observation(observation), find_player(opponent, role.other, game).policy
-        game = charted(game) if reads.charted or player.charted else game
+        game = charted(game, reads.charted or player.charted)
         self._next_step = mode == AutoresetMode.NEXT_STEP
         first = jnp.zeros(2) if actions == "continuous" else jnp.zeros((), jnp.int32)
         # The game is a constant of what is compiled.

@@ -130,7 +130,7 @@ class Match:
     @cached_property
     def rules(self) -> Game:
         """The game as it is played: with charts, where players read them."""
-        return charted(self.game) if any(player.policy.charted for player in self.players) else self.game
+        return charted(self.game, any(player.policy.charted for player in self.players))
 
     @property
     def starts_played(self) -> str:

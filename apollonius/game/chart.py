@@ -1,12 +1,13 @@
 """The chart of an arena: its clearances, and the lengths of all shortest paths between the cells of a coarse grid.
 
-A chart is drawn once (`apollonius.arenas.charting`); the game itself never reads it, only players do.
+A chart is drawn once (`apollonius.arenas.charting`). Players read it, and the reward of progress along paths, but no
+rule does.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt16
+from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
@@ -99,6 +100,24 @@ class Chart(eqx.Module):
         (starts, start_weights), (ends, end_weights) = start, end
         lengths = self.lengths[self.member, starts[:, None], ends[None, :]].astype(jnp.float32)
         return jnp.sum(start_weights[:, None] * lengths * end_weights[None, :]) / 100
+
+    def is_seen(self, x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, distance: Scalar) -> Bool[Array, ""]:
+        """Return whether a point sees the one that is (dx, dy) and so a distance away [m]."""
+        far = jnp.maximum(distance, 1e-6)
+        return self.range(x, y, dx / far, dy / far) >= jnp.minimum(distance, FARTHEST)
+
+    def way(self, x: Scalar, y: Scalar, to_x: Scalar, to_y: Scalar) -> Scalar:
+        """Return the length [m] of the shortest way between two points: of the straight line where one sees the other.
+
+        It is infinite where the chart may have no path.
+        """
+        (starts, start_weights), (ends, end_weights) = self.cell_weights(x, y), self.cell_weights(to_x, to_y)
+        counts = (start_weights[:, None] > 0) & (end_weights[None, :] > 0)
+        missing = counts & (self.lengths[self.member, starts[:, None], ends[None, :]] == NO_PATH)
+        path = jnp.where(jnp.any(missing), jnp.inf, self.path_length((starts, start_weights), (ends, end_weights)))
+        dx, dy = to_x - x, to_y - y
+        straight = jnp.hypot(dx, dy)
+        return jnp.where(self.is_seen(x, y, dx, dy, straight), straight, path)
 
     def path_length_from(self, cell: Int[Array, ""], end: CellWeights) -> Scalar:
         """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""

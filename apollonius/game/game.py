@@ -12,13 +12,15 @@ from jaxtyping import Array, Bool, Int, PRNGKeyArray, UInt32
 from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
+from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
+from apollonius.game.leads import leads
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
 from apollonius.game.starts import Starts
-from apollonius.game.teams import Body, Teams, nearest
+from apollonius.game.teams import Body, Teams
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
 from apollonius.io.errors import require
 
@@ -171,13 +173,15 @@ class Game(eqx.Module):
         after = replace(state, robots=ROLES.map(moved), steps=state.steps + 1)
         outcome, status = judge(game, state, after)
         after = replace(after, status=status)
-        pay = _paid_apart if self.teams else _paid
+        pay, chart = _paid_apart if self.teams else _paid, game.arena.chart if self.reward.along_paths else None
+        bound = "left out in a game without charts: apollonius.arenas.charting.charted draws them"
+        require(chart is not None or not self.reward.along_paths, "reward.along_paths", True, bound)
         out_of_time = outcome == Outcome.NO_RESULT
         truncated = out_of_time & (not self.reward.time_limit_wins)
         return Timestep(
             state=after,
             outcome=outcome,
-            rewards=pay(self.reward, outcome, state, after),
+            rewards=pay(self.reward, outcome, state, after, chart),
             terminated=(outcome != Outcome.ONGOING) & ~truncated,
             truncated=truncated,
         )
@@ -194,22 +198,10 @@ def distance(state: GameState) -> Scalar:
     return jnp.hypot(state.evader.x - state.pursuer.x, state.evader.y - state.pursuer.y)
 
 
-def _leads(before: GameState, after: GameState) -> list[tuple[Scalar, Scalar]]:
-    """Return each evader's distances [m] from the nearest active pursuer, before and after a step."""
-
-    def lead(state: GameState, evader: RobotState) -> Scalar:
-        pursuers = state.robots.pursuer
-        pursuer = nearest(evader, pursuers, before.active.pursuer, pursuers)
-        return jnp.hypot(evader.x - pursuer.x, evader.y - pursuer.y)
-
-    return [
-        (lead(before, start), lead(after, end))
-        for start, end in zip(before.robots.evader, after.robots.evader, strict=True)
-    ]
-
-
-def _paid(reward: Reward, outcome: Int[Array, ""], before: GameState, after: GameState) -> BySide[tuple[Scalar, ...]]:
-    return reward(outcome, fates(outcome, before.status, after.status), _leads(before, after))
+def _paid(
+    reward: Reward, outcome: Int[Array, ""], before: GameState, after: GameState, chart: Chart | None
+) -> BySide[tuple[Scalar, ...]]:
+    return reward(outcome, fates(outcome, before.status, after.status), leads(before, after, chart))
 
 
 _paid_apart = fusion_barrier(_paid)

@@ -26,6 +26,9 @@ class Reward(eqx.Module):
             evader reaches a territory.
         failure: taken from a robot that hits an obstacle or leaves the walls (Eq. 8, 9).
         progress: weight c of the change in distance, per metre (Eq. 8, 9).
+        along_paths: pay progress along the shortest way between the robots (`Chart.way`) instead of the straight line:
+            before a wall standing still pays no more than driving round. The game needs charts
+            (`apollonius.arenas.charting`).
         zero_sum_within: distance [m] up to which progress is zero-sum: beyond it the evader, too, is paid for coming
             closer (the partial zero-sum reward of Zhong et al., "AD-VAT", ICLR 2019); None for everywhere, as in Eq. 9.
     """
@@ -34,6 +37,7 @@ class Reward(eqx.Module):
     capture: Real = 10.0
     failure: Real = 10.0
     progress: Real = 3.0
+    along_paths: bool = eqx.field(static=True, default=False)
     zero_sum_within: Real | None = None
 
     @property
@@ -62,7 +66,8 @@ class Reward(eqx.Module):
 
         Args:
             robots: the fate of each.
-            lead: distance of each evader's centre from the nearest pursuer's, before and after the step [m].
+            lead: distance of each evader's centre from the nearest pursuer's, or the way there, before and after the
+                step [m].
         """
         if self.profile == "zero-sum":
             win = pursuer_wins(outcome).astype(jnp.float32)

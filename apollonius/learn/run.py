@@ -80,8 +80,7 @@ class Run:
         self.folder = folder
         self.report = report
         self.should_stop = should_stop
-        reads = find_observation(config.learner.observation)
-        self.game = charted(config.game) if reads.charted else config.game
+        self.game = charted(config.game, find_observation(config.learner.observation).charted)
         self.checkpoint = folder / "checkpoint.safetensors"
         self.metrics = folder / "metrics.jsonl"
         self.evaders = find_pool(config.evaders, Role.EVADER, self.game)

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from apollonius.game.chart import FARTHEST, Chart
+from apollonius.game.chart import Chart
 from apollonius.game.types import Real, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
@@ -115,8 +115,7 @@ def _paths(
 ) -> Float[Array, "37"]:
     """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
-    far = jnp.maximum(distance, 1e-6)
-    is_seen = chart.range(own.x, own.y, away[0] / far, away[1] / far) >= jnp.minimum(distance, FARTHEST)
+    is_seen = chart.is_seen(own.x, own.y, *away, distance)
     there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
     from_cell = jax.vmap(chart.path_length_from, in_axes=(None, 0))
     cell = there[0][jnp.argmax(there[1])]

@@ -80,12 +80,13 @@ def trace(game: Game, players: BySide[Pool], starts: GameState, key: PRNGKeyArra
 @jax.jit
 def play_actions(game: Game, start: GameState, actions: AllActions) -> tuple[GameState, Int[Array, " steps"]]:
     """Return states before the first action and after each, leaves `[steps + 1]`, and the outcome of each step."""
+    unpaid = replace(game, reward=replace(game.reward, along_paths=False))  # needs no charts
 
     def one_step(
         state: GameState, action: Shaped[Array, "robots ..."]
     ) -> tuple[GameState, tuple[GameState, Int[Array, ""]]]:
         pursuers = len(state.robots.pursuer)
-        after = game.step(state, list(action[:pursuers]), list(action[pursuers:]))
+        after = unpaid.step(state, list(action[:pursuers]), list(action[pursuers:]))
         return after.state, (after.state, after.outcome)
 
     _, (states, outcomes) = jax.lax.scan(one_step, start, actions)
