@@ -2,11 +2,15 @@
 
 import gc
 import os
+from itertools import combinations
 from pathlib import Path
 
 import hypothesis
 import jax
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from apollonius.io.cache import VARIABLE, keep_compilations
 
@@ -51,6 +55,29 @@ def forget_compilations(held_memory):
         jax.clear_caches()
         gc.collect()
         held_memory["bytes"] = resident()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def figures_can_be_read():
+    """Of every figure that a test saves, the panels fill it, the data fill them, and no words lie on others."""
+    save = Figure.savefig
+
+    def checked(figure, *arguments, **options):
+        save(figure, *arguments, **options)
+        renderer, words = FigureCanvasAgg(figure).get_renderer(), []
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            data, shown = axes.dataLim, axes.viewLim
+            assert max(abs(data.width / shown.width), abs(data.height / shown.height)) > 0.9
+            numbers = {*axes.get_xticklabels(), *axes.get_yticklabels()}
+            words += [word for word in {*axes.findobj(Text)} - numbers if word.get_visible() and word.get_text()]
+        for one, other in combinations(words, 2):
+            assert not one.get_window_extent(renderer).overlaps(other.get_window_extent(renderer)), (one, other)
+        assert sum(axes.bbox.width * axes.bbox.height for axes in figure.axes) > 0.45 * figure.bbox.size.prod()
+
+    Figure.savefig = checked
+    yield
+    Figure.savefig = save
 
 
 RUNNING = ("test_attackers.py", "test_joint.py")

@@ -51,7 +51,7 @@ def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0, ncols=2)
     axes.set_xlabel("Elo [points], with 95 % intervals")
     axes.set_title("how strong everyone is")
 

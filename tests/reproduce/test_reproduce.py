@@ -1,6 +1,8 @@
 """The whole of `reproduce` on the smallest trainings: what it writes, that it goes on, and what it refuses."""
 
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import jax
@@ -9,11 +11,12 @@ import pytest
 from apollonius.game.dynamics import Unicycle
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
-from apollonius.learn.folder import create_run
+from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import Run
 from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
-from apollonius.reproduce.study import RUN_OF, run_configs
+from apollonius.reproduce.study import RUN_OF, SELF_PLAYED, run_configs
+from tests.documents import REPOSITORY
 from tests.learn.tiny import GAME
 from tests.learn.tiny import RUN as TINY
 
@@ -35,27 +38,29 @@ def tiny_budget():
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A study that a kill left after three chunks of one training, then gone on with."""
-    folder = tmp_path_factory.mktemp("study")
-    begun = folder / "seed-0" / "scratch"
-    config = run_configs(RUN, 0)["scratch"]
-    create_run(config, begun)
-    chunks = iter([False, False, True])
-    assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
-    told = []
-    assert reproduce(folder, "tiny", 1, resume=True, games=GAMES, report=told.append)
-    assert told[0].startswith("3 of 3 trainings to do")
-    return folder
+    """A study of finished trainings: the agents and the course of the run that the site reports on."""
+    folder, demo = tmp_path_factory.mktemp("study"), REPOSITORY / "docs/results/demo"
+    agents = {"P_scratch": "P_stage1", "P_random": "P_stage1", "E_scratch": "E_curriculum"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "demo", load_config(demo / "config.toml"))
+        for name, config in run_configs(PRESETS["demo"], 0).items():
+            create_run(config, run := folder / "seed-0" / name)
+            shutil.copy(demo / "metrics.jsonl", run)
+            for agent in (agent for agent in RUN_OF if RUN_OF[agent] == name):
+                for moment in (25, 75, 100) if agent in SELF_PLAYED else (100,):
+                    (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
+                    shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
+        told = []
+        assert reproduce(folder, "demo", 1, resume=True, games=GAMES, report=told.append)
+        assert told[0].startswith("0 of 3 trainings to do")
+        yield folder
 
 
-@pytest.mark.slow
 def test_every_agent_figure_and_claim_is_there(study):
-    kept = {path.stem for path in study.glob("seed-0/*/agents/*.safetensors")}
-    assert set(RUN_OF) <= kept
     assert sorted(path.name for path in study.glob("*.png")) == PICTURES
     assert all((study / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
     results = json.loads((study / "results.json").read_text())
-    assert (results["budget"], results["seeds"], results["games"]) == ("tiny", [0], GAMES)
+    assert (results["budget"], results["seeds"], results["games"]) == ("demo", [0], GAMES)
     assert len(results["findings"]) == len(SECTIONS)
     report = (study / "report.md").read_text()
     for claim in results["claims"]:
@@ -66,12 +71,46 @@ def test_every_agent_figure_and_claim_is_there(study):
         assert f"]({name})" in report
 
 
+def test_claims_and_words_are_those_of_the_matches(study):
+    results = json.loads((study / "results.json").read_text())
+    stage, _, fight, _, second, third, same = [found | found["data"] for found in results["findings"].values()]
+
+    def share(matches, outcomes="captured, evader_hit_obstacle, evader_out_of_range"):
+        return sum(matches[0]["outcomes"][outcome] for outcome in outcomes.split(", ")) / GAMES
+
+    captures = [share(second[name], "captured") for name in ("P_random", "P_curriculum")]
+    expected = [
+        share(stage["matches"]), share(fight["chasing"]), 1 - share(fight["fleeing"] ), share(second["P_curriculum"]),
+        share(second["P_random"]), captures[0] - captures[1], share(third["P_curriculum"]) - share(third["P_random"]),
+    ]  # fmt: skip
+    assert [claim["mean"] for claim in results["claims"]] == pytest.approx(expected)
+    assert "| captured | {:.1%} | {:.1%} | 67.2% | 12.4% |".format(*captures) in second["text"]
+    crash, win = same["ends"]
+    assert crash.startswith("P_random: pursuer hit obstacle after")
+    assert re.match("P_curriculum: (captured|evader hit|evader out)", win)
+
+
+@pytest.mark.slow
+def test_a_study_that_was_killed_goes_on(tmp_path):
+    """After three chunks of one training."""
+    begun = tmp_path / "seed-0" / "scratch"
+    config = run_configs(RUN, 0)["scratch"]
+    create_run(config, begun)
+    chunks = iter([False, False, True])
+    assert not Run(config, begun, should_stop=lambda: next(chunks)).execute()
+    told = []
+    assert reproduce(tmp_path, "tiny", 1, resume=True, games=GAMES, report=told.append)
+    assert told[0].startswith("3 of 3 trainings to do")
+    assert set(RUN_OF) <= {path.stem for path in tmp_path.glob("seed-0/*/agents/*.safetensors")}
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == PICTURES
+
+
 @pytest.mark.slow
 def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
     before = {name: (study / name).read_bytes() for name in ("results.json", "report.md")}
     (study / "report.md").unlink()
     told = []
-    assert reproduce(study, "tiny", 1, resume=True, games=GAMES, report=told.append)
+    assert reproduce(study, "demo", 1, resume=True, games=GAMES, report=told.append)
     assert told[0].startswith("0 of 3 trainings to do")
     assert {name: (study / name).read_bytes() for name in before} == before
 
@@ -92,13 +131,12 @@ def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_pat
     assert not (tmp_path / "study").exists()
 
 
-@pytest.mark.slow
 def test_a_study_is_overwritten_by_no_other(study):
     before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
     with pytest.raises(InvalidInput, match="resume it"):
-        reproduce(study, "tiny", 1, resume=False, games=GAMES)
+        reproduce(study, "demo", 1, resume=False, games=GAMES)
     with pytest.raises(InvalidInput, match="another training"):
-        reproduce(study, "quick", 1, resume=True, games=GAMES)
+        reproduce(study, "tiny", 1, resume=True, games=GAMES)
     assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == before
 
 

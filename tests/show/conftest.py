@@ -16,12 +16,17 @@ def colour_at(picture, x, y):
 
 @pytest.fixture
 def words_of(monkeypatch):
-    """A function that returns the texts of some frames."""
-    said, write = [], ImageDraw.ImageDraw.text
+    """A function that returns the texts of some frames, which lie inside them and not on each other."""
+    said, write, taken = [], ImageDraw.ImageDraw.text, []
 
-    def listen(self, point, text, *arguments, **options):
+    def listen(self, point, text, fill, font, anchor="la"):
         said.append(text)
-        write(self, point, text, *arguments, **options)
+        left, top, right, bottom = self.textbbox(point, text, font, anchor)
+        assert min(left, top, self.im.size[0] - right, self.im.size[1] - bottom) >= 0
+        for draw, *box in taken:
+            assert draw is not self or left >= box[2] or box[0] >= right or top >= box[3] or box[1] >= bottom
+        taken.append((self, left, top, right, bottom))
+        write(self, point, text, fill, font, anchor)
 
     monkeypatch.setattr(ImageDraw.ImageDraw, "text", listen)
     return lambda *given: (said.clear(), list(frames(*given)), [*said])[-1]

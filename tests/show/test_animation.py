@@ -5,14 +5,16 @@ from dataclasses import replace
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageColor
 
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome
 from apollonius.play.replay import Replay
 from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
-from apollonius.show.canvas import SIZE, Canvas, save_gallery
+from apollonius.show.canvas import SIZE, Canvas, save_gallery, save_side_by_side
+from apollonius.show.palette import PAPER
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 
 STEPS = 12
@@ -46,6 +48,45 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
         (pictures[-1], [evader for _, evader in trails], 0.3, 0.7),
     ):
         assert least <= np.mean([colour_at(picture, *point) != WHITE for point in points]) <= most
+
+
+@pytest.mark.parametrize("active", [(True, True), (False, True), (True, False)])
+def test_a_turned_game_is_a_turned_picture(active):
+    """But for pixels on edges, which are partly of one colour and partly of another."""
+    game = make_game("territory")
+    disc, ring, corners = game.arena.discs[0], game.arena.territory, ((1.0, 5.0), (3.0, 5.0), (1.0, 6.0))
+    moves = np.array([[2, 3, 1, 0.4, 8, 6, 1, 2], [3, 3.5, 1, 0.9, 7.5, 7, 1, 2.5]])
+    pictures = []
+    for turned in (False, True):
+        if turned:
+            disc, ring = (replace(one, x=8 - one.y, y=one.x) for one in (disc, ring))
+            corners = tuple((8 - y, x) for x, y in corners)
+            moves = moves[:, [1, 0, 2, 3, 5, 4, 6, 7]] * np.tile([-1, 1, 1, 1], 2) + np.tile([8, 0, 0, np.pi / 2], 2)
+        size = {"x_max": 8.0, "y_max": 10.0} if turned else {"x_max": 10.0, "y_max": 8.0}
+        arena = replace(game.arena, **size, discs=(disc,), territory=ring, polygons=(Polygon(corners),))
+        canvas = Canvas(replace(game, arena=arena, capture_distance=1.0))
+        for robots in moves:
+            canvas.move(robots.tolist(), active)
+        pictures.append(canvas.picture())
+    ours, theirs = np.asarray(pictures[0].transpose(Image.Transpose.ROTATE_90), int), np.asarray(pictures[1], int)
+    assert np.abs(ours - theirs).max() < 110
+
+
+def test_pictures_side_by_side_are_whole_and_so_are_their_captions(tmp_path):
+    """Captions of two lines lie on no picture; one that is too large is made smaller."""
+    sizes = {"red": (100, 60), "lime": (30, 50), "blue": (100, 100), "yellow": (200, 80)}
+    known, ink = np.array([ImageColor.getrgb(colour) for colour in (*sizes, PAPER)]), set()
+    for columns in (1, 2, 4):
+        pictures = {f"one\n{colour}": Image.new("RGB", size, colour) for colour, size in sizes.items()}
+        save_side_by_side(pictures, tmp_path / "all.png", columns, 100)
+        with Image.open(tmp_path / "all.png") as drawn:
+            content = np.asarray(drawn.convert("RGB"))
+        assert content.shape == (4 // columns * 162 + 16, columns * 116 + 16, 3)
+        for colour, (width, height) in zip(known, [*list(sizes.values())[:3], (100, 40)], strict=False):
+            places = np.argwhere((content == colour).all(axis=2))
+            assert [*np.ptp(places, axis=0) + 1, len(places)] == [height, width, height * width]
+        ink.add((content[:, :, None] != known).any(axis=3).all(axis=2).sum())
+    assert len(ink) == 1
 
 
 def test_a_frame_says_who_plays_the_time_the_distance_and_at_the_end_the_outcome(replay, words_of):
