@@ -78,6 +78,7 @@ def test_on_the_reference_grid_a_hold_moves_by_whole_speeds_and_almost_whole_hea
     assert (wide.counts[:2], hold) == ((101, 51), 50)
     grid, hold = reference_grid(make_game("paper"), Role.PURSUER)
     assert (grid.counts, hold) == ((51, 51, 9, 47), 5)
+    assert reference_grid(make_game("paper"), Role.PURSUER, coarse=True)[0].counts == (26, 26, 9, 16)
     transitions = transition_map_of(motion_of(make_game("paper"), Role.PURSUER, hold), grid)
     assert transitions.source.shape[-1] == 2
     assert np.all(np.max(np.asarray(transitions.weight), axis=-1) > 0.99)
