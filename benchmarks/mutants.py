@@ -32,7 +32,10 @@ from types import FrameType
 import jax
 import pytest
 
-LIBRARIES = ("beartype", "equinox", "optax", "safetensors", "scipy.optimize", "scipy.stats")
+LIBRARIES = (
+    "beartype", "equinox", "hypothesis", "matplotlib.backends.backend_agg", "matplotlib.figure", "optax", "safetensors",
+    "scipy.ndimage", "scipy.optimize", "scipy.sparse", "scipy.stats",
+)  # fmt: skip
 """Imported once, before the processes that run the tests are forked."""
 ROOT, PACKAGE = Path(__file__).parents[1], "apollonius"
 SWAPS: dict[type, type] = {

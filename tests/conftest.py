@@ -59,21 +59,22 @@ def forget_compilations(held_memory):
 
 @pytest.fixture(scope="session", autouse=True)
 def figures_can_be_read():
-    """Of every figure that a test saves, the panels fill it, the data fill them, and no words lie on others."""
+    """In every figure that a test saves, panels fill it, data fill the panels, and neither these nor words overlap."""
     save = Figure.savefig
 
     def checked(figure, *arguments, **options):
         save(figure, *arguments, **options)
-        renderer, words = FigureCanvasAgg(figure).get_renderer(), []
+        renderer, words = FigureCanvasAgg(figure).get_renderer(), set()
         figure.draw_without_rendering()
-        for axes in figure.axes:
+        panels = [*figure.axes, *(inset for axes in figure.axes for inset in axes.child_axes)]
+        for axes in panels:
             data, shown = axes.dataLim, axes.viewLim
             assert max(abs(data.width / shown.width), abs(data.height / shown.height)) > 0.9
             numbers = {*axes.get_xticklabels(), *axes.get_yticklabels()}
-            words += [word for word in {*axes.findobj(Text)} - numbers if word.get_visible() and word.get_text()]
-        for one, other in combinations(words, 2):
+            words |= {word for word in {*axes.findobj(Text)} - numbers if word.get_visible() and word.get_text()}
+        for one, other in [*combinations(words, 2), *combinations(panels, 2)]:
             assert not one.get_window_extent(renderer).overlaps(other.get_window_extent(renderer)), (one, other)
-        assert sum(axes.bbox.width * axes.bbox.height for axes in figure.axes) > 0.45 * figure.bbox.size.prod()
+        assert sum(axes.bbox.width * axes.bbox.height for axes in panels) > 0.45 * figure.bbox.size.prod()
 
     Figure.savefig = checked
     yield

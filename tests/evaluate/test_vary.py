@@ -74,6 +74,7 @@ def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
     pictures.draw_varied(one, tmp_path / "curve.png")
     heat, curve = (figure.axes[0] for figure in drawn)
     assert heat.collections[0].get_array().tolist() == (100 * found.win_rates.T).tolist()
+    assert heat.collections[0].get_clim() == (0, 100)
     assert curve.lines[0].get_ydata().tolist() == pytest.approx(100 * found.win_rates[:, 0])
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 

@@ -84,6 +84,11 @@ def test_claims_and_words_are_those_of_the_matches(study):
         share(second["P_random"]), captures[0] - captures[1], share(third["P_curriculum"]) - share(third["P_random"]),
     ]  # fmt: skip
     assert [claim["mean"] for claim in results["claims"]] == pytest.approx(expected)
+    papers = [0.96, 0.7, 0.7, 0.93, 0.91, 274 / 500, 0.272]
+    assert [claim["paper"] for claim in results["claims"]] == pytest.approx(papers)
+    lines = map(json.loads, (study / "seed-0/curriculum/metrics.jsonl").read_text().splitlines())
+    won = [line["evaluation"] for line in lines if "evaluation" in line and line["stage"] == "fixed-target"]
+    assert stage["success"][0][1] == [100 * one["outcomes"]["captured"] / 500 for one in won]
     assert "| captured | {:.1%} | {:.1%} | 67.2% | 12.4% |".format(*captures) in second["text"]
     crash, win = same["ends"]
     assert crash.startswith("P_random: pursuer hit obstacle after")

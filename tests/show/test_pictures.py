@@ -34,8 +34,8 @@ def test_obstacles_and_the_territory_are_drawn_where_they_are(axes):
     assert [patch.get_fill() for patch in axes.patches[-3:]] == [True, False, False]
     assert to_hex(ring.get_edgecolor()) == palette.EVADER
     assert axes.get_aspect() == 1.0
-    left, right = axes.get_xlim()
-    assert left < arena.x_min < arena.x_max < right
+    for (low, high), (least, most) in zip((axes.get_xlim(), axes.get_ylim()), ((0, 10), (0, 10)), strict=True):
+        assert low < least < most < high
 
 
 def test_seeds_have_a_mean_and_a_band_over_what_all_cover_and_a_lone_seed_none(axes):

@@ -49,6 +49,7 @@ def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(rep
     assert [colour_at(first, 9.75 - beside, 2), colour_at(first, 2 - beside, 5)] == [RED, RED]
     x, y = replay.states[-1, 8:10]
     assert colour_at(last, x, y) == BLUE
+    assert WHITE not in (colour_at(last, x + 0.07, y + 0.07), colour_at(last, x - 0.07, y - 0.07))
     assert colour_at(last, x, y + beside) == WHITE
     x, y = replay.states[-1, 4:6]
     assert colour_at(last, x, y + beside) == RED
