@@ -28,6 +28,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import jax
 import pytest
@@ -220,7 +221,7 @@ def noticed(tree: Path, tests: list[str], limit: int) -> str:
     return "" if status in (pytest.ExitCode.OK, -signal.SIGKILL) else name.read_text() or "a crash"
 
 
-def tests_of(tree: Path, file: str, function: str, callers: dict[str, dict]) -> list[str]:
+def tests_of(tree: Path, file: str, function: str, callers: dict[str, dict[str, Any]]) -> list[str]:
     """Return the files of tests that call a function, its file's own first, and those of its room or that import it."""
     module = f"{PACKAGE}.{file.removesuffix('.py').replace(os.sep, '.')}"
     room, own = (tree / "tests").joinpath(file.split(os.sep)[0]), f"test_{Path(file).name}"
