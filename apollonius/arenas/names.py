@@ -7,11 +7,11 @@ from apollonius.io.errors import nearest, unknown_name
 
 GALLERY = Path(__file__).parent / "gallery"
 """Folder of the game files that ship with the package."""
-SUITES = ("suite-v1",)
+SUITES = ("suite-v1", "suite-v2")
 """All suites. Each is a file beside this one and never changes: another list is another suite."""
 PARTS = ("train", "held-out")
 """Purposes of the arenas of a suite."""
-KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves")
+KINDS = ("discs", "blocks", "rooms", "maze", "racks", "caves", "labyrinth", "fences", "floors")
 """Kinds of random arenas."""
 
 

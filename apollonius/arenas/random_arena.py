@@ -8,8 +8,9 @@ import numpy as np
 
 from apollonius.arenas.names import KINDS
 from apollonius.arenas.random.caves import caves
+from apollonius.arenas.random.detours import fences, floors
 from apollonius.arenas.random.scattered import Layout, blocks, discs
-from apollonius.arenas.random.walled import maze, racks, rooms
+from apollonius.arenas.random.walled import labyrinth, maze, racks, rooms
 from apollonius.game.arena import MOST_POLYGONS, Arena
 from apollonius.game.game import Game
 from apollonius.game.occupancy import OccupancyMap
@@ -17,7 +18,7 @@ from apollonius.io.errors import require
 from apollonius.io.limits import SEED
 
 _DRAW: dict[str, Callable[[Layout, np.random.Generator], Arena]] = dict(
-    zip(KINDS, (discs, blocks, rooms, maze, racks, caves), strict=True)
+    zip(KINDS, (discs, blocks, rooms, maze, racks, caves, labyrinth, fences, floors), strict=True)
 )
 _LARGEST = 100.0
 """Longest side of a random arena [m]."""

@@ -3,8 +3,10 @@
 Agents for unknown maps learn in its part `train` and are judged in `held-out`, which has kinds of arenas that training
 never saw. Robots of radius up to 0.3 m can go everywhere.
 
-Longer sides were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds or more, gaps uniformly
-from a fourteenth of the longer side, 0.8 m at least, to a seventh.
+Longer sides of `suite-v1` were drawn log-uniformly from 6 to 30 m, the shorter ones as two thirds or more, gaps
+uniformly from a fourteenth of the longer side, 0.8 m at least, to a seventh. `suite-v2` has long ways round and
+narrower passages: longer sides from 6.5 to 22 m, gaps uniformly from 0.65 m and 0.032 longer sides, 0.8 m at least,
+what a chart resolves for robots of radius 0.3 m, to an eighth of the longer side, 0.2 m more at least.
 """
 
 import functools
@@ -149,7 +151,8 @@ def find_scenario(name: Any) -> Scenario:
         InvalidInput: for an unknown name, and as `suite_arena`.
     """
     arenas = _arenas(name)
-    return Scenario(stack_arenas(arenas), len(arenas), draw_robot_kinds() if name.endswith("/train") else None, name)
+    kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
+    return Scenario(stack_arenas(arenas), len(arenas), kinds, name)
 
 
 def each_alone(game: Game) -> list[Game]:
@@ -177,12 +180,13 @@ def arena_names(name: Any) -> list[str]:
     return [f"{suite}/{arena}" for arena in names]
 
 
-def draw_robot_kinds() -> RobotKinds:
+def draw_robot_kinds(suite: str = SUITES[0]) -> RobotKinds:
     """Draw the robots of training: the paper's two robots, and log-uniform pairs of others.
 
     Speeds are from 0.6 to 2 m/s, the evader's within a factor of 1.4 of the pursuer's, accelerations from 0.15 to
-    1.2 m/s^2 and turn rates from 0.4 to 2 rad/s. Every other pair has bodies, with a radius of 0.05 to 0.25 m. The
-    evader is caught within 0.2 to 0.4 m between bodies.
+    1.2 m/s^2 and turn rates from 0.4 to 2 rad/s. In `suite-v1` every other pair has bodies, with a radius of 0.05 to
+    0.25 m; in later ones all have, up to 0.3 m, and every other pair of the paper's robots too. The evader is caught
+    within 0.2 to 0.4 m between bodies.
     """
     rng = np.random.default_rng(0)
 
@@ -195,7 +199,11 @@ def draw_robot_kinds() -> RobotKinds:
 
     def body(v: np.ndarray) -> Unicycle:
         u1, u2 = drawn(0.15, 1.2, 0.3), drawn(0.4, 2.0, 0.8)
-        radius = drawn(0.05, 0.25, 0.0) * (np.arange(len(v)) % 2)
+        every_other = np.arange(len(v)) % 2
+        radius = drawn(0.05, 0.25, 0.0) * every_other
+        if suite != SUITES[0]:
+            others = np.arange(len(v)) >= PAPERS_OWN
+            radius = rng.uniform(0, 0.3, len(v)).astype(np.float32) * (every_other | others)
         return Unicycle(jnp.zeros(len(v)), *(jnp.asarray(leaf, jnp.float32) for leaf in (v, u1, u2, radius)))
 
     pursuer, evader = body(pursuer_v), body(evader_v)

@@ -17,6 +17,7 @@ from apollonius.cli.main import main
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
+from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput
 
 
@@ -26,7 +27,7 @@ def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     width, height = ((10.0, 10.0), (14.0, 8.0), (9.0, 16.0), (6.0, 6.0))[seed]
     body = Unicycle(radius=0.47)
     arena = random_arena(kind, seed, gap=1.0, width=width, height=height)
-    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=1.0)
+    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=1.0, starts=Starts(clearance=0.1))
     game.check()
     assert len(arena.obstacles) >= 1
     found = survey(game)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from apollonius.arenas import suite
+from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.arenas.suite import (
@@ -53,9 +54,40 @@ def test_training_and_judging_have_no_kind_of_arenas_in_common():
     assert set(GALLERY) <= set(game_names())
 
 
+def test_neither_have_they_in_the_suite_of_detours():
+    kinds = {part: Counter(entry.kind for entry in suite_entries("suite-v2", part)) for part in PARTS}
+    train = {"discs": 8, "blocks": 16, "rooms": 24, "maze": 32, "labyrinth": 80}
+    assert kinds == {"train": train, "held-out": {"racks": 8, "caves": 8, "fences": 48, "floors": 32, "gallery": 5}}
+
+
 @pytest.mark.parametrize("name", SOME)
 def test_each_comes_out_as_it_was_published(name):
     assert digest(suite_arena(NAME, name)) == ENTRIES[name].sha256
+
+
+@pytest.mark.parametrize("name", ["labyrinth-03", "fences-07", "floors-11"])
+def test_so_do_those_of_the_suite_of_detours_and_robots_of_radius_30_cm_go_everywhere(name):
+    body = Unicycle(radius=0.3)
+    arena = suite_arena("suite-v2", name)
+    game = Game(pursuer=body, evader=body, arena=arena, capture_distance=0.9, starts=Starts(clearance=0.02))
+    assert survey(game).wrong == ()
+
+
+@pytest.mark.slow
+def test_a_tenth_of_its_ways_is_above_two_and_a_half_lines():
+    """By the chart, in a few arenas of those kinds of the held-out part that have long ways."""
+    game = charted(find_game("suite-v2/fences-03,fences-20,fences-40,floors-07,floors-21,floors-30"))
+    starts = sample_starts(game, jax.random.key(0), 600)
+
+    def detour(state):
+        here, there = state.pursuer, state.evader
+        way = game.at(state).arena.chart.way(here.x, here.y, there.x, there.y)
+        return way / jnp.hypot(here.x - there.x, here.y - there.y)
+
+    detours = np.asarray(jax.jit(jax.vmap(detour))(starts))
+    assert np.isfinite(detours).all()
+    assert np.mean(detours > 2.5) >= 0.1
+    assert np.mean(detours > 1.5) >= 0.25
 
 
 @pytest.mark.slow
@@ -145,6 +177,12 @@ def test_robots_of_many_makes_are_around_the_papers():
         assert (numbers.min(axis=0) >= [0.6 - 1e-5, 0.15 - 1e-5, 0.4 - 1e-5, 0]).all()
         assert (numbers.max(axis=0) <= [2 + 1e-5, 1.2 + 1e-5, 2 + 1e-5, 0.25 + 1e-5]).all()
         assert (numbers.max(axis=0) > [1.6, 0.9, 1.5, 0.15]).all()
+    stout = draw_robot_kinds("suite-v2")
+    for role in Role:
+        radii = np.array([body.radius for body in stout.every(role)])
+        assert radii.max() > 0.27
+        assert (radii <= 0.3).all()
+        assert np.mean(radii > 0) == 1 - PAPERS_OWN / 2 / len(stout)
     gaps = np.asarray(found.capture_distance - found.pursuer.radius - found.evader.radius)
     assert gaps.min() >= 0.2 - 1e-5
     assert gaps.max() <= 0.4 + 1e-5

@@ -11,10 +11,20 @@ _WIDER = 1.25
 """Width of a corridor, in gaps."""
 _OPENED = 0.35
 """Share of the tree's walls that are taken out: in a maze without loops nobody escapes."""
+_FEW_OPENED = 0.04
+"""That share in a labyrinth."""
 
 
-def maze(layout: Layout, rng: np.random.Generator) -> Arena:
+def labyrinth(layout: Layout, rng: np.random.Generator) -> Arena:
+    """Build a maze of long ways and dead ends, with few loops; errors as those of `maze`."""
+    return maze(layout, rng, _FEW_OPENED)
+
+
+def maze(layout: Layout, rng: np.random.Generator, opened: float = _OPENED) -> Arena:
     """Build a maze of as many cells as fit, each joined to the others by corridors.
+
+    Args:
+        opened: share of the tree's walls that are taken out.
 
     Raises:
         InvalidInput: where fewer than two by two fit.
@@ -26,8 +36,8 @@ def maze(layout: Layout, rng: np.random.Generator) -> Arena:
     # A wall stands between a cell and its right neighbour, and between it and its upper one.
     right, up = np.ones((columns - 1, rows), bool), np.ones((columns, rows - 1), bool)
     _carve(right, up, rng)
-    right &= rng.uniform(size=right.shape) >= _OPENED
-    up &= rng.uniform(size=up.shape) >= _OPENED
+    right &= rng.uniform(size=right.shape) >= opened
+    up &= rng.uniform(size=up.shape) >= opened
     wide, high = layout.width / columns, layout.height / rows
     walls: list[Polygon] = []
     for column in range(columns - 1):
@@ -110,8 +120,7 @@ def racks(layout: Layout, rng: np.random.Generator) -> Arena:
             if rng.uniform() >= _MISSING:
                 found.append((at, bottom, end, bottom + depth))
             at = end + layout.gap * rng.uniform(*_AISLE)
-    turned = [(one[1], one[0], one[3], one[2]) if along_y else one for one in found]
-    return layout.arena([rectangle(*one) for one in turned])
+    return layout.arena([rectangle(*(turned(one) if along_y else one)) for one in found])
 
 
 _LEAST = 2.4
@@ -164,8 +173,8 @@ def _part(
     left, bottom, right, top = room
     across = right - left >= top - bottom  # the wall runs along y
     if not across:
-        turned = _part((bottom, left, top, right), [_turn(door) for door in doors], gap, rng)
-        return turned and tuple([_turn(one) for one in part] for part in turned)  # pyright: ignore[reportReturnType]
+        other_way = _part((bottom, left, top, right), [turned(door) for door in doors], gap, rng)
+        return other_way and tuple([turned(one) for one in part] for part in other_way)  # pyright: ignore[reportReturnType]
     least = _LEAST * gap
     if right - left < 2 * least + WALL or top - bottom < least:
         return None
@@ -192,7 +201,7 @@ def _part(
     return pieces, openings, [(left, bottom, x, top), (x + WALL, bottom, right, top)]
 
 
-def _turn(room: Room) -> Room:
+def turned(room: Room) -> Room:
     """Return a room with x and y exchanged."""
     left, bottom, right, top = room
     return bottom, left, top, right
