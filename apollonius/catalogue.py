@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 
 from apollonius.agents.built_in import BuiltIn
-from apollonius.agents.classical import Uniform
+from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.greedy import Greedy, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
 from apollonius.agents.names import SHIELDED
-from apollonius.agents.network import QNetwork
+from apollonius.agents.network import QNetwork, valuing
+from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
 from apollonius.agents.shield import shielded
 from apollonius.agents.trained import Trained, exploring
@@ -70,7 +71,7 @@ def player_names(role: Role, game: Game) -> list[str]:
 def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
     """Return the pool of the players of these names; each game meets one.
 
-    Several must be trained agents with networks of one shape, or `random`.
+    Several must be trained agents with networks of one shape, or `random` or `still` beside discrete ones.
 
     Raises:
         InvalidInput: as `find_player`, for no name, and for players that do not go together.
@@ -81,19 +82,22 @@ def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Poo
     if len(policies) == 1:
         return solo(policies[0])
     networks = [policy.network for policy in policies if isinstance(policy, Greedy | SquashedMean)]
-    bound = "one player, or trained agents with networks of one shape, and random beside discrete ones"
-    together = all(isinstance(policy, Greedy | SquashedMean | Uniform) for policy in policies)
+    bound = "one player, or trained agents with networks of one shape, and random and still beside discrete ones"
+    together = all(isinstance(policy, Greedy | SquashedMean | Uniform | Still) for policy in policies)
     alike = len({tuple(leaf.shape for leaf in jax.tree.leaves(network)) for network in networks}) == 1
     require(together and alike, side, listed, bound)
-    if not any(isinstance(policy, Uniform) for policy in policies):
+    if not any(isinstance(policy, Uniform | Still) for policy in policies):
         return stack([exploring(network, jnp.asarray(0.0)) for network in networks])
-    require(isinstance(networks[0], QNetwork), side, listed, bound)
-    # One structure for all: whoever explores always is random, whatever its network.
-    return stack(
-        [
-            exploring(policy.network, jnp.asarray(0.0))
-            if isinstance(policy, Greedy)
-            else exploring(networks[0], jnp.asarray(1.0))
-            for policy in policies
-        ]
-    )
+    network = networks[0]
+    require(isinstance(network, QNetwork), side, listed, bound)
+    assert isinstance(network, QNetwork)
+
+    def of_one_structure(policy: AbstractPolicy) -> AbstractPolicy:
+        """Return the player as one with a network: who explores always is random, and who values one action still."""
+        if isinstance(policy, Still):
+            return exploring(valuing(network, BRAKE_STRAIGHT), jnp.asarray(0.0))
+        if isinstance(policy, Greedy):
+            return exploring(policy.network, jnp.asarray(0.0))
+        return exploring(network, jnp.asarray(1.0))
+
+    return stack([of_one_structure(policy) for policy in policies])

@@ -95,18 +95,18 @@ def test_which_side_an_agent_of_the_zoo_plays_its_file_says(monkeypatch, pursuer
     assert "Eager" not in player_names(Role.EVADER, make_game("paper"))
 
 
-def test_a_pool_has_trained_agents_and_random_side_by_side(pursuer, tmp_path):
+def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_path):
     other = describe(make_network("encoded", 4, 2, jax.random.key(1)), Role.PURSUER, {}, {})
     files = []
     for index, agent in enumerate((pursuer, other)):
         files.append(str(tmp_path / f"{index}.safetensors"))
         save_agent(agent, tmp_path / f"{index}.safetensors")
-    pool = find_pool([files[0], "random", files[1]], Role.PURSUER)
-    assert pool.size == 3
+    pool = find_pool([files[0], "random", files[1], "still"], Role.PURSUER)
+    assert pool.size == 4
     observation = jnp.tile(jnp.linspace(-1, 1, 17), (2000, 1))
     words = jax.random.bits(jax.random.key(2), (2000,))
-    actions = [np.asarray(act_in_rows(pool, jnp.full(2000, member), observation, words)) for member in range(3)]
-    for member, name in ((0, files[0]), (2, files[1])):
+    actions = [np.asarray(act_in_rows(pool, jnp.full(2000, member), observation, words)) for member in range(4)]
+    for member, name in ((0, files[0]), (2, files[1]), (3, "still")):
         alone = act(find_player(name, Role.PURSUER).policy, observation[0], words[0])
         assert (actions[member] == int(alone)).all()
     assert np.bincount(actions[1], minlength=9).min() > 150

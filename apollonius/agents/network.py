@@ -72,6 +72,12 @@ _LOG_DEVIATION = (-5.0, 1.0)
 """Bounds of the logarithm of a standard deviation: wider ones make `tanh` saturate, narrower ones never explore."""
 
 
+def valuing(network: QNetwork, action: int) -> QNetwork:
+    """Return a network of the same shape by which one action is worth 1, and all others nothing."""
+    blank = jax.tree.map(jnp.zeros_like, network)
+    return eqx.tree_at(lambda made: made.layers[-1].bias, blank, jax.nn.one_hot(action, NUM_ACTIONS))
+
+
 def apply(layers: Layers, inputs: Float[Array, " in"]) -> Float[Array, " out"]:
     """Return the outputs of the layers for one input."""
     hidden = inputs
