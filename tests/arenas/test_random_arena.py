@@ -1,9 +1,7 @@
 """Random arenas: one seed, one arena; every gap is kept, and every robot that fits reaches every place."""
 
 import json
-from hashlib import sha256
 
-import jax
 import numpy as np
 import pytest
 
@@ -33,26 +31,6 @@ def test_a_robot_just_thinner_than_the_gap_reaches_everything(kind, seed):
     found = survey(game)
     assert [parts.max() for parts in found.parts] == [1, 1]
     assert found.wrong == ()
-
-
-PROMISED = {
-    "discs": "40227cdf73d167e1",
-    "blocks": "908f03aa27c20784",
-    "rooms": "4555ff7116e590f7",
-    "maze": "f47539578c453ddb",
-    "racks": "c02340809b0e87c8",
-    "caves": "8e2cec4e9e18897c",
-}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_seed_draws_the_same_arena_in_every_version(kind):
-    drawn = []
-    for seed in range(2 if kind == "caves" else 12):
-        arena = random_arena(kind, seed, gap=0.7, width=3.4 + 1.2 * seed, height=16.0 - seed)
-        shapes = jax.tree.leaves([*arena.discs, *(polygon.vertices for polygon in arena.polygons)])
-        drawn.append((np.round(shapes, 5).tolist(), arena.map and arena.map.digest))
-    assert sha256(repr(drawn).encode()).hexdigest()[:16] == PROMISED[kind]
 
 
 @pytest.mark.parametrize(

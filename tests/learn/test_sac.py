@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from scipy.stats import norm
 
@@ -125,6 +126,22 @@ def test_averages_follow_and_the_actor_waits_for_its_critics():
     assert same(waiting.network, learner.network)
     assert waiting.log_temperature == learner.log_temperature
     assert same(waiting.critics, after.critics)
+
+
+def test_actor_and_temperature_take_steps_of_adam():
+    """The second one differs from its sign."""
+    batch, adam, now = random_batch(2), optax.scale_by_adam(), sac.init(CONFIG, jax.random.key(1))
+    state = adam.init((now.network, now.log_temperature))
+    for seed in range(2):
+        after, _ = update(now, batch, jax.random.key(seed), RATE, config=CONFIG)
+        noise, _ = jax.random.normal(jax.random.key(seed), (2, 32, 2))
+        given = now.network, now.critics, jnp.exp(now.log_temperature), batch, noise
+        (_, density), gradient = eqx.filter_value_and_grad(sac.actor_loss, has_aux=True)(*given)
+        direction, state = adam.update((gradient, -(density + CONFIG.target_entropy)), state)
+        expected = eqx.apply_updates((now.network, now.log_temperature), jax.tree.map(lambda d: -RATE * d, direction))
+        for one, other in zip(*map(jax.tree.leaves, ((after.network, after.log_temperature), expected)), strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-6)
+        now = after
 
 
 @pytest.mark.parametrize(("log_density", "rises"), [(3.0, True), (1.0, False)], ids=["too sure", "too random"])
