@@ -1,9 +1,7 @@
 """Agents as files: the same bits come back, and no other file passes for one."""
 
-import errno
 import json
 import os
-from dataclasses import replace
 
 import jax
 import numpy as np
@@ -112,21 +110,6 @@ def told(**changes):
 def test_what_is_no_agent_of_this_program_is_refused(path, spoil, said):
     spoil(path)
     assert said in refusal(path)
-
-
-def fail_with_a_full_disk(*arguments):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-@pytest.mark.parametrize("call", ["fsync", "replace"])
-def test_a_failed_write_leaves_the_old_agent(agent, path, monkeypatch, call):
-    before = path.read_bytes()
-    monkeypatch.setattr(os, call, fail_with_a_full_disk)
-    other = replace(agent, header=replace(agent.header, role="pursuer"))
-    with pytest.raises(OSError, match="No space left"):
-        save_agent(other, path)
-    assert path.read_bytes() == before
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
 def test_a_write_is_on_disk_before_it_takes_the_old_ones_place(tmp_path, monkeypatch):

@@ -35,7 +35,6 @@ def in_sides(values):
     return BySide(tuple(values[:PURSUERS]), tuple(values[PURSUERS:]))
 
 
-to_states = jax.jit(jax.vmap(to_state))
 to_states_each = jax.jit(jax.vmap(jax.vmap(to_state)))
 step_each = jax.jit(jax.vmap(jax.vmap(Game.step, in_axes=(None, 0, 0, 0))))
 

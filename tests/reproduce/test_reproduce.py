@@ -110,16 +110,6 @@ def test_a_study_that_was_killed_goes_on(tmp_path):
     assert sorted(path.name for path in tmp_path.glob("*.png")) == PICTURES
 
 
-@pytest.mark.slow
-def test_a_finished_study_trains_nothing_and_writes_the_same_again(study):
-    before = {name: (study / name).read_bytes() for name in ("results.json", "report.md")}
-    (study / "report.md").unlink()
-    told = []
-    assert reproduce(study, "demo", 1, resume=True, games=GAMES, report=told.append)
-    assert told[0].startswith("0 of 3 trainings to do")
-    assert {name: (study / name).read_bytes() for name in before} == before
-
-
 @pytest.mark.parametrize(
     ("changes", "naming"),
     [
