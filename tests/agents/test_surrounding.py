@@ -97,6 +97,12 @@ def test_bearings_are_even_in_their_order_and_turn_as_little_as_can_be():
         assert turned[36] == pytest.approx(max(turned), abs=1e-5)
 
 
+def test_in_the_open_the_lengths_of_paths_are_distances_to_points_all_over():
+    seen = view([(2, 3), (9, 9), (8, 1)], (6, 4))
+    x, y = np.meshgrid(*[(np.arange(0, 40, 2) + 0.5) / 4] * 2)
+    np.testing.assert_allclose(to_all(seen, seen.own), np.hypot(x - 2, y - 3).ravel(), atol=1e-5)
+
+
 def test_encirclement_closes_in_at_its_own_bearing():
     """Two that come from one side take opposite ones."""
     player = Encirclement.for_side(OPEN, Role.PURSUER)

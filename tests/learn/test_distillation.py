@@ -63,7 +63,9 @@ def test_what_is_asked_is_those_visited_and_others_around_close_and_anywhere(vis
         assert np.all((robot.x > -1) & (robot.x < 2) & (robot.y > 0) & (robot.y < 4))
         assert np.all((robot.v >= 0) & (robot.v <= 0.6) & (np.abs(robot.heading) <= np.pi + 1e-6))
     assert np.ptp(asked.pursuer.v[anywhere]) > 0.4, "they move"
-    apart = np.hypot(asked.pursuer.x - asked.evader.x, asked.pursuer.y - asked.evader.y)
+    beside = np.array([asked.pursuer.x - asked.evader.x, asked.pursuer.y - asked.evader.y])
+    assert np.all(np.abs(np.sign(beside[:, close]).mean(axis=1)) < 0.5), "on all sides"
+    apart = np.hypot(*beside)
     assert np.median(apart[close]) < np.median(apart[anywhere])
     fresh = jax.jit(fresh_starts, static_argnames="games")(GAME, games=50, key=jax.random.key(2))
     rest = np.asarray(fresh.evader.v) == 0
