@@ -61,11 +61,6 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
         find_player("demo/P_stage2", Role.PURSUER)
 
 
-def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(InvalidInput, match=r"'nobody': choose one of random, still, .*flee.* a \.safetensors file"):
-        find_player("nobody", Role.PURSUER)
-
-
 class Echo(AbstractKind):
     """A kind of one's own: players that are called after what they do."""
 

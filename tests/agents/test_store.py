@@ -72,14 +72,6 @@ def test_an_agent_comes_back_to_the_last_bit(make, observation, about, tmp_path)
         np.testing.assert_array_equal(ours, theirs)
 
 
-def test_one_agent_is_one_file_to_the_last_byte(agent, path, tmp_path):
-    """However often it is saved."""
-    for attempt in range(3):
-        again = tmp_path / f"{attempt}.safetensors"
-        save_agent(agent, again)
-        assert again.read_bytes() == path.read_bytes()
-
-
 def cut(kept):
     return lambda path: path.write_bytes(path.read_bytes()[:kept])
 

@@ -11,7 +11,7 @@ import pytest
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
-from apollonius.game.presets import PRESETS, make_game, paper
+from apollonius.game.presets import make_game, paper
 from apollonius.game.reward import Reward
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState
 from tests.oracle import numpy_game
@@ -153,9 +153,3 @@ def test_the_robots_of_the_robot_game_have_bodies_that_do_not_meet_before_the_ca
     assert game.pursuer == game.evader == Unicycle(radius=0.2)
     assert game.capture_distance > game.pursuer.radius + game.evader.radius
     assert replace(game, pursuer=Unicycle(), evader=Unicycle(), capture_distance=0.3) == make_game("paper")
-
-
-def test_an_unknown_name_lists_the_known_ones():
-    with pytest.raises(ValueError, match="'chess'") as refusal:
-        make_game("chess")
-    assert all(name in str(refusal.value) for name in PRESETS)
