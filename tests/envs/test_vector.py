@@ -119,6 +119,12 @@ def test_one_seed_gives_the_same_games_and_another_others(env, course):
     assert (env.reset(seed=4)[0] != course[0][0]).any()
 
 
+def test_a_game_has_a_chart_where_an_observation_reads_one():
+    egocentric = ManyGames(Role.PURSUER, 2, **OPTIONS | {"observation": "egocentric"})
+    seen, _ = egocentric.reset(seed=0)
+    assert seen.shape == (2, find_observation("egocentric").size)
+
+
 def test_bad_input_is_refused(env):
     with pytest.raises(gymnasium.error.ResetNeeded):
         ManyGames(Role.PURSUER, 2).step(np.zeros(2, int))

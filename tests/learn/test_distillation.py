@@ -85,19 +85,23 @@ def test_a_teacher_says_the_values_of_its_player_and_cuts_off_how_bad_is_bad(vis
     np.testing.assert_allclose(values, np.tile(expected, (400, 1)), atol=1e-6)
 
 
+LEFT = np.linspace(0.005, 0.025, NUM_ACTIONS)
+
+
 class Cramped(Clearance):
-    """Leaves the same room after each action, wherever the robot is."""
+    """Leaves the same room, wherever the robot is."""
 
     def after(self, robot):
-        return jnp.full(NUM_ACTIONS, 0.025)
+        return jnp.float32(LEFT)
 
 
 def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited):
-    """A quarter of the wanted room is left, whatever is done, so that a quarter of each difference remains."""
+    """A quarter of the wanted room is left at best, so that a quarter of each difference remains."""
     grid, _ = reference_grid(GAME, Role.EVADER)
     room = Cramped(motion_of(GAME, Role.EVADER, 2), grid, jnp.zeros(grid.shape), 0.1)
     behind = -jnp.arange(9.0) / 10
-    np.testing.assert_allclose(room.weighed(behind, visited.evader), behind / 4, atol=1e-6)
+    cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
+    np.testing.assert_allclose(room.weighed(behind, visited.evader), behind / 4 - cost, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -88,6 +88,7 @@ def test_walls_stand_around_the_arena_and_obstacles_where_they_are():
     found = geoms(Game(arena=HALL))
     obstacles = [geom for name, geom in found.items() if name.startswith("obstacle")]
     assert [geom["type"] for geom in obstacles] == ["box"] * 4 + ["cylinder"] + ["box"] * 3
+    assert {numbers(geom["pos"])[2] - numbers(geom["size"])[-1] for geom in obstacles} == {0}, "they stand on the floor"
     bottom, right = obstacles[:2]
     assert numbers(bottom["pos"])[:2] == [3.0, -0.05]
     assert numbers(bottom["size"])[:2] == pytest.approx([3.05, 0.05])
