@@ -70,6 +70,8 @@ def match_table(match: "Match", result: "MatchResult") -> str:
     if arenas := result.arenas:
         lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
+    for name, (rate, interval, games) in result.detour_rates.items():
+        lines.append(f"  it wins {rate:.2%} {within(interval)} of {games:,} where the shortest way is {name} lines")
     return "\n".join(lines)
 
 

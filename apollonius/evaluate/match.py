@@ -7,18 +7,18 @@ from functools import cached_property
 
 import jax
 import numpy as np
-from jaxtyping import Array, PRNGKeyArray, UInt32
+from jaxtyping import Array, Float, PRNGKeyArray, UInt32
 
 from apollonius.agents.kind import Named
 from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.evaluate.result import MatchResult, count_by_arena, count_robots
+from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots
 from apollonius.game.by_side import BySide
-from apollonius.game.game import Game, sample_starts
+from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
-from apollonius.game.types import ROLES, GameState, Outcome
+from apollonius.game.types import ROLES, GameState, Outcome, Scalar
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAMES, SEED
 from apollonius.play.playout import Report, Results, play_out
@@ -224,5 +224,24 @@ def count(match: Match, results: Results) -> MatchResult:
         doomed_start_rate=match.starts.doomed_rate(match.game),
         time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
+        detours=None if (found := _detours(match)) is None else count_by_detour(found, results),
         robots=count_robots(results.status) if results.status else None,
     )
+
+
+def _detours(match: Match) -> Float[np.ndarray, " games"] | None:
+    """Return the shortest way at each start over the straight line; None but in games of two in arenas with charts."""
+    game = match.rules
+    if game.teams or game.scenario is None or game.scenario.arenas.chart is None:
+        return None
+    return np.asarray(_ways_over_lines(game, begin(match)[0]))
+
+
+@jax.jit
+def _ways_over_lines(game: Game, starts: GameState) -> Float[Array, " games"]:
+    def over_line(start: GameState) -> Scalar:
+        chart, here, there = game.at(start).arena.chart, start.pursuer, start.evader
+        assert chart is not None, "the game is charted"
+        return chart.way(here.x, here.y, there.x, there.y) / distance(start)
+
+    return jax.vmap(over_line)(starts)

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.statistics import mean_interval, wilson_interval
@@ -69,6 +69,17 @@ def count_by_arena(scenario: Scenario, results: Results) -> ByArena:
     return ByArena(tuple(won[played].tolist()), tuple(games[played].tolist()))
 
 
+DETOURS = {"below 1.5": (0.0, 1.5), "1.5 to 2.5": (1.5, 2.5), "above 2.5": (2.5, np.inf)}
+"""Classes of starts, by the shortest way between the robots over the straight line."""
+
+
+def count_by_detour(detours: Float[np.ndarray, " games"], results: Results) -> dict[str, tuple[int, int]]:
+    """Count the pursuer's wins and the games of each class of starts; starts without a way are in none."""
+    won = np.isin(np.asarray(results.outcome), PURSUER_WINS)
+    within = {name: (detours >= least) & (detours < most) for name, (least, most) in DETOURS.items()}
+    return {name: (int(np.sum(won & some)), int(np.sum(some))) for name, some in within.items()}
+
+
 @dataclass(frozen=True)
 class MatchResult:
     """What a match came to. Rates are in [0, 1], with Wilson 95 % intervals."""
@@ -84,6 +95,8 @@ class MatchResult:
     """Whether the rules count a game that reached the time limit as the evader's win."""
     arenas: ByArena | None = None
     """The same match by arenas, where there are several."""
+    detours: dict[str, tuple[int, int]] | None = None
+    """The pursuer's wins and the games of each class of `DETOURS`, in several arenas with charts."""
     robots: dict[str, dict[str, int]] | None = None
     """Robots of each side by their status at the end, in a game of teams."""
 
@@ -127,10 +140,20 @@ class MatchResult:
         """Share of games that were neither the pursuer's wins nor double failures (Fig. 6)."""
         return (self.games - self.pursuer_wins - self.outcomes["both_failed"]) / self.games
 
+    @property
+    def detour_rates(self) -> dict[str, tuple[float, tuple[float, float], int]]:
+        """The pursuer's share of wins, its interval and the games of each class of starts that occurred."""
+        some = {name: counts for name, counts in (self.detours or {}).items() if counts[1]}
+        return {name: (wins / games, wilson_interval(wins, games), games) for name, (wins, games) in some.items()}
+
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-like data, without arenas where there is one, and robots where they are two."""
+        """Return the result as JSON-like data, without what only games in several arenas or of teams have."""
         data = {"games": self.games} | asdict(self) | {name: getattr(self, name) for name in _DERIVED}
-        return {name: value for name, value in data.items() if name not in ("arenas", "robots") or value is not None}
+        return {
+            name: value
+            for name, value in data.items()
+            if name not in ("arenas", "detours", "robots") or value is not None
+        }
 
 
 _DERIVED = (
