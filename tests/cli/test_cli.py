@@ -241,7 +241,7 @@ REFUSED = {
     "show random still --out game.png --speed 2": "only .gif, .webp, .mp4 move",
     "show random still --out game.gif --speed 0": "from 0.05 to 100", "show nowhere.json": "check the path",
     "report .": "the folder of a training run", "resume folder": "the folder of a training run",
-    "slice nobody --opponent 5 5": "'nobody'", "slice random --opponent 5 5": "random",
+    "slice P_stage1": "--opponent", "slice nobody --opponent 5 5": "'nobody'", "slice random --opponent 5 5": "random",
     "slice P_stage1 --opponent 3 3": "opponent = (3.0, 3.0) is not possible",
     "slice P_stage1 --opponent 5 5 --speed 2 --out new/s.png": "speed = 2",
     "slice P_stage1 --opponent 5 5 --opponent-speed -1": "opponent's speed = -1",

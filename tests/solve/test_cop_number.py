@@ -81,10 +81,13 @@ def chords(seed):
     return cycle(9) | graph(9, [(i, j) for i, j in ends if i != j])
 
 
+MIXED = np.array([[4, 0, 7, 2, 8, 5, 1, 6, 3]])
+
+
 @pytest.mark.parametrize(
     ("adjacency", "pursuers"),
-    [(chords(0), 1), (chords(1), 1), (chords(2), 2), (petersen(), 1), (petersen(), 2)],
-    ids=["chords", "other chords", "two among chords", "one on Petersen", "two on Petersen"],
+    [(chords(0), 1), (chords(1), 1), (chords(2), 2), (petersen(), 1), (petersen(), 2), (path(9)[MIXED, MIXED.T], 1)],
+    ids=["chords", "other chords", "two among chords", "one on Petersen", "two on Petersen", "on a path, out of order"],
 )
 def test_every_state_is_as_a_plain_search_says(adjacency, pursuers):
     won, caught = plainly_caught(adjacency, pursuers), solve_chase(adjacency, pursuers)
