@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tomllib
@@ -32,8 +33,9 @@ from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import EXTRAS, InvalidInput
+from apollonius.learn.metrics import measure
 from apollonius.play.replay import load_replay
-from tests.learn.tiny import RUN
+from tests.learn.tiny import CHUNK, RUN
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -421,24 +423,6 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     assert left == {"config.toml", "notes.txt"}
 
 
-INTERRUPTED = """
-import os, signal, sys
-import apollonius.learn.run
-from apollonius.cli.main import main
-
-measure = apollonius.learn.run.measure
-
-def measure_and_interrupt(*arguments):
-    progress = measure(*arguments)
-    if progress.env_steps == 2 * 8192:
-        os.kill(os.getpid(), signal.SIGINT)
-    return progress
-
-apollonius.learn.run.measure = measure_and_interrupt
-sys.exit(main())
-"""
-
-
 def test_seed_0_is_a_seed(monkeypatch):
     """And not the lack of one: it takes the place of the config's own."""
     monkeypatch.setattr("apollonius.learn.run.Run.execute", lambda run: False)
@@ -449,12 +433,16 @@ def test_seed_0_is_a_seed(monkeypatch):
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys):
-    arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--out", "run"]
-    stopped = run_process(INTERRUPTED, *arguments)
-    assert stopped.returncode == 130
-    assert stopped.stdout == ""
-    assert stopped.stderr.splitlines()[-1] == "stopped; go on with: apollonius resume run"
+def test_ctrl_c_leaves_a_checkpoint_and_resume_finishes(tiny, capsys, monkeypatch):
+    def measure_and_interrupt(*arguments):
+        if (progress := measure(*arguments)).env_steps == 2 * CHUNK:
+            os.kill(os.getpid(), signal.SIGINT)
+        return progress
+
+    with monkeypatch.context() as patch:
+        patch.setattr("apollonius.learn.run.measure", measure_and_interrupt)
+        assert run_main("train", "--config", tiny, "--stage", "fixed-target", "--out", "run") == 130
+    assert capsys.readouterr().err.splitlines()[-1] == "stopped; go on with: apollonius resume run"
     assert Path("run/checkpoint.safetensors").is_file()
     assert len(Path("run/metrics.jsonl").read_text().splitlines()) == 2
 
