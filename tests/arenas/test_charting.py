@@ -155,7 +155,7 @@ def test_stops_count_as_much_as_they_are_near_and_sum_up_to_one(wide):
     x, y = points(OPEN, 500)
     cells, weights = jax.vmap(wide.cell_weights)(x, y)
     np.testing.assert_allclose(jnp.sum(weights, axis=1), 1.0, atol=1e-5)
-    free = np.asarray(jax.vmap(OPEN.clearance)(x, y)) > 0.3
+    free = np.asarray(jax.vmap(OPEN.clearance)(x, y)) > 0.1
     pitch = 6.0 / COARSE
     middle_x = (np.asarray(cells) % COARSE + 0.5) * pitch - 1.0
     middle_y = (np.asarray(cells) // COARSE + 0.5) * pitch + 2.0

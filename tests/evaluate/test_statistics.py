@@ -74,3 +74,10 @@ def test_the_interval_of_a_paired_difference_holds_it_as_often_as_it_says(both, 
         low, high = paired_difference_interval((kind == 0) | (kind == 1), (kind == 0) | (kind == 2))
         covered.append(low <= first - second <= high)
     assert 0.94 <= np.mean(covered) <= 0.99
+
+
+def test_the_interval_of_a_paired_difference_is_bonett_and_prices_formula():
+    """Of 30 pairs 7 differ in one way and 2 in the other; each counts as one more, of 32."""
+    first, second = np.arange(30) < 7, np.isin(np.arange(30), (8, 9))
+    reach = Z * math.sqrt((8 / 32 + 3 / 32 - (5 / 32) ** 2) / 32)
+    assert paired_difference_interval(first, second) == pytest.approx((5 / 32 - reach, 5 / 32 + reach))
