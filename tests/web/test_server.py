@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from apollonius.cli.main import main
 from apollonius.io.errors import InvalidInput
 from apollonius.web.server import LOOPBACK, FolderHandler, make_server
 
@@ -117,3 +118,11 @@ def test_the_command_ends_and_leaves_nothing(tmp_path, monkeypatch):
         out, err = process.communicate(timeout=20)
     assert (process.returncode, out, err.splitlines()[-1]) == (128 + signal.SIGTERM, "", "stopped")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_browser_is_opened_unless_told_otherwise(monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr("socketserver.BaseServer.serve_forever", lambda server: None)
+    assert [main(["play"]), main(["play", "--no-open"])] == [0, 0]
+    assert len(opened) == 1
