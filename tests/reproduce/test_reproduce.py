@@ -8,10 +8,11 @@ from dataclasses import replace
 import jax
 import pytest
 
+from apollonius.cli.main import main
 from apollonius.game.dynamics import Unicycle
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS
-from apollonius.learn.folder import agent_file, create_run, load_config
+from apollonius.learn.folder import agent_file, create_run
 from apollonius.learn.run import Run
 from apollonius.reproduce.finding import outcome_table
 from apollonius.reproduce.reproduction import SECTIONS, reproduce
@@ -41,26 +42,22 @@ def study(tmp_path_factory):
     """A study of finished trainings: the agents and the course of the run that the site reports on."""
     folder, demo = tmp_path_factory.mktemp("study"), REPOSITORY / "docs/results/demo"
     agents = {"P_scratch": "P_stage1", "P_random": "P_stage1", "E_scratch": "E_curriculum"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(PRESETS, "demo", load_config(demo / "config.toml"))
-        for name, config in run_configs(PRESETS["demo"], 0).items():
-            create_run(config, run := folder / "seed-0" / name)
-            shutil.copy(demo / "metrics.jsonl", run)
-            for agent in (agent for agent in RUN_OF if RUN_OF[agent] == name):
-                for moment in (25, 75, 100) if agent in SELF_PLAYED else (100,):
-                    (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
-                    shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
-        told = []
-        assert reproduce(folder, "demo", 1, resume=True, games=GAMES, report=told.append)
-        assert told[0].startswith("0 of 3 trainings to do")
-        yield folder
+    for name, config in run_configs(PRESETS["quick"], 0).items():
+        create_run(config, run := folder / "seed-0" / name)
+        shutil.copy(demo / "metrics.jsonl", run)
+        for agent in (agent for agent in RUN_OF if RUN_OF[agent] == name):
+            for moment in (25, 75, 100) if agent in SELF_PLAYED else (100,):
+                (file := agent_file(run, agent, moment)).parent.mkdir(exist_ok=True)
+                shutil.copy(demo / "agents" / f"{agents.get(agent, agent)}.safetensors", file)
+    assert main(["reproduce", "--games", str(GAMES), "--out", str(folder), "--resume"]) == 0
+    return folder
 
 
 def test_every_agent_figure_and_claim_is_there(study):
     assert sorted(path.name for path in study.glob("*.png")) == PICTURES
     assert all((study / name).read_bytes().startswith(b"\x89PNG") for name in PICTURES)
     results = json.loads((study / "results.json").read_text())
-    assert (results["budget"], results["seeds"], results["games"]) == ("demo", [0], GAMES)
+    assert (results["budget"], results["seeds"], results["games"]) == ("quick", [0], GAMES)
     assert len(results["findings"]) == len(SECTIONS)
     report = (study / "report.md").read_text()
     for claim in results["claims"]:
@@ -129,7 +126,7 @@ def test_what_cannot_be_reproduced_is_refused_before_anything_is_written(tmp_pat
 def test_a_study_is_overwritten_by_no_other(study):
     before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
     with pytest.raises(InvalidInput, match="resume it"):
-        reproduce(study, "demo", 1, resume=False, games=GAMES)
+        reproduce(study, "quick", 1, resume=False, games=GAMES)
     with pytest.raises(InvalidInput, match="another training"):
         reproduce(study, "tiny", 1, resume=True, games=GAMES)
     assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == before
