@@ -6,7 +6,7 @@ import json
 import math
 import tomllib
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import jax
@@ -25,6 +25,7 @@ from apollonius.arenas.map_file import load_map
 from apollonius.arenas.record import to_dict
 from apollonius.evaluate.result import MatchResult
 from apollonius.game.outcome import counts_by_name
+from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
@@ -36,7 +37,8 @@ from apollonius.play.replay import Replay, load_replay, save_replay
 from apollonius.show.report import load_matches
 from apollonius.solve.store import Problem, Solution, load_solution, save_solution
 
-GAME = make_game("paper")
+PAPER = make_game("paper")
+GAME = replace(PAPER, arena=replace(PAPER.arena, polygons=(Polygon(((1.0, 6.0), (2.0, 6.0), (1.5, 8.0))),)))
 COUNTS = counts_by_name([0, 2, 0, 0, 0, 0, 0, 2, 0])
 RESULT = MatchResult(COUNTS, 500.0, 20.0, 0.0)
 STATE = {"weights": jnp.arange(6, dtype=jnp.float32).reshape(2, 3), "key": jax.random.key(0), "steps": jnp.int32(7)}
@@ -177,6 +179,7 @@ LIES = [
     ("agent", {"depth": 10**6}), ("agent", {"depth": 1e300}), ("agent", {"width": True}),
     ("agent", {"observation": {}}), ("agent", {"observation_size": None}), ("agent", {"role": "referee"}),
     ("agent", {"game": 3}), ("agent", {"num_actions": 8}), ("agent", {"version": 10**4000}),
+    ("table", {"format": "another"}), ("table", {"version": 99}),
     ("table", {"problem": None}), ("table", {"sweeps": -1}), ("table", {"residual": float("nan")}),
     *[("table", {"problem": {**to_dict(Problem("safety", "pursuer", {}, [4, 3, 2, 5], 5)), **lie}}) for lie in (
         {"hold": 0}, {"hold": 10**18}, {"role": "both"}, {"kind": "chess"}, {"counts": [4, 3, 2]},
@@ -254,6 +257,10 @@ def test_a_table_is_of_the_size_that_its_header_says(shape, file):
         path.unlink()
         path.write_bytes(len(header).to_bytes(8, "little") + header + content[8 + size :])
         assert told("table", path) is not None
+    arrays = load(content)
+    for wrong in ({"other": np.zeros(3, np.float32)}, {"table": arrays["table"].astype(np.float16)}):
+        path.write_bytes(save(arrays | wrong, claims["__metadata__"]))
+        assert "size" in (told("table", path) or "")
 
 
 def test_a_map_with_aliases_is_refused_at_once(file):
@@ -280,7 +287,15 @@ def test_more_obstacles_than_a_game_can_have_are_refused_at_once(kind, tmp_path)
 
 NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([2**31, 2**63, 10**30, 10**400, -1, 0, 1e308]))
 VALUES = st.recursive(
-    st.one_of(NUMBERS, st.none(), st.booleans(), st.text(max_size=6), st.sampled_from(["pursuer", "game", "values"])),
+    st.one_of(
+        NUMBERS,
+        st.none(),
+        st.booleans(),
+        st.text(max_size=6),
+        st.floats(0, 20),
+        st.datetimes(),
+        st.sampled_from(["pursuer", "game", "values", "rest", "moving", "paper", "zero-sum"]),
+    ),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=4), inner, max_size=3)),
     max_leaves=5,
 )
@@ -288,13 +303,16 @@ VALUES = st.recursive(
 
 @st.composite
 def lies(draw, header):
-    """A header with some of its values, at any depth, replaced by anything, or left out."""
+    """A header with some of its values, at any depth, replaced by anything, or left out, or with more of them."""
     data = copy.deepcopy(header)
     for _ in range(draw(st.integers(1, 3))):
         place: Any = data
         while True:
             keys = sorted(place) if isinstance(place, dict) else list(range(len(place)))
             if not keys:
+                break
+            if isinstance(place, dict) and not draw(st.integers(0, 9)):
+                place[draw(st.text(max_size=5))] = draw(VALUES)
                 break
             key = draw(st.sampled_from(keys))
             if isinstance(place[key], dict | list) and draw(st.booleans()):
@@ -330,8 +348,8 @@ def test_a_file_is_sound_or_refused_in_one_line(kind, cases, file):
     content = path.read_bytes()
     damaged = damages(content)
 
-    @settings(max_examples=cases)
-    @given(damaged if kind == "image" else st.one_of(lies(header_of(kind, path)), damaged))
+    @settings(max_examples=4 * cases if kind == "game" else cases)
+    @given(damaged if kind == "image" else st.one_of(lies(header_of(kind, path)), damaged, st.binary(max_size=200)))
     def read(found):
         path.unlink(missing_ok=True)
         path.write_bytes(found if isinstance(found, bytes) else content)
