@@ -33,7 +33,6 @@ def test_gymnasiums_checker_has_no_complaint(name, options):
     check_env(env.unwrapped)
 
 
-@pytest.mark.slow
 def test_an_observation_that_reads_a_chart_is_that_of_the_charted_game():
     env, game = OneSide(Role.PURSUER, opponent="still", observation="egocentric"), charted(make_game("paper"))
     seen, info = env.reset(seed=5)

@@ -52,6 +52,10 @@ def test_the_table_is_that_of_brute_force():
     np.testing.assert_allclose(reach.table, expected, atol=1e-6)
     assert 0.1 < np.mean(expected > 0.5) < 0.95
     assert np.any(expected == 0)
+    nodes = map(jnp.asarray, np.unravel_index(np.arange(SMALL_GRID.size), SMALL_GRID.shape))
+    values = jax.jit(jax.vmap(reach.action_values))(jax.vmap(SMALL_GRID.node)(*nodes))
+    known = np.ravel(reach.table)
+    np.testing.assert_allclose(values.max(axis=1)[known > 0], known[known > 0], atol=1e-4)
     outside = RobotState(*(jnp.float32(number) for number in (2.95, 1.0, 0.6, 0.0)))
     assert math.isinf(float(reach.seconds(outside)))
 
