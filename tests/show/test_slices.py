@@ -4,13 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 
 from apollonius.agents.greedy import Greedy
 from apollonius.agents.network import make_network
 from apollonius.game.presets import make_game
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.observe.view import look
-from apollonius.show.slices import slice_values
+from apollonius.show.slices import _TURNS, _draw_actions, slice_values
 
 OPPONENT = RobotState(*map(jnp.float32, (7.5, 7.0, 0.4, -1.0)))
 OWN = (0.6, 0.8)
@@ -45,3 +47,19 @@ def test_there_is_no_value_where_the_body_cannot_be(network):
         assert not missing[(away > disc.radius + 0.2) & (away < disc.radius + 0.5)].any()
     assert missing[0].all()
     assert not missing[10, 10]
+
+
+def test_the_turn_of_the_best_action_is_a_colour_and_its_acceleration_a_sign():
+    places = np.arange(32.0)
+    best = (places // 11 + 3 * (places[:, None] // 11)).astype(int)
+    values = np.eye(9)[best]
+    values[:2] = np.nan
+    axes = Figure().subplots()
+    _draw_actions(axes, (places, places, values))
+    (mesh,), chosen = axes.collections, np.arange(1, 32, 2)
+    colours, turns = mesh.to_rgba(mesh.get_array()), [to_rgba(colour) for colour in _TURNS.values()]
+    np.testing.assert_allclose(colours[2:], np.array(turns)[best % 3][2:])
+    assert mesh.get_array().mask[:2].all()
+    for level, line in enumerate(axes.lines):
+        rows, columns = np.nonzero(best[np.ix_(chosen, chosen)][1:] // 3 == level)
+        np.testing.assert_array_equal(line.get_xydata(), np.stack([chosen[columns], chosen[rows + 1]], axis=1))
