@@ -10,7 +10,8 @@ import pytest
 from apollonius.agents.shield import Shielded
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
-from apollonius.game.game import reset_batch
+from apollonius.evaluate.solution import about
+from apollonius.game.game import sample_starts
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.motion import HORIZON
@@ -40,15 +41,18 @@ def file(tmp_path, solution):
     return tmp_path / "solved.safetensors"
 
 
-def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution):
+def test_a_solved_game_comes_back_as_it_went_and_plays(file, solution, monkeypatch):
     found = load_solution(file)
     np.testing.assert_array_equal(found.table, solution.table)
     assert (found.problem, found.sweeps, found.residual) == (PROBLEM, solution.sweeps, solution.residual)
     player = find_player(str(file), Role.EVADER, SMALL)
     assert player.name == "solved"
     expected = SaddlePolicy(zero_sum_game_of(PROBLEM, SMALL), solution.table)
-    starts = jax.jit(reset_batch, static_argnames="games")(SMALL, jax.random.key(0), games=20)
+    starts = sample_starts(SMALL, jax.random.key(0), 20)
     np.testing.assert_array_equal(player.policy.best_value(starts), expected.best_value(starts))
+    monkeypatch.setattr("apollonius.evaluate.solution.STARTS", 20)
+    sure, facts = np.asarray(expected.best_value(starts)), about(solution, SMALL)
+    assert [*facts.values()][-3:] == pytest.approx([np.mean(sure), np.max(sure), np.min(sure)], abs=1e-6)
     other = replace(SMALL, max_steps=77, starts=replace(SMALL.starts, speed="moving"))
     assert find_player(str(file), Role.EVADER, other).policy.zero_sum_game.game.max_steps == 77
     found = find_player(f"shielded:{file}", Role.EVADER, SMALL)
