@@ -62,7 +62,7 @@ def measure_env(game: Game, games: int) -> dict[str, Any]:
     starts = jax.tree.map(lambda leaf: leaf.reshape(START_ROWS, games), drawn)
     players = BySide(*[solo(Uniform())] * 2)
     first, row = (jax.tree.map(lambda leaf, rows=rows: leaf[rows], starts) for rows in (0, slice(1)))
-    begun = begin(first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
+    begun = begin(game, first, players, jax.random.bits(word_key, (2, games), jnp.uint32))
     carry = _step(game, players, begun, row, jax.random.key(0))
 
     def run(repeat: int) -> Stepped:

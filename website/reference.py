@@ -12,12 +12,14 @@ from pathlib import Path
 from sphinx.pycode import ModuleAnalyzer  # pyright: ignore[reportMissingImports]
 
 import apollonius
-from apollonius.agents.disturbance import Disturbance
 from apollonius.cli.main import build_parser
 from apollonius.game.arena import Arena
+from apollonius.game.drive import Drive
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
+from apollonius.game.robot_kinds import Spread
+from apollonius.game.sensing import Noise, Sensors
 from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig, SACConfig
@@ -33,12 +35,15 @@ _RECORDS: dict[str, type] = {
     "dqn": DQNConfig,
     "sac": SACConfig,
     "fixed_target": StageConfig,
-    "fixed_target.disturbance": Disturbance,
+    "fixed_target.randomise": Spread,
     "self_play": SelfPlayConfig,
     "self_play.opponents": OpponentConfig,
     "distillation": DistillationConfig,
     "game": Game,
     "game.pursuer": Unicycle,
+    "game.sensors.pursuer": Sensors,
+    "game.sensors.pursuer.noise": Noise,
+    "game.drives.pursuer": Drive,
     "game.arena": Arena,
     "game.reward": Reward,
     "game.starts": Starts,

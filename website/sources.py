@@ -21,12 +21,12 @@ PARTS = {
     "Get started": ("start",),
     "Tutorials": _folder("tutorials", "play train floor_plan own_learner"),
     "How-to": _folder(
-        "how-to", "runs extend evaluate solve environments jax teams export ros2 pictures reproduce cache"
+        "how-to", "runs extend evaluate solve environments jax teams lidar export ros2 pictures reproduce cache"
     ),
     "Reference": _folder(
         "reference", "command config api/index rules game_files run_folder agents arenas browser glossary"
     ),
-    "Concepts": _folder("concepts", "paper self_play shield solver any_arena pursuers simulation architecture"),
+    "Concepts": _folder("concepts", "paper self_play shield solver any_arena sensing pursuers simulation architecture"),
     "Benchmarks": _folder("benchmarks", "replication leaderboard generalisation speed"),
     "Project": ("contributing", "changelog", "security", "licence", "report"),
 }

@@ -8,6 +8,7 @@ from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
 from apollonius.agents.kind import AbstractKind, Named, known_game
 from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.searching import Hide, Search
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -23,6 +24,8 @@ PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
     "encirclement": (Encirclement, (Role.PURSUER,)),
     "flee": (Flee, (Role.EVADER,)),
     "flee-aware": (FleeAware, (Role.EVADER,)),
+    "search": (Search, (Role.PURSUER,)),
+    "hide": (Hide, (Role.EVADER,)),
     "territory": (Territory, EITHER),
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""

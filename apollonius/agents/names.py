@@ -8,7 +8,7 @@ FROM_ZOO = "zoo/"
 """Prefix that marks the name of an agent that ships with the package."""
 BUILT_IN = (
     "random", "still", "pure-pursuit", "intercept", "voronoi-pursuit", "encirclement", "flee", "flee-aware",
-    "territory",
+    "search", "hide", "territory",
 )  # fmt: skip
 """Players that need no file; what they do says `apollonius.agents.built_in`."""
 

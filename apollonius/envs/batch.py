@@ -131,7 +131,7 @@ class Batch:
 
     def _begun(self, state: GameState) -> Games:
         """Return games that begin in these states."""
-        return begin(state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
+        return begin(self.game, state, self.players, jnp.zeros((2, len(state.steps)), jnp.uint32))
 
     def step(
         self, now: UnderWay, ended: Bool[Array, " games"], starts: UnderWay, used: Int[Array, ""],

@@ -93,7 +93,7 @@ def _play(
     players = ROLES.map(lambda side: player if side == role else solo(Uniform()))
     starts = jax.tree.map(lambda leaf: leaf.reshape(rows, _GAMES), reset_batch(game, start_key, rows * _GAMES))
     first = jax.tree.map(lambda leaf: leaf[0], starts)
-    games = begin(first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
+    games = begin(game, first, players, jax.random.bits(word_key, (2, _GAMES), jnp.uint32))
 
     def step(games: Games, row: Array) -> tuple[Games, tuple[GameState, Memory]]:
         fresh = jax.tree.map(lambda leaf: leaf[row][None], starts)

@@ -130,6 +130,11 @@ class Arena(Walls):
         hits = [one.is_hit(before, after, radius) for one in self._merged]
         return functools.reduce(jnp.logical_or, hits, jnp.zeros((), bool))
 
+    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+        """Return whether an obstacle is in the line of sight between two robots' centres."""
+        hidden = [one.hides(here, there) for one in self._merged]
+        return functools.reduce(jnp.logical_or, hidden, jnp.zeros((), bool))
+
     def reaches_territory(self, before: RobotState, after: RobotState) -> Bool[Array, ""]:
         """Return whether a robot's centre enters the territory anywhere along the segment between two states."""
         goal = self.territory

@@ -7,7 +7,7 @@ rule does.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt16
+from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
@@ -18,6 +18,8 @@ COARSE = 40
 """Cells of the coarse grid along the longer side, between whose middles path lengths are known."""
 COARSE_BITS = 11
 """Bits of the number of a coarse cell."""
+STEPS = tuple((right, up) for up in range(-2, 3) for right in range(-2, 3) if (right, up) != (0, 0))
+"""Steps, in columns and rows, between coarse cells of which one can be entered from the other."""
 NO_PATH = 2**16 - 1
 """Length of a missing path [cm]."""
 GLANCES = 12
@@ -42,6 +44,8 @@ class Chart(eqx.Module):
             left, lower right, upper left and upper right.
         x, y: the lower left corners [m].
         side: lengths of the sides [m].
+        links: for each coarse cell the steps by which a robot can come into it, a bit for each of `STEPS`; a point
+            belongs to the coarse cell with the shortest path to it. None in the page.
         member: index of the arena.
     """
 
@@ -51,6 +55,7 @@ class Chart(eqx.Module):
     x: Float[Array, " arenas"]
     y: Float[Array, " arenas"]
     side: Float[Array, " arenas"]
+    links: UInt32[Array, "arenas rows columns"] | None = None
     member: Int[Array, ""] | int = 0
 
     def clearance(self, x: Scalar, y: Scalar) -> Scalar:
@@ -94,6 +99,18 @@ class Chart(eqx.Module):
         alone = jnp.array([1.0, 0.0, 0.0, 0.0])
         blind = total == 0
         return jnp.where(blind, nearest, around), jnp.where(blind, alone, weights / jnp.where(blind, 1.0, total))
+
+    def nearest_cell(self, x: Scalar, y: Scalar) -> Int[Array, ""]:
+        """Return the number of the coarse cell with the shortest path to a point."""
+        side = self.side[self.member]
+        shares = (x - self.x[self.member]) / side, (y - self.y[self.member]) / side
+        column, row = (jnp.clip(jnp.floor(share * SIDE), 0.0, SIDE - 1.0).astype(jnp.int32) for share in shares)
+        return self.visible[self.member, row, column].astype(jnp.int32) & (2**COARSE_BITS - 1)
+
+    def middles(self) -> tuple[Float[Array, "1 columns"], Float[Array, "rows 1"]]:
+        """Return x and y [m] of the coarse cells' middles."""
+        middles = (jnp.arange(COARSE, dtype=jnp.float32) + 0.5) * self.side[self.member] / COARSE
+        return (self.x[self.member] + middles)[None, :], (self.y[self.member] + middles)[:, None]
 
     def path_length(self, start: CellWeights, end: CellWeights) -> Scalar:
         """Return the length [m] of the shortest path between two points, to about half a coarse cell."""

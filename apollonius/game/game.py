@@ -13,12 +13,14 @@ from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.chart import Chart
+from apollonius.game.drive import Drives, DriveState
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
 from apollonius.game.leads import leads
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Scenario
+from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Body, Teams
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Real, RobotState, Role, Scalar, Timestep
@@ -45,6 +47,8 @@ class Game(eqx.Module):
         max_steps: time limit [steps].
         scenario: the arenas from which each game draws one (`in_arenas`); None for games in `arena`.
         teams: the other robots of either side; None in a game of two.
+        sensors: what either side sees of the other; None for everything.
+        drives: what robots do with their players' actions; None where they follow them at once.
 
     Raises:
         InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
@@ -60,6 +64,8 @@ class Game(eqx.Module):
     starts: Starts = Starts()
     scenario: Scenario | None = None
     teams: Teams | None = None
+    sensors: Sensing | None = None
+    drives: Drives | None = None
 
     def __check_init__(self) -> None:
         self.check()
@@ -79,6 +85,9 @@ class Game(eqx.Module):
         validation.check_bodies(self.bodies, float(self.dt))
         self.arena.check()
         self.starts.check(self.capture_distance)
+        for part in (self.sensors, self.drives):
+            if part is not None:
+                part.check()
         validation.check_space_to_start(self.arena, self.bodies, self.starts)
 
     @property
@@ -127,8 +136,9 @@ class Game(eqx.Module):
             evaders=(kind.evader,) * len(self.teams.evaders),
         )
         return replace(
-            alone, pursuer=kind.pursuer, evader=kind.evader, capture_distance=kind.capture_distance, teams=others
-        )
+            alone, pursuer=kind.pursuer, evader=kind.evader, capture_distance=kind.capture_distance, teams=others,
+            sensors=kind.sensors or self.sensors, drives=kind.drives or self.drives,
+        )  # fmt: skip
 
     def require_one_arena(self, who: str) -> None:
         """Refuse a game in one of several arenas, for `who` needs one; raises InvalidInput."""
@@ -157,6 +167,36 @@ class Game(eqx.Module):
             return tuple(body.controls(action) for body, action in zip(bodies[role], several, strict=True))
 
         return self.step_controls(state, ROLES.map(controls))
+
+    def drives_at_rest(self, role: Role) -> tuple[DriveState, ...] | None:
+        """Return the drives of one side's robots at the start of a game; None where nothing limits them."""
+        drive = self.drives and self.drives[role]
+        return None if drive is None else (drive.begin(),) * len(self.bodies[role])
+
+    def step_driven(
+        self,
+        state: GameState,
+        drives: BySide[tuple[DriveState, ...] | None],
+        actions: BySide[tuple[Action, ...]],
+    ) -> tuple[Timestep, BySide[tuple[DriveState, ...] | None]]:
+        """Let all robots hold for `dt` what their drives make of their actions; return the drives after it, too."""
+        here = self.at(state)
+
+        def response(role: Role) -> tuple[tuple[tuple[Scalar, Scalar], ...], tuple[DriveState, ...] | None]:
+            bodies, asked, drive, states = (
+                here.bodies[role],
+                actions[role],
+                here.drives and here.drives[role],
+                drives[role],
+            )
+            if drive is None or states is None:
+                return tuple(body.controls(action) for body, action in zip(bodies, asked, strict=True)), None
+            made = [drive.respond(*robot, self.dt) for robot in zip(states, bodies, asked, strict=True)]
+            return tuple(controls for controls, _ in made), tuple(after for _, after in made)
+
+        responses = ROLES.map(response)
+        after = self.step_controls(state, responses.map(lambda one: one[0]))
+        return after, responses.map(lambda one: one[1])
 
     def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
         """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""

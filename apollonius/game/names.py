@@ -2,6 +2,6 @@
 
 import re
 
-PRESETS = ("paper", "four-small", "one-large", "zero-sum", "robot", "territory")
+PRESETS = ("paper", "four-small", "one-large", "zero-sum", "robot", "territory", "lidar", "blind")
 TEAM = re.compile(r"team-(\d{1,4})v(\d{1,4})", re.ASCII)
 """Name of a game of teams, by the numbers of pursuers and evaders."""

@@ -74,6 +74,10 @@ class AbstractObstacle(eqx.Module):
         """Return whether a body of this radius [m] touches it anywhere along the segment between two states."""
         return self.clearance_along(before, after) < radius
 
+    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+        """Return whether it is in the line of sight between two robots' centres."""
+        return self.is_hit(here, there, 0.0)
+
     def outline(self) -> Corners:
         """Return its shape for pictures, unless it is a disc or a map; without corners it is not drawn."""
         return ()

@@ -2,12 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
+from apollonius.game.robot_kinds import RobotKinds, Spread
 from apollonius.game.scenario import Scenario, stack_arenas
+from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
 from apollonius.game.validation import MOST_ROBOTS
 from apollonius.io.errors import InvalidInput, require
@@ -51,8 +57,20 @@ def territory() -> Game:
     return Game(arena=Arena(discs=paper().arena.discs, territory=Disc(5.0, 5.0, 1.0)), reward=Reward(progress=0.0))
 
 
+def lidar() -> Game:
+    """The `paper` game of robots with a lidar: they see 5 m far, not through obstacles, to 5 cm, and 0.1 s late."""
+    sensors = Sensors(line_of_sight=True, range=5.0, noise=Noise(position=0.05), delay=1)
+    return replace(paper(), sensors=Sensing(sensors, sensors))
+
+
+def blind() -> Game:
+    """The `paper` game of a pursuer that sees nothing."""
+    return replace(paper(), sensors=Sensing(pursuer=Sensors(range=0.0)))
+
+
 PRESETS: dict[str, Callable[[], Game]] = {
-    make.__name__.replace("_", "-"): make for make in (paper, four_small, one_large, zero_sum, robot, territory)
+    make.__name__.replace("_", "-"): make
+    for make in (paper, four_small, one_large, zero_sum, robot, territory, lidar, blind)
 }
 
 
@@ -98,3 +116,27 @@ def in_arenas(game: Game, arenas: Sequence[Arena]) -> Game:
     if not others:
         return first
     return replace(first, scenario=Scenario(stack_arenas(arenas), len(arenas)))
+
+
+_KINDS = 64
+"""Kinds of robots that are drawn."""
+
+
+def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
+    """Return a game in which each start draws these numbers of the robots, their sensors and drives (domain
+    randomisation: Tobin et al., 2017; of dynamics Peng et al., 2018).
+
+    Raises:
+        InvalidInput: as `RobotKinds.spread`.
+    """
+    scenario = game.scenario
+    if scenario is None:
+        alone = stack_arenas([replace(game.arena, chart=None)])
+        scenario = Scenario(replace(alone, chart=game.arena.chart), 1)
+    kinds = scenario.kinds or RobotKinds(*(_alike(one) for one in (game.pursuer, game.evader, game.capture_distance)))
+    kinds = replace(kinds, sensors=kinds.sensors or game.sensors, drives=kinds.drives or game.drives)
+    return replace(game, scenario=replace(scenario, kinds=kinds.spread(spreads)))
+
+
+def _alike(part: Any) -> Any:
+    return jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), part)

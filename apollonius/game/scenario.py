@@ -8,35 +8,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import Role
+from apollonius.game.robot_kinds import RobotKinds
 from apollonius.io.errors import require
 
 _STRIDE = 7
 """Kinds of robots by which two neighbouring arenas differ in a match."""
 _FAR = 1e6
 """Coordinates of padding [m]: so far away that it touches nothing."""
-
-
-class RobotKinds(eqx.Module):
-    """Pairs of robots of several kinds, leaves `[kinds]`, with the capture distance of each [m]."""
-
-    pursuer: Unicycle
-    evader: Unicycle
-    capture_distance: Float[Array, " kinds"]
-
-    def __len__(self) -> int:
-        return len(self.capture_distance)
-
-    def every(self, role: Role) -> list[Unicycle]:
-        """Return the robots of one side in plain numbers."""
-        bodies = self.evader if role == Role.EVADER else self.pursuer
-        return [jax.tree.map(lambda leaf, one=one: float(leaf[one]), bodies) for one in range(len(self))]
 
 
 class Scenario(eqx.Module):

@@ -82,10 +82,23 @@ class RobotState(eqx.Module):
     heading: Scalar
 
 
+class Sight(eqx.Module):
+    """What one side knows of opponents whose last sighting takes the place of their state.
+
+    Attributes:
+        ages: times since each opponent was as its state says [s].
+        belief: the cells in which an opponent may be, on the belief's grid of the arena's chart; None without a chart.
+    """
+
+    ages: tuple[Scalar, ...]
+    belief: Bool[Array, "rows columns"] | None = None
+
+
 class GameState(eqx.Module):
     """The robots of both sides, and the number of control steps played since the start.
 
-    `place` is the number of the game's arena in its scenario, None where there is no scenario.
+    `place` is the number of the game's arena in its scenario, None where there is no scenario. `sight` is what else a
+    side knows whose sensors have seen this state; None in the state itself.
     `status` is a `RobotStatus` for each robot; None in a game of two, which is over when one robot is out.
     """
 
@@ -93,6 +106,7 @@ class GameState(eqx.Module):
     steps: Int[Array, ""]
     place: Int[Array, ""] | None = None
     status: BySide[tuple[Int[Array, ""], ...]] | None = None
+    sight: Sight | None = None
 
     @classmethod
     def at_start(cls, robots: BySide[tuple[RobotState, ...]]) -> "GameState":

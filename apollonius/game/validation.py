@@ -26,8 +26,19 @@ _TOGETHER = 5_000
 _PLACINGS = 100
 """Starts of teams that are tried out."""
 _SIDES = ("pursuer", "evader")
-_OPTIONAL = {"arena.map", "arena.territory", "arena.chart", "scenario", "teams", "reward.zero_sum_within"}
-"""Parts that a game need not have."""
+_OPTIONAL = (
+    *(
+        "arena.map",
+        "arena.territory",
+        "arena.chart",
+        "scenario",
+        "teams",
+        "reward.zero_sum_within",
+        "sensors",
+        "drives",
+    ),
+)
+"""Beginnings of the names of parts that a game need not have."""
 
 Bodies = BySide[tuple[Unicycle, ...]]
 Points = Float[np.ndarray, "2 _points"]
@@ -59,7 +70,7 @@ def _numbers(game: Any) -> dict[str, Any]:
     leaves = jax.tree_util.tree_flatten_with_path(game, is_leaf=lambda leaf: leaf is None)[0]
     named = {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
     hidden = {name for name in named if name == "arena.map.field" or name.startswith("arena.chart.")}
-    hidden |= {name for name in _OPTIONAL if name in named and named[name] is None}
+    hidden |= {name for name, leaf in named.items() if leaf is None and name.startswith(_OPTIONAL)}
     return {name: leaf for name, leaf in named.items() if name not in hidden}
 
 

@@ -77,7 +77,7 @@ def start_distillation(
 @functools.partial(jax.jit, static_argnames="plan")
 def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyArray) -> Games:
     starts, bits = fresh_starts(setting.game, plan.learner.games, key), jnp.zeros((2, plan.learner.games), jnp.uint32)
-    return begin(starts, _players(plan, network, setting, key), bits)
+    return begin(setting.game, starts, _players(plan, network, setting, key), bits)
 
 
 def distillation(

@@ -81,9 +81,7 @@ def _iterate(
     """Play some steps of every game, store the transitions, make the updates of each learning side."""
     config, (play_key, *learn_keys) = plan.learner, jax.random.split(_key(state, 1), 3)
     playing = ROLES.map(lambda role: _playing(plan, role, state, fixed))
-    games, played = collect(
-        game, playing, state.games, starts, play_key, config.steps_per_iteration, plan.stage.disturbance
-    )
+    games, played = collect(game, playing, state.games, starts, play_key, config.steps_per_iteration)
     env_steps = state.env_steps + config.env_steps_per_iteration
     learned = {
         role: _learn(plan, side, _row(played, role), env_steps, learn_keys[role])
@@ -210,7 +208,7 @@ def renew_opponents(plan: Plan, game: Game, state: TrainState) -> TrainState:
     in_slots = jnp.arange(games) < config.first_game(len(Role), games)
     bits = jax.random.bits(jax.random.fold_in(start_key, 1), (2, games), jnp.uint32)
     playing = ROLES.map(lambda role: players(plan, role, state.learners, {}, archives, jnp.ones(())))
-    begun = begin(reset_batch(game, start_key, games), playing, bits, plan.stage.disturbance)
+    begun = begin(game, reset_batch(game, start_key, games), playing, bits)
     learners = {
         role: replace(side, buffer=replay_buffer.cut(side.buffer, in_slots)) for role, side in state.learners.items()
     }

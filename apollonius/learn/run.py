@@ -134,7 +134,7 @@ class Run:
         plan, key = self.plans[stage], jax.random.fold_in(jax.random.key(self.config.seed), STAGES.index(stage))
         if stage == DISTILLATION:
             return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
-        train = train_state.start(plan, self.game, key, self._fixed(stage), networks)
+        train = train_state.start(plan, plan.stage.trained_in(self.game), key, self._fixed(stage), networks)
         return Saved(train, _copy(train.learners[Role.PURSUER].learner.average) if stage == FIXED_TARGET else None)
 
     def _fixed(self, stage: str) -> dict[Role, Pool]:
@@ -148,7 +148,7 @@ class Run:
         if stage == DISTILLATION:
             chunks = distillation(plan, train, self.settings, standing.chunks)
         else:
-            chunks = loop.chunks(plan, plan.stage.rewarded(self.game), train, self._fixed(stage), standing.chunks)
+            chunks = loop.chunks(plan, plan.stage.trained_in(self.game), train, self._fixed(stage), standing.chunks)
         began, last_save = time.monotonic() - standing.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:

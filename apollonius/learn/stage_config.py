@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from apollonius.agents.disturbance import Disturbance
 from apollonius.catalogue import TABLE
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.game.presets import randomised
+from apollonius.game.robot_kinds import Spread
 from apollonius.game.types import Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
@@ -35,8 +36,8 @@ class StageConfig:
     """Greedy evaluations in the course of the stage, evenly spaced."""
     evaluation_games: int = 1000
     """Games in each evaluation, always from the same starts."""
-    disturbance: Disturbance = field(default_factory=Disturbance)
-    """How the robots of both sides depart from those of the rules while training; by default not at all."""
+    randomise: tuple[Spread, ...] = ()
+    """Numbers of the robots, their sensors and drives that each game draws anew while training."""
 
     def __post_init__(self) -> None:
         require_positive(self, "evaluations", "evaluation_games")
@@ -53,6 +54,10 @@ class StageConfig:
     def rewarded(self, game: Game) -> Game:
         """Return the game with this stage's reward weights."""
         return replace(game, reward=replace(game.reward, progress=self.progress, failure=self.failure))
+
+    def trained_in(self, game: Game) -> Game:
+        """Return the game of this stage's training: with its reward weights, and between the robots that it draws."""
+        return randomised(self.rewarded(game), self.randomise) if self.randomise else self.rewarded(game)
 
 
 @dataclass(frozen=True)
@@ -113,8 +118,7 @@ class DistillationConfig(StageConfig):
         require_positive(self, "updates")
         require(len(self.opponents) >= 1, "opponents", "none", "one at least")
         require_within(self, 0, 10**9, "clearance", "near_sighted", "far_sighted")
-        undisturbed = self.disturbance == Disturbance()
-        require(undisturbed, "disturbance", self.disturbance, "left out: robots are the rules' own")
+        require(not self.randomise, "randomise", "some numbers", "left out: tables know the rules' own robots only")
         require(self.grid is None or len(self.grid) == 4, "grid", self.grid, "four numbers of nodes, or left out")
 
     @property

@@ -79,7 +79,7 @@ def start(
     start_key, member_key, train_key = jax.random.split(stage_key, 3)
     playing = ROLES.map(lambda role: players(plan, role, learners, fixed, archives, jnp.ones(())))
     bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    games = begin(reset_batch(game, start_key, config.games), playing, bits, plan.stage.disturbance)
+    games = begin(game, reset_batch(game, start_key, config.games), playing, bits)
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
     return TrainState(games, learners, train_key, iterations, env_steps, episodes, archives)
 

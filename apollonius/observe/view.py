@@ -20,11 +20,12 @@ T = TypeVar("T")
 
 
 class Robot(eqx.Module):
-    """A robot in a view: its body's limits, its state, and whether it is in play."""
+    """A robot in a view: its body's limits, its state, whether it is in play, and how old its state is [s]."""
 
     body: Unicycle
     state: RobotState
     active: Bool[Array, ""] | bool = True
+    age: Real = 0.0
 
 
 class View(eqx.Module):
@@ -36,6 +37,7 @@ class View(eqx.Module):
         mates: the other robots of its side.
         opponents: the robots of the other side.
         capture_distance: distance at which an evader is captured [m].
+        belief: the cells in which an opponent can be (`apollonius.observe.belief`); None for a side that sees all.
     """
 
     arena: Arena
@@ -43,6 +45,7 @@ class View(eqx.Module):
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
     capture_distance: Real
+    belief: Bool[Array, "rows columns"] | None = None
 
     @property
     def opponent(self) -> Robot:
@@ -64,9 +67,12 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
         both = zip(here.bodies[role], state.robots[role], state.active[role], strict=True)
         return tuple(Robot(*robot) for robot in both)
 
-    ours = robots(role)
+    ours, opponents, belief = robots(role), robots(role.other), None
+    if (sight := state.sight) is not None:
+        opponents = tuple(replace(robot, age=age) for robot, age in zip(opponents, sight.ages, strict=True))
+        belief = sight.belief
     mates = ours[:number] + ours[number + 1 :]
-    return View(here.arena, ours[number], mates, robots(role.other), here.capture_distance)
+    return View(here.arena, ours[number], mates, opponents, here.capture_distance, belief)
 
 
 Row = tuple[GameState, Int[Array, ""] | None]

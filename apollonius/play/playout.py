@@ -160,7 +160,7 @@ def _empty(
 ) -> _Slots:
     """Return empty slots, one for each of some starts."""
     nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
-    games = begin(starts, players, random_bits_of(key, nobody, nobody))
+    games = begin(game, starts, players, random_bits_of(key, nobody, nobody))
     return _Slots(games, _no_results(watcher, len(nobody), starts).watched, nobody)
 
 
@@ -214,7 +214,7 @@ def _advance(
         fresh = free & (upcoming < count)
         index = jnp.where(fresh, first + upcoming, under_way.index)
         state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
-        begun = begin(state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
+        begun = begin(game, state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
         # Empty slots begin too: a shield would search in vain, at every step, for an action of a robot that has failed.
         games = jax.vmap(reset_where_done)(free, begun, under_way.games)
         watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)

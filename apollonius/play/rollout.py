@@ -5,6 +5,7 @@
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -12,13 +13,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 
-from apollonius.agents.disturbance import NONE, Disturbance, Handicap, draw_handicap, step_disturbed, with_sensor_noise
 from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
+from apollonius.game.drive import DriveState
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Actions, GameState, Role
+from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
+from apollonius.observe.tracking import Track
 from apollonius.play.random_bits import fold_in, random_bits
 
 
@@ -59,12 +62,14 @@ class SideState(eqx.Module):
     """What one side of each game carries from start to end.
 
     Team mates are the same member. `episode_return` has an axis of robots in teams only, leaves of `memory` always.
+    `track` is what a side with sensors knows, `drives` those of its robots where they have any.
     """
 
     member: Int[Array, " games"]
     episode_return: Float[Array, "games *robots"]
     memory: Memory = ()
-    handicap: Handicap | None = None
+    track: Track | None = None
+    drives: tuple[DriveState, ...] | None = None
 
 
 class Games(eqx.Module):
@@ -74,10 +79,8 @@ class Games(eqx.Module):
     sides: BySide[SideState]
 
 
-def begin(
-    starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"], disturbance: Disturbance = NONE
-) -> Games:
-    """Return games at their starts, with members of both pools and, where there are any, handicaps drawn for each.
+def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]) -> Games:
+    """Return games at their starts, with members drawn from both pools.
 
     Args:
         bits: random bits for each side of each game, of which members are drawn from the upper half.
@@ -85,12 +88,13 @@ def begin(
 
     def side(role: Role) -> SideState:
         own, robots = bits[role], len(starts.robots[role])
-        handicap = None if disturbance == NONE else jax.vmap(draw_handicap, in_axes=(0, None))(own, disturbance)
         first = jax.tree.map(
             lambda leaf: jnp.broadcast_to(leaf, (len(own), robots, *jnp.shape(leaf))), players[role].memory
         )
         returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
-        return SideState(players[role].sample(own), returns, first, handicap)
+        track = jax.vmap(lambda state: tracking.begin(game, state, role))(starts)
+        drives = jax.vmap(lambda state: game.at(state).drives_at_rest(role))(starts)
+        return SideState(players[role].sample(own), returns, first, track, drives)
 
     return Games(starts, ROLES.map(side))
 
@@ -105,7 +109,6 @@ def step_games(
     players: BySide[AbstractPlayers],
     games: Games,
     bits: UInt32[Array, "2 games"],
-    disturbance: Disturbance = NONE,
     observes: bool = True,
 ) -> tuple[Games, Transition]:
     """Play every game one step on, without resets.
@@ -115,17 +118,19 @@ def step_games(
         observes: whether transitions have observations, which take longer to trace.
     """
 
-    def sees(state: GameState, bits: UInt32[Array, "2 games"]) -> BySide[tuple[Read, Any]]:
-        noise = jax.vmap(with_sensor_noise, in_axes=(0, 0, None))
-        noisy = ROLES.map(lambda role: noise(state, bits[role], disturbance))
-        return ROLES.map(lambda role: perceive(players[role].observation, game, noisy[role], role))
+    def sees(
+        tracks: BySide[Track | None], state: GameState, bits: UInt32[Array, "2 games"]
+    ) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
+        tracks = ROLES.map(lambda role: jax.vmap(partial(_followed, game, role))(tracks[role], state, bits[role]))
+        known = ROLES.map(lambda role: jax.vmap(partial(_known, game, role))(tracks[role], state))
+        return tracks, ROLES.map(lambda role: perceive(players[role].observation, game, known[role], role))
 
-    seen = sees(games.state, bits)
+    tracks, seen = sees(games.sides.map(lambda side: side.track), games.state, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
-    handicaps = games.sides.map(lambda side: side.handicap)
-    after, handicaps = jax.vmap(step_disturbed, in_axes=(None, 0, 0, 0))(game, games.state, handicaps, actions)
-    next_seen = sees(after.state, ~bits) if observes else seen
+    drives = games.sides.map(lambda side: side.drives)
+    after, drives = jax.vmap(Game.step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
+    next_seen = sees(tracks, after.state, ~bits)[1] if observes else seen
     rewards = after.rewards.map(of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
 
@@ -143,8 +148,18 @@ def step_games(
         return Experience(*made, games.sides[role].member, active, active & ~stays)
 
     transition = Transition(ROLES.map(experience), after.outcome, after.terminated, after.truncated)
-    sides = ROLES.map(lambda role: SideState(games.sides[role].member, returns[role], acted[role][1], handicaps[role]))
+    sides = ROLES.map(
+        lambda role: SideState(games.sides[role].member, returns[role], acted[role][1], tracks[role], drives[role])
+    )
     return Games(after.state, sides), transition
+
+
+def _followed(game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]) -> Track | None:
+    return tracking.follow(game, track, state, role, bits)
+
+
+def _known(game: Game, role: Role, track: Track | None, state: GameState) -> GameState:
+    return tracking.believed(game, track, state, role)
 
 
 def decide(
@@ -190,7 +205,6 @@ def collect(
     starts: GameState,
     key: PRNGKeyArray,
     steps: int,
-    disturbance: Disturbance = NONE,
 ) -> tuple[Games, Transition]:
     """Play on for a number of steps; a finished game begins again, with newly drawn members of both pools.
 
@@ -198,7 +212,6 @@ def collect(
         starts: fresh initial states, leaves `[rows, games]`; a game that finishes at step t takes its own column of
             row `t % rows`. Drawn beforehand, as drawing one for every game at every step costs more than the step.
         key: consumed.
-        disturbance: how the robots depart from those of the rules; the games must have begun with the same.
 
     Returns:
         The games after them, and the transitions, leaves `[steps, games]`.
@@ -214,9 +227,9 @@ def collect(
 
     def one_step(games: Games, step: Int[Array, ""]) -> tuple[Games, Transition]:
         bits, fresh_bits = sample(fold_in(key, step))
-        after, transition = step_games(game, players, games, bits, disturbance)
+        after, transition = step_games(game, players, games, bits)
         fresh_state = jax.tree.map(lambda row: jax.lax.dynamic_index_in_dim(row, step % rows, keepdims=False), starts)
-        fresh = begin(fresh_state, players, fresh_bits, disturbance)
+        fresh = begin(game, fresh_state, players, fresh_bits)
         return jax.vmap(reset_where_done)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))

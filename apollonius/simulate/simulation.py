@@ -74,7 +74,7 @@ def simulate(
     rows = as_rows(starts)
     bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
     count = len(rows)
-    sides = rollout.begin(starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1))).sides
+    sides = rollout.begin(game, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1))).sides
     outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
     log: list[tuple[np.ndarray, ...]] = []
     alive = np.arange(count)

@@ -136,7 +136,9 @@ def chart(
     found = clearances(floor.arena(field), corners[0], corners[1])
     lengths, visible = paths(found, side, radius)
     x, y = corners[:, :1]
-    return {"chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], jnp.zeros((), jnp.int32))}
+    return {
+        "chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], member=jnp.zeros((), jnp.int32))
+    }
 
 
 def cell_weights(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:

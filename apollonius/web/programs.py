@@ -144,7 +144,7 @@ def _examples() -> dict[str, Any]:
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
-        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), whole()),
+        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), member=whole()),
         "corners": real(2, SIDE + 1),
         "levels": real(many, 2),
         "weights": real(_ENDLESS),

@@ -7,10 +7,10 @@ from pathlib import Path
 import jax.numpy as jnp
 import pytest
 
-from apollonius.agents.disturbance import Disturbance
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.game.presets import in_teams, make_game
+from apollonius.game.robot_kinds import Spread
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config
@@ -73,7 +73,7 @@ SMALL = {"games": 128, "n_step": 16, "env_steps_per_update": 128}
         (DistillationConfig, {"far_sighted": -1}, "far_sighted = -1"),
         (DistillationConfig, {"grid": (3, 3)}, "four numbers of nodes"),
         (DistillationConfig, {"updates": 0}, "updates = 0"),
-        (DistillationConfig, {"disturbance": Disturbance(delay=1)}, "disturbance = "),
+        (DistillationConfig, {"randomise": (Spread(("pursuer.v_max",), 1.0, 2.0),)}, "randomise = "),
         (RunConfig, {"stages": "distillation", "sac": SACConfig()}, "sac = given .*must be left out"),
         (RunConfig, {"stages": "distillation", "dqn": DQNConfig(games=256)}, "games = 256 .*more than the 256"),
     ],

@@ -54,7 +54,7 @@ def stop_after(chunks):
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
-    """The folder of a run of both stages, four chunks each, that nothing disturbed."""
+    """The folder of a run of both stages, four chunks each, that nothing interrupted."""
     folder = begin(tmp_path_factory.mktemp("run") / "uninterrupted")
     assert Run(RUN, folder).execute()
     return folder

@@ -1,0 +1,122 @@
+"""Players that find their way by the chart, and go by what they believe: one that searches, one that hides."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from apollonius.agents.chasing import arc_speed
+from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.game.chart import COARSE, NO_PATH, Chart
+from apollonius.game.sensing import Sensors
+from apollonius.game.types import RobotState, Scalar
+from apollonius.io.errors import InvalidInput
+from apollonius.observe.belief import visible
+from apollonius.observe.view import Robot, View
+
+COURSES = 32
+"""Directions in which the next place on the way is looked for."""
+_AHEAD = 1.2
+"""Distance of these places [m], unless an obstacle is nearer."""
+_MARGIN = 0.1
+"""Clearance that a body keeps from such an obstacle [m]."""
+_FAR = 1e3
+"""Length of a way that there is not [m]."""
+_RECENT = 1.05
+"""Age of a sighting [s] up to which it is driven to: longer than any delay."""
+_CAUTION = 8.0
+"""Length of a pursuer's way [m] beyond which a place is no safer."""
+
+Lengths = Float[Array, "rows columns"]
+
+
+class AbstractWayfinder(AbstractSteering):
+    """A player that drives along the shortest path to a place."""
+
+    @property
+    def charted(self) -> bool:
+        return True
+
+    def way(self, seen: View, place: RobotState) -> tuple[Scalar, Scalar]:
+        """Return the heading [rad] and the speed [m/s] with which to set out for a place.
+
+        Straight to it where that is free; else to the place a little ahead from which, together with the way there, the
+        path is shortest.
+        """
+        chart, own, body = chart_of(seen), seen.own.state, seen.own.body
+        distance, sight = separation(own, place), direction(own, place)
+        room = body.radius + _MARGIN
+        is_free = chart.range(own.x, own.y, jnp.cos(sight), jnp.sin(sight)) >= distance
+        angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
+        cos, sin = jnp.cos(angles), jnp.sin(angles)
+        ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, cos, sin)
+        along = jnp.clip(ranges - room, 0.0, _AHEAD)
+        x, y = own.x + along * cos, own.y + along * sin
+        target = chart.nearest_cell(place.x, place.y)
+        left = jax.vmap(lambda x, y: chart.path_length_from(target, chart.cell_weights(x, y)))(x, y)
+        tight = jax.vmap(chart.clearance)(x, y) < room
+        best = jnp.argmin(along + left + 0.5 * tight.astype(jnp.float32) + jnp.where(along < 0.05, _FAR, 0.0))
+        corner = RobotState(x[best], y[best], own.v, own.heading)
+        aim = jax.tree.map(lambda one, other: jnp.where(is_free, one, other), place, corner)
+        ahead = chart.range(own.x, own.y, jnp.cos(own.heading), jnp.sin(own.heading))
+        stoppable = jnp.sqrt(2 * body.u1_max * jnp.maximum(ahead - room, 0.0))
+        return direction(own, aim), jnp.minimum(arc_speed(body, own, aim), stoppable)
+
+
+class Search(AbstractWayfinder):
+    """Drives along the shortest path to the opponent or, not seeing it, to the nearest place where it can be.
+
+    So it sweeps what is left of the contaminated part (Guibas et al., 1999), always at its nearest frontier (Yamauchi,
+    "A frontier-based approach for autonomous exploration", 1997).
+    """
+
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+        chart, opponent = chart_of(seen), seen.opponent
+        if seen.belief is None:
+            return self.way(seen, opponent.state)
+        lengths = jnp.where(seen.belief, lengths_to_cells(chart, seen.own), 2 * _FAR)
+        place = middle_of(chart, jnp.argmin(lengths))
+        found = jnp.asarray(opponent.age) < _RECENT
+        return self.way(seen, jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, place))
+
+
+class Hide(AbstractWayfinder):
+    """Drives where the pursuer does not see it, to a place that is near and to which the pursuer has a long way.
+
+    Of the places behind obstacles (Reynolds, "Steering behaviors for autonomous characters", 1999) the one whose path
+    from the pursuer is longest beside its own; once there it stays.
+    """
+
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+        chart, pursuer = chart_of(seen), seen.opponent
+        theirs, ours = lengths_to_cells(chart, pursuer), lengths_to_cells(chart, seen.own)
+        hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
+        safe = jnp.minimum(theirs, _CAUTION) - jnp.where(hidden, 0.0, _CAUTION / 2)
+        first = jnp.where(theirs > ours + 0.5, safe - 0.7 * ours, safe - 2 * _CAUTION)
+        place = middle_of(chart, jnp.argmax(jnp.where(ours < _FAR, first, -_FAR)))
+        heading, speed = self.way(seen, place)
+        away = separation(seen.own.state, place)
+        stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(away - 0.2, 0.0))
+        return heading, jnp.minimum(speed, stopping)
+
+
+def chart_of(seen: View) -> Chart:
+    """Return the arena's chart.
+
+    Raises:
+        InvalidInput: in an arena without one.
+    """
+    if seen.arena.chart is None:
+        raise InvalidInput("a player that finds its way needs a chart: draw it by apollonius.arenas.charting.charted.")
+    return seen.arena.chart
+
+
+def lengths_to_cells(chart: Chart, robot: Robot) -> Lengths:
+    """Return the lengths [m] of a robot's paths to all coarse cells."""
+    lengths = chart.lengths[chart.member, chart.nearest_cell(robot.state.x, robot.state.y)].astype(jnp.float32)
+    return jnp.where(lengths >= NO_PATH, _FAR, lengths / 100).reshape(COARSE, COARSE)
+
+
+def middle_of(chart: Chart, cell: Int[Array, ""]) -> RobotState:
+    """Return the middle of a coarse cell, as of a robot at rest."""
+    (x, y), zero = chart.middles(), jnp.zeros(())
+    return RobotState(x[0, cell % COARSE], y[cell // COARSE, 0], zero, zero)

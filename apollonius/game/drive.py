@@ -1,0 +1,94 @@
+"""Drives that respond late and slowly: from what a player asks for to what its robot does."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import Unicycle
+from apollonius.game.types import Action, Real, Scalar
+from apollonius.io.errors import require
+
+MOST_LAG = 10
+"""Longest lag [steps]."""
+
+
+class Drive(eqx.Module):
+    """The drive of each robot of a side. What is None does not limit it.
+
+    Attributes:
+        lag: whole steps by which commands are late.
+        turn_time: time to change the turn rate by u2_max [s].
+    """
+
+    lag: Real | None = None
+    turn_time: Real | None = None
+
+    def check(self, name: str) -> None:
+        """Refuse impossible numbers."""
+        bound = f"a whole number of steps from 0 to {MOST_LAG}, or left out"
+        require(
+            self.lag is None or (0 <= self.lag <= MOST_LAG and self.lag == int(self.lag)),
+            f"{name}.lag",
+            self.lag,
+            bound,
+        )
+        require(
+            self.turn_time is None or self.turn_time >= 0,
+            f"{name}.turn_time",
+            self.turn_time,
+            "0 s or more, or left out",
+        )
+
+    def begin(self) -> "DriveState":
+        """Return the drive of a robot at rest."""
+        pending = None if self.lag is None else jnp.zeros((MOST_LAG, 2))
+        return DriveState(pending, None if self.turn_time is None else jnp.zeros(()))
+
+    def respond(
+        self, state: "DriveState", body: Unicycle, action: Action, dt: Real
+    ) -> tuple[tuple[Scalar, Scalar], "DriveState"]:
+        """Return the controls u1 [m/s^2] and u2 [rad/s] that the robot holds in this step, and the drive after it.
+
+        A turn rate that changes at a constant rate until it is reached turns the robot by its mean over the step.
+        """
+        u1, u2 = body.controls(action)
+        if self.lag is not None:
+            assert state.pending is not None, "the drive began with the same limits"
+            known = jnp.concatenate([jnp.stack([u1, u2])[None], state.pending])
+            u1, u2 = known[jnp.asarray(self.lag).astype(jnp.int32)]
+            state = replace(state, pending=known[:MOST_LAG])
+        if self.turn_time is not None:
+            assert state.turn_rate is not None, "the drive began with the same limits"
+            most = body.u2_max * dt / jnp.maximum(self.turn_time, 1e-6)
+            made = jnp.clip(u2 - state.turn_rate, -most, most)
+            u2 = state.turn_rate + made - made * jnp.abs(made) / (2 * most)
+            state = replace(state, turn_rate=state.turn_rate + made)
+        return (u1, u2), state
+
+
+class DriveState(eqx.Module):
+    """What of a drive's past still matters.
+
+    Attributes:
+        pending: the latest commands, u1 [m/s^2] and u2 [rad/s], the newest first.
+        turn_rate: at present [rad/s].
+    """
+
+    pending: Float[Array, "*batch lag 2"] | None
+    turn_rate: Float[Array, "*batch"] | None
+
+
+class Drives(BySide[Drive | None]):
+    """The drives of both sides; None for robots that do at once what their players ask for."""
+
+    pursuer: Drive | None = None
+    evader: Drive | None = None
+
+    def check(self) -> None:
+        """Refuse impossible numbers."""
+        for name in ("pursuer", "evader"):
+            if (drive := getattr(self, name)) is not None:
+                drive.check(f"drives.{name}")

@@ -1,0 +1,174 @@
+"""What the robots of a side see of their opponents: line of sight, range, field of view, noise, drop-outs, delay.
+
+Without sensors they see everything, exactly and at once, as in the paper. Mates know of each other, and share what each
+of them sees.
+"""
+
+import functools
+import operator
+from collections.abc import Sequence
+from dataclasses import fields
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, UInt32
+
+from apollonius.game.arena import Arena
+from apollonius.game.by_side import BySide
+from apollonius.game.dynamics import wrap_angle
+from apollonius.game.types import Real, RobotState, Scalar
+from apollonius.io.errors import require
+
+MOST_DELAY = 10
+"""Longest delay [steps]."""
+BOUND = 3.0
+"""Standard deviations beyond which there are no errors."""
+_OWN, _OPPONENTS, _DROPPED = 2, 3, 4
+"""Numbers folded into random bits, beside the player's own use of them."""
+
+
+class Noise(eqx.Module):
+    """Standard deviations of the errors of seen states: normal, cut at `BOUND` of them, new in every step.
+
+    Attributes:
+        position: of x and of y [m].
+        heading: [rad].
+        speed: [m/s].
+    """
+
+    position: Real = 0.0
+    heading: Real = 0.0
+    speed: Real = 0.0
+
+    def check(self, name: str) -> None:
+        """Refuse negative deviations."""
+        for field in fields(self):
+            size = getattr(self, field.name)
+            require(size >= 0, f"{name}.{field.name}", size, "0 or more")
+
+    @property
+    def reach(self) -> Scalar:
+        """Return the largest error of a position [m]."""
+        return jnp.asarray(self.position, jnp.float32) * BOUND * 2**0.5
+
+    def added(self, robots: Sequence[RobotState], bits: UInt32[Array, ""], use: int) -> tuple[RobotState, ...]:
+        """Return robots with errors from random bits, for this use of them."""
+        key = jax.random.fold_in(jax.random.key(bits), use)
+        errors = jnp.clip(jax.random.normal(key, (len(robots), 4)), -BOUND, BOUND)
+        return tuple(
+            RobotState(
+                x=robot.x + self.position * x,
+                y=robot.y + self.position * y,
+                v=robot.v + self.speed * v,
+                heading=wrap_angle(robot.heading + self.heading * heading),
+            )
+            for robot, (x, y, v, heading) in zip(robots, errors, strict=True)
+        )
+
+
+class Sensors(eqx.Module):
+    """The sensors of each robot of a side. What is None does not limit it.
+
+    Attributes:
+        line_of_sight: whether obstacles hide what is behind them.
+        range: largest distance between centres at which an opponent is seen [m]; 0 for blind robots.
+        field_of_view: angle that they see, half of it on either side of the heading [rad].
+        noise: of the opponents that are seen.
+        own_noise: of the robots' own states and those of their mates.
+        drop_out: probability that in a step nothing is seen.
+        delay: age of what is seen, in whole steps; a robot's own state is known at once.
+    """
+
+    line_of_sight: bool = eqx.field(static=True, default=False)
+    range: Real | None = None
+    field_of_view: Real | None = None
+    noise: Noise | None = None
+    own_noise: Noise | None = None
+    drop_out: Real | None = None
+    delay: Real | None = None
+
+    def check(self, name: str) -> None:
+        """Refuse impossible numbers."""
+        bounds = (
+            ("range", self.range, 0, float("inf"), "0 m or more"),
+            ("field_of_view", self.field_of_view, 0, 7, "from 0 to 6.29 rad, all around"),
+            ("drop_out", self.drop_out, 0, 1, "from 0 to 1, a probability"),
+            ("delay", self.delay, 0, MOST_DELAY, f"from 0 to {MOST_DELAY} whole steps"),
+        )
+        for field, value, low, high, bound in bounds:
+            require(value is None or low <= value <= high, f"{name}.{field}", value, f"{bound}; or left out")
+        require(self.delay is None or self.delay == int(self.delay), f"{name}.delay", self.delay, "whole steps")
+        for field, noise in (("noise", self.noise), ("own_noise", self.own_noise)):
+            if noise is not None:
+                noise.check(f"{name}.{field}")
+
+    def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Bool[Array, ""]:
+        """Return whether a robot has another one's centre in sight."""
+        dx, dy = other.x - robot.x, other.y - robot.y
+        seen = jnp.ones((), bool)
+        if self.line_of_sight:
+            seen &= ~arena.hides(robot, other)
+        if self.range is not None:
+            seen &= jnp.hypot(dx, dy) <= self.range
+        if self.field_of_view is not None:
+            seen &= jnp.abs(wrap_angle(jnp.arctan2(dy, dx) - robot.heading)) <= self.field_of_view / 2
+        return seen
+
+
+class Sensing(BySide[Sensors | None]):
+    """The sensors of both sides; None for robots that see everything."""
+
+    pursuer: Sensors | None = None
+    evader: Sensors | None = None
+
+    def check(self) -> None:
+        """Refuse impossible numbers."""
+        for name in ("pursuer", "evader"):
+            if (sensors := getattr(self, name)) is not None:
+                sensors.check(f"sensors.{name}")
+
+
+class Percept(eqx.Module):
+    """What a side sees in one step.
+
+    Attributes:
+        own: the states of its robots, with their errors.
+        opponents: those of its opponents, which mean nothing where these are not seen.
+        seen: whether an active robot of the side sees each opponent.
+        looked: whether anything could be seen; False in a drop-out.
+    """
+
+    own: tuple[RobotState, ...]
+    opponents: tuple[RobotState, ...]
+    seen: tuple[Bool[Array, ""], ...]
+    looked: Bool[Array, ""]
+
+
+Robots = Sequence[tuple[RobotState, Bool[Array, ""]]]
+"""States of robots, and whether they are in play."""
+
+
+def sense(sensors: Sensors, arena: Arena, own: Robots, opponents: Robots, bits: UInt32[Array, ""]) -> Percept:
+    """Return what the robots of one side see of the other.
+
+    Args:
+        bits: random bits of this side in this step.
+    """
+    ours, theirs = ([state for state, _ in robots] for robots in (own, opponents))
+    looked = jnp.ones((), bool)
+    if sensors.drop_out is not None:
+        key = jax.random.fold_in(jax.random.key(bits), _DROPPED)
+        looked = jax.random.uniform(key) >= sensors.drop_out
+
+    def is_seen(other: RobotState, there: Bool[Array, ""]) -> Bool[Array, ""]:
+        some = [active & sensors.reaches(arena, robot, other) for robot, active in own]
+        return looked & there & functools.reduce(operator.or_, some)
+
+    seen = tuple(is_seen(*opponent) for opponent in opponents)
+    return Percept(
+        own=sensors.own_noise.added(ours, bits, _OWN) if sensors.own_noise else tuple(ours),
+        opponents=sensors.noise.added(theirs, bits, _OPPONENTS) if sensors.noise else tuple(theirs),
+        seen=seen,
+        looked=looked,
+    )

@@ -1,0 +1,160 @@
+"""A belief: where opponents can be that are not seen, on the coarse cells of the arena's chart.
+
+From where they were, they can have moved at their top speed along free cells, and they are in no cell that is seen to
+be empty. So the set of these cells always holds the truth; to a searcher it is the contaminated part of the arena
+(Guibas et al., "A visibility-based pursuit-evasion problem", 1999), at the resolution of the grid.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, UInt32
+
+from apollonius.game.chart import COARSE, STEPS, Chart
+from apollonius.game.fusion_barrier import fusion_barrier
+from apollonius.game.sensing import BOUND, Noise, Percept, Sensors
+from apollonius.game.types import Real, RobotState, Scalar
+
+Cells = Bool[Array, "rows columns"]
+Credit = Float[Array, "rows columns"]
+"""For each cell the distance [m] that an opponent can have moved since it came in, `_most` at most; negative where none
+can be."""
+RAYS = 128
+"""Directions in which a robot's range of sight is looked up."""
+_GLANCES = 16
+"""Steps of such a ray."""
+_SHARE = 0.8
+"""Share of the distance between two cells' middles that an opponent needs to cross the one, at least."""
+_NOBODY = -1.0
+
+
+def anywhere(chart: Chart) -> Credit:
+    """Return the belief in which opponents can be wherever a robot can be."""
+    return jnp.where(_links(chart) > 0, _most(chart), _NOBODY)
+
+
+def where(credit: Credit) -> Cells:
+    """Return the cells in which an opponent can be."""
+    return credit >= 0
+
+
+def moved(chart: Chart, credit: Credit, reach: Scalar) -> Credit:
+    """Return where opponents can be after they have moved by up to `reach` [m].
+
+    A robot near the edge of a cell is in the next one at once; from there on it has to cross the cells.
+    """
+    cell, links = _cell(chart), _links(chart)
+    hops = jnp.ceil(reach / (_SHARE * cell))
+    share = reach / jnp.maximum(hops, 1.0)
+
+    def hop(_: Array, credit: Credit) -> Credit:
+        credit = jnp.where(credit >= 0, jnp.minimum(credit + share, _most(chart)), _NOBODY)
+        wide = jnp.pad(credit, 2, constant_values=_NOBODY)
+        best = credit
+        for bit, (right, up) in enumerate(STEPS):
+            came = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE] - _SHARE * cell * math.hypot(
+                right, up
+            )
+            is_entered = (links >> bit) & 1 > 0
+            best = jnp.maximum(best, jnp.where(is_entered & (came >= 0), came, _NOBODY))
+        return best
+
+    return jax.lax.fori_loop(0, hops.astype(jnp.int32), hop, credit)
+
+
+def looked(
+    chart: Chart, sensors: Sensors, credit: Credit, percept: Percept, active: Sequence[Bool[Array, ""]]
+) -> Credit:
+    """Return the belief without the cells that a side's robots see, none of which holds an opponent.
+
+    A cell is seen where its middle is, and those of the cells beside it to which a robot could go.
+    """
+    clear = functools.reduce(
+        jnp.logical_or,
+        [there & visible(chart, sensors, robot) for robot, there in zip(percept.own, active, strict=True)],
+    )
+    links, wide, seen = _links(chart), jnp.pad(clear, 2, constant_values=True), clear
+    for bit, (right, up) in enumerate(STEPS):
+        beside = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
+        seen &= beside | ((links >> bit) & 1 == 0)
+    return jnp.where(seen & percept.looked, _NOBODY, credit)
+
+
+def at(chart: Chart, robot: RobotState, bound: Scalar) -> Credit:
+    """Return the belief in an opponent that is within `bound` [m] of where it is seen."""
+    x, y = chart.middles()
+    near = (bound > 0) & (jnp.hypot(x - robot.x, y - robot.y) <= bound + 1.5 * _cell(chart))
+    here = jnp.arange(COARSE**2).reshape(COARSE, COARSE) == chart.nearest_cell(robot.x, robot.y)
+    return jnp.where(here | near & (_links(chart) > 0), _most(chart), _NOBODY)
+
+
+@fusion_barrier
+def visible(chart: Chart, sensors: Sensors, robot: RobotState) -> Cells:
+    """Return the cells whose middles a robot surely sees, wherever the errors of its own state let it be."""
+    x, y = chart.middles()
+    dx, dy = x - robot.x, y - robot.y
+    away, own = jnp.hypot(dx, dy), sensors.own_noise or Noise()
+    seen = jnp.ones((COARSE, COARSE), bool)
+    if sensors.line_of_sight:
+        seen &= away <= _profile(chart, robot, own.reach)[_ray(dx, dy)]
+    if sensors.range is not None:
+        seen &= away <= sensors.range - own.reach
+    if sensors.field_of_view is not None:
+        half = sensors.field_of_view / 2 - own.heading * BOUND
+        cos, sin = jnp.cos(robot.heading), jnp.sin(robot.heading)
+        ahead, aside = cos * dx + sin * dy, jnp.abs(cos * dy - sin * dx)
+        from_edge = jnp.sin(half) * ahead - jnp.cos(half) * aside
+        is_far = jnp.cos(half) * ahead + jnp.sin(half) * aside < 0  # more than a right angle from the edge
+        within = (half > 0) & (ahead >= jnp.cos(half) * away)
+        seen &= (half >= jnp.pi) | (within & (jnp.where(is_far, away, from_edge) >= own.reach))
+    return seen
+
+
+def _ray(dx: Array, dy: Array) -> Int[Array, "..."]:
+    """Return the number of the ray that is nearest to each direction.
+
+    Rays are evenly spaced along a square that stands on its corner: which one is the nearest takes no arctangent.
+    """
+    along = dy / jnp.maximum(jnp.abs(dx) + jnp.abs(dy), 1e-6)
+    quarter_turns = jnp.where(dx >= 0, along, 2 - along)
+    return jnp.round(quarter_turns * (RAYS / 4)).astype(jnp.int32) % RAYS
+
+
+def _profile(chart: Chart, robot: RobotState, margin: Scalar) -> Float[Array, " rays"]:
+    """Return the distance [m] up to which nothing is in a cone around each ray, or within `margin` [m] of the cone.
+
+    Neighbouring cones touch.
+
+    Cones traced through the field of clearances (Crassin et al., 2011; Amanatides, "Ray tracing with cones", 1984).
+    """
+    place = jnp.arange(RAYS, dtype=jnp.float32) * (4 / RAYS)
+    x, y = jnp.abs(place - 2) - 1, 1 - jnp.abs((place + 1) % 4 - 2)
+    cos, sin, spread = x / jnp.hypot(x, y), y / jnp.hypot(x, y), 4 / RAYS
+
+    def on(_: Array, along: Array) -> Array:
+        clearance = jax.vmap(chart.clearance)(robot.x + along * cos, robot.y + along * sin)
+        return along + jnp.maximum(clearance - spread * along - margin, 0.0)
+
+    return jax.lax.fori_loop(0, _GLANCES, on, jnp.zeros(RAYS))
+
+
+def _links(chart: Chart) -> UInt32[Array, "rows columns"]:
+    assert chart.links is not None, "charts in Python have them"
+    return chart.links[chart.member]
+
+
+def _cell(chart: Chart) -> Scalar:
+    return chart.side[chart.member] / COARSE
+
+
+def _most(chart: Chart) -> Scalar:
+    """Return the largest credit [m]: enough to be in the next cell at once."""
+    return _cell(chart) * 2.5
+
+
+def top_speed(v_min: Real, v_max: Real) -> Scalar:
+    """Return the largest speed [m/s] of a robot, forwards or backwards."""
+    return jnp.maximum(jnp.asarray(v_max, jnp.float32), -jnp.asarray(v_min, jnp.float32))
