@@ -18,7 +18,7 @@ from apollonius.game.drive import Drive
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
-from apollonius.game.robot_kinds import Spread
+from apollonius.game.scenario import Spread
 from apollonius.game.sensing import Noise, Sensors
 from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig

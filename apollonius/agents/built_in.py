@@ -30,6 +30,9 @@ PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""
 
+BY_CHART = "search", "hide"
+"""Those that find their way by the arena's chart."""
+
 
 class BuiltIn(AbstractKind):
     """The players of `PLAYERS`."""

@@ -20,7 +20,7 @@ _AHEAD = 1.2
 _MARGIN = 0.1
 """Clearance that a body keeps from such an obstacle [m]."""
 _FAR = 1e3
-"""Length of a way that there is not [m]."""
+"""Length of a missing way [m]."""
 _RECENT = 1.05
 """Age of a sighting [s] up to which it is driven to: longer than any delay."""
 _CAUTION = 8.0

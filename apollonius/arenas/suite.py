@@ -25,8 +25,7 @@ from apollonius.arenas.random_arena import random_arena
 from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.robot_kinds import RobotKinds
-from apollonius.game.scenario import Scenario, stack_arenas
+from apollonius.game.scenario import RobotKinds, Scenario, stack_arenas
 from apollonius.game.starts import Starts
 from apollonius.io.document import parse_toml
 from apollonius.io.errors import require

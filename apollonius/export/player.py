@@ -145,7 +145,9 @@ def find_exportable(name: str, role: Role, game: Game) -> Player:
     body = game.bodies[role][0]
     bound = "0 m/s and more than 0 m/s^2, so that braking, the answer to a broken state, ends at rest"
     require(body.v_min == 0 and body.u1_max > 0, "v_min, u1_max", (float(body.v_min), float(body.u1_max)), bound)
-    known = charted(game) if reads_chart(policy) else game
+    known = replace(charted(game) if reads_chart(policy) else game, sensors=None, drives=None)  # the robot has its own
+    if known.arena.chart is not None:
+        known = replace(known, arena=replace(known.arena, chart=replace(known.arena.chart, links=None)))
     return Player(name, role, known, policy, transposed(_without_charts(policy)))
 
 

@@ -1,5 +1,6 @@
 """Drives that respond late and slowly: from what a player asks for to what its robot does."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import equinox as eqx
@@ -8,7 +9,7 @@ from jaxtyping import Array, Float
 
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.types import Action, Real, Scalar
+from apollonius.game.types import Action, Real, Role, Scalar
 from apollonius.io.errors import require
 
 MOST_LAG = 10
@@ -16,7 +17,7 @@ MOST_LAG = 10
 
 
 class Drive(eqx.Module):
-    """The drive of each robot of a side. What is None does not limit it.
+    """The drive of each robot of a side; None stands for no limit.
 
     Attributes:
         lag: whole steps by which commands are late.
@@ -92,3 +93,29 @@ class Drives(BySide[Drive | None]):
         for name in ("pursuer", "evader"):
             if (drive := getattr(self, name)) is not None:
                 drive.check(f"drives.{name}")
+
+
+DriveStates = tuple[DriveState, ...]
+"""The drives of the robots of a side."""
+
+
+def at_rest(drives: Drives | None, role: Role, robots: int) -> DriveStates | None:
+    """Return the drives of a side's robots at the start of a game; None where nothing limits them."""
+    drive = drives and drives[role]
+    return None if drive is None else (drive.begin(),) * robots
+
+
+def respond(
+    drives: Drives | None,
+    role: Role,
+    states: DriveStates | None,
+    bodies: Sequence[Unicycle],
+    actions: Sequence[Action],
+    dt: Real,
+) -> tuple[tuple[tuple[Scalar, Scalar], ...], DriveStates | None]:
+    """Return the controls that a side's robots hold in this step, and their drives after it."""
+    drive = drives and drives[role]
+    if drive is None or states is None:
+        return tuple(body.controls(action) for body, action in zip(bodies, actions, strict=True)), None
+    made = [drive.respond(*robot, dt) for robot in zip(states, bodies, actions, strict=True)]
+    return tuple(controls for controls, _ in made), tuple(after for _, after in made)

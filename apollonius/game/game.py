@@ -13,7 +13,7 @@ from apollonius.game import validation
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide, one_each
 from apollonius.game.chart import Chart
-from apollonius.game.drive import Drives, DriveState
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.judge import fates, judge
@@ -47,8 +47,7 @@ class Game(eqx.Module):
         max_steps: time limit [steps].
         scenario: the arenas from which each game draws one (`in_arenas`); None for games in `arena`.
         teams: the other robots of either side; None in a game of two.
-        sensors: what either side sees of the other; None for everything.
-        drives: what robots do with their players' actions; None where they follow them at once.
+        sensors, drives: of either side; None for robots that see everything, and do at once what their players say.
 
     Raises:
         InvalidInput: at construction, for values no game can be played with; names value, bound and remedy.
@@ -82,12 +81,9 @@ class Game(eqx.Module):
         steps, bound = self.max_steps, f"a whole number, at least 1, at most {MAX_STEPS}; the paper game uses 1000"
         require(1 <= steps <= MAX_STEPS and steps == int(steps), "max_steps", steps, bound)
         self.reward.check()
-        validation.check_bodies(self.bodies, float(self.dt))
+        validation.check_bodies(self.bodies, float(self.dt), self.sensors, self.drives)
         self.arena.check()
         self.starts.check(self.capture_distance)
-        for part in (self.sensors, self.drives):
-            if part is not None:
-                part.check()
         validation.check_space_to_start(self.arena, self.bodies, self.starts)
 
     @property
@@ -167,36 +163,6 @@ class Game(eqx.Module):
             return tuple(body.controls(action) for body, action in zip(bodies[role], several, strict=True))
 
         return self.step_controls(state, ROLES.map(controls))
-
-    def drives_at_rest(self, role: Role) -> tuple[DriveState, ...] | None:
-        """Return the drives of one side's robots at the start of a game; None where nothing limits them."""
-        drive = self.drives and self.drives[role]
-        return None if drive is None else (drive.begin(),) * len(self.bodies[role])
-
-    def step_driven(
-        self,
-        state: GameState,
-        drives: BySide[tuple[DriveState, ...] | None],
-        actions: BySide[tuple[Action, ...]],
-    ) -> tuple[Timestep, BySide[tuple[DriveState, ...] | None]]:
-        """Let all robots hold for `dt` what their drives make of their actions; return the drives after it, too."""
-        here = self.at(state)
-
-        def response(role: Role) -> tuple[tuple[tuple[Scalar, Scalar], ...], tuple[DriveState, ...] | None]:
-            bodies, asked, drive, states = (
-                here.bodies[role],
-                actions[role],
-                here.drives and here.drives[role],
-                drives[role],
-            )
-            if drive is None or states is None:
-                return tuple(body.controls(action) for body, action in zip(bodies, asked, strict=True)), None
-            made = [drive.respond(*robot, self.dt) for robot in zip(states, bodies, asked, strict=True)]
-            return tuple(controls for controls, _ in made), tuple(after for _, after in made)
-
-        responses = ROLES.map(response)
-        after = self.step_controls(state, responses.map(lambda one: one[0]))
-        return after, responses.map(lambda one: one[1])
 
     def step_controls(self, state: GameState, controls: BySide[tuple[tuple[Scalar, Scalar], ...]]) -> Timestep:
         """Let all active robots hold their controls (u1 [m/s^2], u2 [rad/s]) for `dt`, and judge the step."""

@@ -11,8 +11,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.game import Game
 from apollonius.game.names import TEAM
 from apollonius.game.reward import Reward
-from apollonius.game.robot_kinds import RobotKinds, Spread
-from apollonius.game.scenario import Scenario, stack_arenas
+from apollonius.game.scenario import RobotKinds, Scenario, Spread, stack_arenas
 from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.teams import Body, Teams
 from apollonius.game.validation import MOST_ROBOTS

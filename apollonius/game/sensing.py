@@ -1,7 +1,7 @@
-"""What the robots of a side see of their opponents: line of sight, range, field of view, noise, drop-outs, delay.
+"""Sensors of the robots of a side: line of sight, range, field of view, noise, drop-outs, delay.
 
-Without sensors they see everything, exactly and at once, as in the paper. Mates know of each other, and share what each
-of them sees.
+Without sensors they see everything, exactly and at once, as in the paper. Mates know of each other, and share what they
+see.
 """
 
 import functools
@@ -25,11 +25,11 @@ MOST_DELAY = 10
 BOUND = 3.0
 """Standard deviations beyond which there are no errors."""
 _OWN, _OPPONENTS, _DROPPED = 2, 3, 4
-"""Numbers folded into random bits, beside the player's own use of them."""
+"""Numbers folded into random bits, beside the player's own use."""
 
 
 class Noise(eqx.Module):
-    """Standard deviations of the errors of seen states: normal, cut at `BOUND` of them, new in every step.
+    """Standard deviations of the errors of seen states: normal, cut at `BOUND` times these, new in every step.
 
     Attributes:
         position: of x and of y [m].
@@ -53,7 +53,7 @@ class Noise(eqx.Module):
         return jnp.asarray(self.position, jnp.float32) * BOUND * 2**0.5
 
     def added(self, robots: Sequence[RobotState], bits: UInt32[Array, ""], use: int) -> tuple[RobotState, ...]:
-        """Return robots with errors from random bits, for this use of them."""
+        """Return robots with errors from random bits, folded with the number of their use."""
         key = jax.random.fold_in(jax.random.key(bits), use)
         errors = jnp.clip(jax.random.normal(key, (len(robots), 4)), -BOUND, BOUND)
         return tuple(
@@ -68,7 +68,7 @@ class Noise(eqx.Module):
 
 
 class Sensors(eqx.Module):
-    """The sensors of each robot of a side. What is None does not limit it.
+    """The sensors of each robot of a side; None stands for no limit.
 
     Attributes:
         line_of_sight: whether obstacles hide what is behind them.

@@ -10,7 +10,9 @@ from jaxtyping import Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
+from apollonius.game.drive import Drives
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import ROBOTS
@@ -27,16 +29,14 @@ _PLACINGS = 100
 """Starts of teams that are tried out."""
 _SIDES = ("pursuer", "evader")
 _OPTIONAL = (
-    *(
-        "arena.map",
-        "arena.territory",
-        "arena.chart",
-        "scenario",
-        "teams",
-        "reward.zero_sum_within",
-        "sensors",
-        "drives",
-    ),
+    "arena.map",
+    "arena.territory",
+    "arena.chart",
+    "scenario",
+    "teams",
+    "reward.zero_sum_within",
+    "sensors",
+    "drives",
 )
 """Beginnings of the names of parts that a game need not have."""
 
@@ -74,8 +74,11 @@ def _numbers(game: Any) -> dict[str, Any]:
     return {name: leaf for name, leaf in named.items() if name not in hidden}
 
 
-def check_bodies(bodies: Bodies, dt: float) -> None:
-    """Refuse too many robots, and robots with impossible limits."""
+def check_bodies(bodies: Bodies, dt: float, *parts: Sensing | Drives | None) -> None:
+    """Refuse too many robots, and robots with impossible limits, sensors or drives."""
+    for part in parts:
+        if part is not None:
+            part.check()
     for side, robots in zip(_SIDES, bodies, strict=True):
         require(len(robots) <= MOST_ROBOTS, f"{side}s", len(robots), f"at most {MOST_ROBOTS}")
         for number, body in enumerate(robots):

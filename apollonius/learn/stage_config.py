@@ -7,7 +7,7 @@ from apollonius.catalogue import TABLE
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import randomised
-from apollonius.game.robot_kinds import Spread
+from apollonius.game.scenario import Spread
 from apollonius.game.types import Role
 from apollonius.io.errors import require, require_positive, require_within
 from apollonius.io.limits import GAMES
@@ -37,7 +37,7 @@ class StageConfig:
     evaluation_games: int = 1000
     """Games in each evaluation, always from the same starts."""
     randomise: tuple[Spread, ...] = ()
-    """Numbers of the robots, their sensors and drives that each game draws anew while training."""
+    """Numbers of the robots, their sensors and drives that each game draws while training."""
 
     def __post_init__(self) -> None:
         require_positive(self, "evaluations", "evaluation_games")

@@ -23,7 +23,8 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
 from apollonius.io.jobs import available_cores
-from apollonius.play.rollout import Games, Transition, begin, random_bits_of, reset_where_done, step_games
+from apollonius.play.random_bits import random_bits_of
+from apollonius.play.rollout import Games, Transition, begin, reset_where_done, step_games
 
 Report = Callable[[int, int], None]
 """A callback that gets the number of games that have ended and that of all games."""

@@ -54,3 +54,14 @@ def _hash(key: UInt32[Array, "2"], counter: UInt32[Array, "..."]) -> tuple[UInt3
         high = high + keys[(turn + 1) % 3]
         low = low + keys[(turn + 2) % 3] + jnp.uint32(turn + 1)
     return high, low
+
+
+def random_bits_of(
+    key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
+) -> UInt32[Array, "2 games"]:
+    """Return random bits of either side, by the game's index and its step alone; step -1 is the beginning."""
+
+    def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
+        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
+
+    return jax.vmap(sample)(index, step).T

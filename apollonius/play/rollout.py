@@ -16,9 +16,9 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import DriveState
+from apollonius.game.drive import DriveStates, at_rest, respond
 from apollonius.game.game import Game
-from apollonius.game.types import ROLES, Actions, GameState, Role
+from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
 from apollonius.observe.tracking import Track
@@ -69,7 +69,7 @@ class SideState(eqx.Module):
     episode_return: Float[Array, "games *robots"]
     memory: Memory = ()
     track: Track | None = None
-    drives: tuple[DriveState, ...] | None = None
+    drives: DriveStates | None = None
 
 
 class Games(eqx.Module):
@@ -93,7 +93,7 @@ def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits:
         )
         returns = of_robots([jnp.zeros(own.shape, jnp.float32)] * robots)
         track = jax.vmap(lambda state: tracking.begin(game, state, role))(starts)
-        drives = jax.vmap(lambda state: game.at(state).drives_at_rest(role))(starts)
+        drives = jax.vmap(lambda state: at_rest(game.at(state).drives, role, robots))(starts)
         return SideState(players[role].sample(own), returns, first, track, drives)
 
     return Games(starts, ROLES.map(side))
@@ -119,17 +119,21 @@ def step_games(
     """
 
     def sees(
-        tracks: BySide[Track | None], state: GameState, bits: UInt32[Array, "2 games"]
-    ) -> tuple[BySide[Track | None], BySide[tuple[Read, Any]]]:
-        tracks = ROLES.map(lambda role: jax.vmap(partial(_followed, game, role))(tracks[role], state, bits[role]))
-        known = ROLES.map(lambda role: jax.vmap(partial(_known, game, role))(tracks[role], state))
-        return tracks, ROLES.map(lambda role: perceive(players[role].observation, game, known[role], role))
+        tracks: BySide[Track | None], state: GameState, bits: Array
+    ) -> tuple[BySide[Any], BySide[tuple[Read, Any]]]:
+        def known(role: Role, track: Track | None, state: GameState, bits: Array) -> tuple[Track | None, GameState]:
+            after = tracking.follow(game, track, state, role, bits)
+            return after, tracking.believed(game, after, state, role)
+
+        both = ROLES.map(lambda role: jax.vmap(partial(known, role))(tracks[role], state, bits[role]))
+        seen = ROLES.map(lambda role: perceive(players[role].observation, game, both[role][1], role))
+        return both.map(lambda one: one[0]), seen
 
     tracks, seen = sees(games.sides.map(lambda side: side.track), games.state, bits)
     acted = ROLES.map(lambda role: decide(players[role], games.sides[role], seen[role], bits[role]))
     actions = acted.map(lambda side: side[0])
     drives = games.sides.map(lambda side: side.drives)
-    after, drives = jax.vmap(Game.step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
+    after, drives = jax.vmap(step_driven, in_axes=(None, 0, 0, 0))(game, games.state, drives, actions)
     next_seen = sees(tracks, after.state, ~bits)[1] if observes else seen
     rewards = after.rewards.map(of_robots)
     returns = ROLES.map(lambda role: games.sides[role].episode_return + rewards[role])
@@ -154,12 +158,13 @@ def step_games(
     return Games(after.state, sides), transition
 
 
-def _followed(game: Game, role: Role, track: Track | None, state: GameState, bits: UInt32[Array, ""]) -> Track | None:
-    return tracking.follow(game, track, state, role, bits)
-
-
-def _known(game: Game, role: Role, track: Track | None, state: GameState) -> GameState:
-    return tracking.believed(game, track, state, role)
+def step_driven(
+    game: Game, state: GameState, drives: BySide[DriveStates | None], actions: BySide[tuple[Action, ...]]
+) -> tuple[Timestep, BySide[DriveStates | None]]:
+    """Let all robots hold for a step what their drives make of their actions; return the drives after it, too."""
+    limits, bodies = game.at(state).drives, game.at(state).bodies
+    made = ROLES.map(lambda role: respond(limits, role, drives[role], bodies[role], actions[role], game.dt))
+    return game.step_controls(state, made.map(lambda one: one[0])), made.map(lambda one: one[1])
 
 
 def decide(
@@ -233,17 +238,6 @@ def collect(
         return jax.vmap(reset_where_done)(transition.ended, fresh, after), transition
 
     return jax.lax.scan(one_step, games, jnp.arange(steps))
-
-
-def random_bits_of(
-    key: PRNGKeyArray, index: Int[Array, " games"], step: Int[Array, " games"]
-) -> UInt32[Array, "2 games"]:
-    """Return random bits of either side, by the game's index and its step alone; step -1 is the beginning."""
-
-    def sample(index: Int[Array, ""], step: Int[Array, ""]) -> UInt32[Array, "2"]:
-        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, index), step), (2,), jnp.uint32)
-
-    return jax.vmap(sample)(index, step).T
 
 
 def reset_where_done(over: Bool[Array, ""], new: Any, old: Any) -> Any:

@@ -19,8 +19,9 @@ from apollonius.game.types import GameState, Outcome
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results
+from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay, as_rows, as_state
-from apollonius.play.rollout import Games, SideState, random_bits_of, step_games
+from apollonius.play.rollout import Games, SideState, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import Physics
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from apollonius.agents.built_in import PLAYERS, BuiltIn
+from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
@@ -82,6 +82,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     collide = rules.teams is not None and rules.teams.mates_collide
     require(not collide, "mates_collide", collide, "false in the page, where team mates pass through each other")
     team, of_two = split_team(game)
+    limited = [name for name in ("sensors", "drives") if getattr(rules, name) is not None]
+    require(not limited, "game", f"'{game}'", f"without {' and '.join(limited)}, which the page does not know")
     games = {} if of_two in game_names() else {Path(of_two).stem: find_game(of_two)}
     side = person.other
     is_first = against is None and person == Role.EVADER and (game, seed) == ("paper", 0)
@@ -89,8 +91,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     bare = name.removeprefix(SHIELDED)
     own = Path(bare) if bare.endswith(OWN) else None
     found = None if own else find_player(name, side, rules)
-    rule_players = [rule for rule in PLAYERS if BuiltIn().fits(rule, side, rules)]
-    playable = found is None or found.header is not None or bare in PLAYERS
+    rule_players = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
+    playable = found is None or found.header is not None or bare in rule_players
     require(playable, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(rule_players)}")
     agents = {}
     if own:
@@ -126,7 +128,8 @@ def write_site(folder: Path, choice: Choice | None = None) -> None:
             for side in [header.role] if header else names:
                 names[side].append(name)
             anywhere += [name] if header is None or header.observation in ANY_ARENA else []
-    games = {name: find_game(name) for name in game_names()} | chosen.games
+    known = {name: find_game(name) for name in game_names()}
+    games = {name: game for name, game in known.items() if game.sensors is None and game.drives is None} | chosen.games
     catalogue = {
         "games": {name: to_dict(game) for name, game in games.items()},
         "maps": {name: _write_map(game.arena.map, folder) for name, game in games.items() if game.arena.map},

@@ -12,6 +12,7 @@ from apollonius.agents import built_in
 from apollonius.agents.chasing import Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.fleeing import Flee, FleeAware
+from apollonius.arenas.charting import charted
 from apollonius.catalogue import find_player, player_names
 from apollonius.evaluate.match import play_match
 from apollonius.game.arena import Arena
@@ -138,7 +139,9 @@ def test_flee_aware_looks_equally_far_ahead_whatever_the_step():
 
 @pytest.mark.parametrize(("name", "role"), PLAYERS)
 def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
-    game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(name, PAPER)
+    game = {"territory": make_game("territory"), "voronoi-pursuit": TEAM, "encirclement": TEAM}.get(
+        name, charted(PAPER)
+    )
     player = find_player(name, role, game).policy
     seen = look(game, game.reset(jax.random.key(1)), role)
     own = int(act(player, seen, jnp.uint32(0)))

@@ -66,7 +66,7 @@ def test_players_of_several_kinds_have_games_of_their_own():
 
     def played(pursuers):
         players = BySide(pursuers, solo(RUNNER))
-        begun = begin(game, starts, players, jnp.zeros((2, 5), jnp.uint32))
+        begun = begin(GAME, starts, players, jnp.zeros((2, 5), jnp.uint32))
         return collect(GAME, players, begun, jax.tree.map(lambda leaf: leaf[None], starts), KEY, 6)[1].sides.pursuer
 
     together = played(Apart(kinds, games))

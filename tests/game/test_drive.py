@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import MOST_LAG, Drive, Drives
+from apollonius.game.drive import MOST_LAG, Drive, Drives, at_rest
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game, randomised
-from apollonius.game.robot_kinds import Spread
+from apollonius.game.scenario import Spread
 from apollonius.game.types import ROLES
 from apollonius.io.errors import InvalidInput
+from apollonius.play.rollout import step_driven
 
 BODY, DT = Unicycle(), 0.1
 LEFT, RIGHT, FASTER_LEFT = 5, 3, 8
@@ -59,10 +60,10 @@ def test_each_robot_of_a_team_has_the_drive_of_its_side():
     """Late pursuers stand while the evader drives off; both pursuers turn as one alone would."""
     game = replace(in_teams(make_game("paper"), 2, 1), drives=Drives(pursuer=Drive(lag=3)))
     state = game.reset(jax.random.key(0))
-    drives = ROLES.map(game.drives_at_rest)
+    drives = ROLES.map(lambda role: at_rest(game.drives, role, len(game.bodies[role])))
     speeds = []
     for _ in range(5):
-        after, drives = game.step_driven(state, drives, BySide((jnp.asarray(7), jnp.asarray(7)), (jnp.asarray(7),)))
+        after, drives = step_driven(game, state, drives, BySide((jnp.asarray(7), jnp.asarray(7)), (jnp.asarray(7),)))
         state = after.state
         speeds.append([float(robot.v) for side in state.robots for robot in side])
     assert speeds == [pytest.approx([max(0, step - 3) * 0.03] * 2 + [step * 0.03], abs=1e-5) for step in range(1, 6)]

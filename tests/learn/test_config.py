@@ -10,7 +10,7 @@ import pytest
 from apollonius.agents.trained import find_trained
 from apollonius.arenas.record import to_dict
 from apollonius.game.presets import in_teams, make_game
-from apollonius.game.robot_kinds import Spread
+from apollonius.game.scenario import Spread
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.config import PRESETS, RunConfig
 from apollonius.learn.folder import create_run, load_config

@@ -112,8 +112,10 @@ def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
     assert not look(3.0, 9.5)  # out of range
     assert not look(6.5, 5.0)  # behind the disc
     assert not np.asarray(belief.visible(chart, replace(LIDAR, range=0.0), here)).any()
-    ahead = np.asarray(belief.visible(chart, replace(LIDAR, field_of_view=1.0), here))
-    assert (ahead.sum() > 10, ahead[int(5 / 10 * COARSE), int(2.0 / 10 * COARSE)]) == (True, False)
+    upwards = np.asarray(belief.visible(chart, replace(LIDAR, field_of_view=1.0), robot(3.0, 5.0, 0.0, np.pi / 2)))
+    assert upwards[int(0.7 * COARSE), int(0.3 * COARSE)]
+    assert not upwards[: int(0.5 * COARSE)].any()
+    assert not np.any(upwards & ~seen)
 
 
 def test_sightings_are_remembered_with_their_age_and_delay():

@@ -22,7 +22,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.presets import in_teams, make_game, randomised
-from apollonius.game.robot_kinds import Spread
+from apollonius.game.scenario import Spread
 from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.built_in import BY_CHART, PLAYERS
 from apollonius.agents.classical import AbstractClassical
 from apollonius.agents.network import apply, make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
@@ -46,6 +46,10 @@ STATUSES = np.asarray([status.name.lower() for status in RobotStatus])
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 
 
+LIMITED = {"lidar", "blind"}
+"""Games of robots that do not see everything, which the page does not have."""
+
+
 def ask(**questions):
     """Return the answers of the page's modules; of one question the answer itself."""
     program = ["node", str(Path(__file__).with_name("check.mjs"))]
@@ -66,7 +70,7 @@ def test_golden_games_come_out_the_same():
     """They have every outcome and every preset; a step that is judged by another rule would be seen."""
     records, replays = [json.loads(path.read_text()) for path in GOLDEN], [load_replay(path) for path in GOLDEN]
     assert {replay.outcome for replay in replays} == set(Outcome) - {Outcome.ONGOING}
-    assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == set(PRESETS)
+    assert {path.stem.rsplit("-", 1)[0] for path in GOLDEN} == set(PRESETS) - LIMITED
     wrong = records[0] | {"game": records[0]["game"] | {"dt": 0.11}}
     *played, other = ask(games=[*records, wrong])
     for replay, game in zip(replays, played, strict=True):
@@ -199,6 +203,7 @@ def test_robots_see_and_do_the_same(name, role, number):
     found = ask(views=told | {"rows": rows.tolist(), "statuses": STATUSES[statuses].tolist()})
     fitting = {one: policy for one, (policy, sides) in PLAYERS.items() if role in sides}
     rules = {one: rule for one, rule in fitting.items() if issubclass(rule, AbstractClassical) and rule.fits(game)}
+    rules = {one: rule for one, rule in rules.items() if one not in BY_CHART}
     assert found["values"].keys() == rules.keys()
     backup, actions = brakes(game, role), jnp.arange(NUM_ACTIONS)
 
@@ -317,7 +322,7 @@ def test_a_passage_that_is_too_narrow_for_one_robot_is_said():
 
 
 def test_games_are_read_as_the_package_reads_them():
-    names = [name for name in game_names() if not name.startswith("team")]
+    names = [name for name in game_names() if not name.startswith("team") and name not in LIMITED]
     for name, read in zip(names, ask(read=[json.dumps(to_dict(find_game(name))) for name in names]), strict=True):
         assert read["answer"] == as_json(find_game(name))
 
