@@ -11,10 +11,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt16
 
 from apollonius.game.arena import Arena
-from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, STEPS, Chart
+from apollonius.game.chart import COARSE, COARSE_BITS, NO_PATH, SIDE, Chart, entries
 from apollonius.game.game import Game
 from apollonius.game.obstacle import between_nodes, bilinear
 from apollonius.game.types import Scalar
@@ -82,7 +82,7 @@ def _drawn(arena: Arena, radius: float) -> _Leaves:
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
     lengths, visible = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
-    links = _entries(np.asarray(field), np.asarray(visible))
+    links = entries(np.asarray(field), np.asarray(visible))
     return *map(np.asarray, (field, lengths, visible, links)), *np.array([x, y, side], np.float32)[:, None]
 
 
@@ -112,22 +112,6 @@ def paths(
     is_linked = jnp.min(jnp.minimum(links[0], jnp.flip(links[1], (1, 2))), axis=0) < _FAR
     lengths = jax.lax.map(lengths_from, jnp.arange(COARSE**2).reshape(-1, _TOGETHER)).reshape(COARSE**2, COARSE**2)
     return lengths, _visible(field, is_linked.reshape(COARSE**2))
-
-
-def _entries(field: np.ndarray, visible: np.ndarray) -> UInt32[np.ndarray, "coarse_rows coarse_columns"]:
-    """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie side by side."""
-    coarse = visible.astype(np.int32) & (2**COARSE_BITS - 1)
-    is_free = np.max([field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]], axis=0) > 0
-    links, numbers = np.zeros(COARSE**2, np.uint32), {step: bit for bit, step in enumerate(STEPS)}
-    for right, up in ((1, 0), (0, 1), (1, 1), (-1, 1)):
-        columns = slice(max(0, -right), SIDE - max(0, right)), slice(max(0, right), SIDE + min(0, right))
-        both = is_free[: SIDE - up, columns[0]] & is_free[up:, columns[1]]
-        pair = coarse[: SIDE - up, columns[0]][both], coarse[up:, columns[1]][both]
-        for start, end in (pair, pair[::-1]):
-            across, upwards = end % COARSE - start % COARSE, end // COARSE - start // COARSE
-            for step, bit in numbers.items():
-                links[end[(across == step[0]) & (upwards == step[1])]] |= np.uint32(1 << bit)
-    return links.reshape(COARSE, COARSE)
 
 
 def _look(field: _Field, x: Scalar, y: Scalar) -> Scalar:

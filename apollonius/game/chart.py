@@ -7,6 +7,7 @@ rule does.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
@@ -150,3 +151,19 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     """
     before = jnp.clip(jnp.floor(middle * COARSE - 0.5), 0.0, COARSE - 2.0)
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
+
+
+def entries(field: np.ndarray, visible: np.ndarray) -> UInt32[np.ndarray, "coarse_rows coarse_columns"]:
+    """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie side by side."""
+    coarse = visible.astype(np.int32) & (2**COARSE_BITS - 1)
+    is_free = np.max([field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]], axis=0) > 0
+    links = np.zeros(COARSE**2, np.uint32)
+    for right, up in ((1, 0), (0, 1), (1, 1), (-1, 1)):
+        columns = slice(max(0, -right), SIDE - max(0, right)), slice(max(0, right), SIDE + min(0, right))
+        both = is_free[: SIDE - up, columns[0]] & is_free[up:, columns[1]]
+        pair = coarse[: SIDE - up, columns[0]][both], coarse[up:, columns[1]][both]
+        for start, end in (pair, pair[::-1]):
+            for bit, (across, upwards) in enumerate(STEPS):
+                is_step = (end % COARSE - start % COARSE == across) & (end // COARSE - start // COARSE == upwards)
+                links[end[is_step]] |= np.uint32(1 << bit)
+    return links.reshape(COARSE, COARSE)

@@ -98,7 +98,7 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
         files.append(str(tmp_path / f"E_{seed}.safetensors"))
         save_agent(describe(make_actor("paper", 8, 1, jax.random.key(seed)), Role.EVADER, {}, {}), tmp_path / files[-1])
     assert find_pool(files, Role.EVADER).size == 2
-    with pytest.raises(InvalidInput, match="random beside discrete ones"):
+    with pytest.raises(InvalidInput, match="random and still beside discrete ones"):
         find_pool([files[0], "random"], Role.EVADER)
     with pytest.raises(InvalidInput, match="continuous actions and values none"):
         find_action_value_policy(files[0])

@@ -152,7 +152,7 @@ class Charted(Still):
 
 
 def test_a_match_keeps_its_game_and_plays_it_with_charts_where_players_read_them(monkeypatch):
-    monkeypatch.setattr(match, "charted", lambda game: replace(game, max_steps=3))
+    monkeypatch.setattr(match, "charted", lambda game, reads: replace(game, max_steps=3) if reads else game)
     asked, bare = (a_match(PAPER, player, Still(), 2) for player in (Charted(), Still()))
     assert (asked.game, asked.rules.max_steps, bare.rules) == (PAPER, 3, PAPER)
 

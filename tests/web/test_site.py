@@ -28,7 +28,9 @@ from apollonius.web.site import LEARNERS, PAGE, READS, YOU, choose, write_site
 def test_the_site_is_whole(tmp_path):
     write_site(tmp_path)
     catalogue = json.loads((tmp_path / "catalogue.json").read_text())
-    assert catalogue["games"] == {name: to_dict(find_game(name)) for name in game_names()}
+    assert catalogue["games"] == {
+        name: to_dict(find_game(name)) for name in game_names() if name not in ("lidar", "blind")
+    }
     read = [name for name in zoo_names() if load_header(ZOO / f"{name}.safetensors").observation in READS]
     learners = {path.stem: path for path in LEARNERS.iterdir()}
     assert len(learners) == 5
