@@ -91,8 +91,10 @@ class AbstractSteering(AbstractClassical):
 
         So a control is used only while more than half a step is missing, and a course once held is held quietly.
         """
-        own = seen.own
-        heading, speed = self.course(seen)
+        return self.towards(seen.own, *self.course(seen))
+
+    def towards(self, own: Robot, heading: Scalar, speed: Scalar) -> Float[Array, "9"]:
+        """Return those values for a heading [rad] and a speed [m/s]."""
         turn = jnp.maximum(own.body.u2_max * self.dt, 1e-6)
         thrust = jnp.maximum(own.body.u1_max * self.dt, 1e-6)
 

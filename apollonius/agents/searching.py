@@ -2,10 +2,11 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, separation
+from apollonius.agents.policy import Memory
 from apollonius.game.chart import COARSE, NO_PATH, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import RobotState, Scalar
@@ -23,6 +24,12 @@ _FAR = 1e3
 """Length of a missing way [m]."""
 _RECENT = 1.05
 """Age of a sighting [s] up to which it is driven to: longer than any delay."""
+_AT_HAND = 1.0
+"""Length of a path [m] up to which a cell is at hand."""
+_NEAR = 30.0
+"""Length of a path [m], added to those of places, that makes their chances alike."""
+_PLACES = 6
+"""Number folded into random bits for the places that are drawn."""
 _CAUTION = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
 
@@ -63,20 +70,33 @@ class AbstractWayfinder(AbstractSteering):
 
 
 class Search(AbstractWayfinder):
-    """Drives along the shortest path to the opponent or, not seeing it, to the nearest place where it can be.
+    """Drives along the shortest path to the opponent or, not seeing it, to one place after another where it can be.
 
-    So it sweeps what is left of the contaminated part (Guibas et al., 1999), always at its nearest frontier (Yamauchi,
-    "A frontier-based approach for autonomous exploration", 1997).
+    Places are drawn at random, near ones a little more often (Isler, Kannan and Khanna, "Randomized pursuit-evasion in
+    a polygonal environment", 2005): always to the nearest one, it would circle an obstacle behind which an opponent
+    could keep away from it. A place is given up when the opponent cannot be there any more.
     """
 
-    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+    @property
+    def memory(self) -> Int[Array, ""]:
+        """The coarse cell that it drives to; -1 for none."""
+        return jnp.full((), -1, jnp.int32)
+
+    def weigh(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
         chart, opponent = chart_of(seen), seen.opponent
         if seen.belief is None:
-            return self.way(seen, opponent.state)
-        lengths = jnp.where(seen.belief, lengths_to_cells(chart, seen.own), 2 * _FAR)
-        place = middle_of(chart, jnp.argmin(lengths))
+            return self.values(seen), memory
+        lengths, possible = lengths_to_cells(chart, seen.own).ravel(), seen.belief.ravel()
+        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), lengths.shape)
+        drawn = jnp.argmax(jnp.where(possible & (lengths < _FAR), shares / (lengths + _NEAR), -1.0)).astype(jnp.int32)
+        stays = (memory >= 0) & possible[memory] & (lengths[memory] > _AT_HAND)
+        cell = jnp.where(stays, memory, drawn)
         found = jnp.asarray(opponent.age) < _RECENT
-        return self.way(seen, jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, place))
+        place = jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, middle_of(chart, cell))
+        return self.towards(seen.own, *self.way(seen, place)), jnp.where(found, -1, cell)
+
+    def course(self, seen: View) -> tuple[Scalar, Scalar]:
+        return self.way(seen, seen.opponent.state)
 
 
 class Hide(AbstractWayfinder):

@@ -146,7 +146,7 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     seen = look(game, game.reset(jax.random.key(1)), role)
     own = int(act(player, seen, jnp.uint32(0)))
     allowed = jnp.arange(9) != own
-    other = int(player.choose(player.weigh(seen, (), jnp.uint32(0))[0], allowed))
+    other = int(player.choose(player.weigh(seen, player.memory, jnp.uint32(0))[0], allowed))
     values = np.array(player.values(seen))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
