@@ -7,6 +7,7 @@ from apollonius.agents.classical import AbstractClassical, Still, Uniform
 from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
 from apollonius.agents.kind import AbstractKind, Named, known_game
+from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.searching import Hide, Search
 from apollonius.agents.surrounding import Encirclement, VoronoiPursuit
@@ -14,19 +15,13 @@ from apollonius.game.game import Game
 from apollonius.game.types import Role
 from apollonius.io.errors import require
 
-EITHER = tuple(Role)
-PLAYERS: dict[str, tuple[type[AbstractPolicy], tuple[Role, ...]]] = {
-    "random": (Uniform, EITHER),
-    "still": (Still, EITHER),
-    "pure-pursuit": (PurePursuit, (Role.PURSUER,)),
-    "intercept": (Intercept, (Role.PURSUER,)),
-    "voronoi-pursuit": (VoronoiPursuit, (Role.PURSUER,)),
-    "encirclement": (Encirclement, (Role.PURSUER,)),
-    "flee": (Flee, (Role.EVADER,)),
-    "flee-aware": (FleeAware, (Role.EVADER,)),
-    "search": (Search, (Role.PURSUER,)),
-    "hide": (Hide, (Role.EVADER,)),
-    "territory": (Territory, EITHER),
+_POLICIES: dict[str, type[AbstractPolicy]] = {
+    "random": Uniform, "still": Still, "pure-pursuit": PurePursuit, "intercept": Intercept,
+    "voronoi-pursuit": VoronoiPursuit, "encirclement": Encirclement, "flee": Flee, "flee-aware": FleeAware,
+    "search": Search, "hide": Hide, "territory": Territory,
+}  # fmt: skip
+PLAYERS = {
+    name: (_POLICIES[name], tuple(Role[side.upper()] for side in sides)) for name, (sides, _) in BUILT_IN.items()
 }
 """By name, and the sides that they can play. Classical ones have to know the game."""
 

@@ -6,11 +6,23 @@ ZOO = Path(__file__).parent / "zoo"
 """Folder of the trained agents that ship with the package."""
 FROM_ZOO = "zoo/"
 """Prefix that marks the name of an agent that ships with the package."""
-BUILT_IN = (
-    "random", "still", "pure-pursuit", "intercept", "voronoi-pursuit", "encirclement", "flee", "flee-aware",
-    "search", "hide", "territory",
-)  # fmt: skip
-"""Players that need no file; what they do says `apollonius.agents.built_in`."""
+RUNS = Path("runs")
+"""The folder that training runs lie in unless they were put elsewhere."""
+SIDES = "pursuer", "evader"
+BUILT_IN = {
+    "random": (SIDES, "draws each action"),
+    "still": (SIDES, "brakes and stays"),
+    "pure-pursuit": (SIDES[:1], "heads for the evader"),
+    "intercept": (SIDES[:1], "heads for where both could meet"),
+    "voronoi-pursuit": (SIDES[:1], "of a team: takes room from the evader"),
+    "encirclement": (SIDES[:1], "of a team: closes in from all sides"),
+    "flee": (SIDES[1:], "straight away from the pursuer"),
+    "flee-aware": (SIDES[1:], "to where it is farthest away in 4 s without a contact"),
+    "search": (SIDES[:1], "of limited sight: to where the evader can be"),
+    "hide": (SIDES[1:], "of limited sight: out of the pursuer's sight"),
+    "territory": (SIDES, "to the nearest point of a territory that the evader reaches first"),
+}
+"""Players that need no file: the sides that they play, and what they do (`apollonius.agents.built_in`)."""
 
 SHIELDED = "shielded:"
 """Prefix that puts the player of a name behind a shield."""
@@ -19,3 +31,13 @@ SHIELDED = "shielded:"
 def zoo_names() -> list[str]:
     """Return the names of the agents that ship with the package."""
     return sorted(path.stem for path in ZOO.glob("*.safetensors"))
+
+
+def side_of(name: str) -> tuple[str, ...]:
+    """Return the sides that a built-in player or an agent of the zoo plays."""
+    return BUILT_IN[name][0] if name in BUILT_IN else SIDES[:1] if name.startswith("P_") else SIDES[1:]
+
+
+def agents_folders(run: str) -> list[Path]:
+    """Return where the agents of a training run can lie, which is given by its folder or its name among `RUNS`."""
+    return [Path(run) / "agents", RUNS / run / "agents"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
-from apollonius.agents.names import FROM_ZOO, ZOO, zoo_names
+from apollonius.agents.names import FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.charting import charted
@@ -19,10 +19,6 @@ from apollonius.observe.registry import find_observation
 
 ANY = BySide("P_any", "E_any")
 """Those that play in any arena."""
-_AGENTS = "agents"
-"""The folder of a training run that its agents lie in."""
-_RUNS = Path("runs")
-"""The folder that training runs lie in unless they were put elsewhere."""
 
 
 def greedy(network: Network) -> Greedy | SquashedMean:
@@ -123,7 +119,9 @@ def called(path: Path) -> str:
 
     Two runs give their agents the same names, and those of the zoo.
     """
-    return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == _AGENTS else path.stem
+    return (
+        f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == agents_folders("")[0].name else path.stem
+    )
 
 
 def _find_for(name: str, role: Role) -> tuple[Agent, Path]:
@@ -141,5 +139,5 @@ def _file_of(name: str) -> Path | None:
     if Path(name).suffix == ".safetensors" or Path(name).exists():
         return Path(name)
     run, _, agent = name.rpartition("/")
-    in_run = [folder / _AGENTS / f"{agent}.safetensors" for folder in (Path(run), _RUNS / run) if run and agent]
+    in_run = [folder / f"{agent}.safetensors" for folder in agents_folders(run) if run and agent]
     return next((file for file in in_run if file.is_file()), None)

@@ -25,6 +25,7 @@ def add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
     )
+    parser.add_argument("--verbose", action="store_true", help="print lengths of games, robots and detours too")
     parser.set_defaults(run=run_evaluate)
 
 
@@ -42,7 +43,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     options.display.begin("judging the starts", compiles=True)
     result = count(match, results)
     written = write_replays(options, "game", (record_game(match, index) for index in worst_first(results)))
-    answer(options, match_facts(options, match) | result.to_dict(), match_table(match, result))
+    answer(options, match_facts(options, match) | result.to_dict(), match_table(match, result, options.verbose))
     finish_with_replays(written, options)
     return 0
 

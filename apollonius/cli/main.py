@@ -11,11 +11,11 @@ from apollonius.cli.evaluate import add_evaluate
 from apollonius.cli.exploit import add_exploit
 from apollonius.cli.export import add_export
 from apollonius.cli.play import add_play
+from apollonius.cli.players import add_players
 from apollonius.cli.pursuers import add_pursuers
 from apollonius.cli.regret import add_regret
-from apollonius.cli.report import add_report
 from apollonius.cli.reproduce import add_reproduce
-from apollonius.cli.show import add_show
+from apollonius.cli.show import add_report, add_show
 from apollonius.cli.simulate import add_simulate
 from apollonius.cli.slice import add_slice
 from apollonius.cli.solve import add_solve
@@ -44,6 +44,7 @@ COMMANDS = {
     },
     "Watch and play": {
         "show": (add_show, "a game as a picture or an animation, and as a replay file", "P_any E_any --game office"),
+        "players": (add_players, "name all players, and say what they do", ""),
         "play": (add_play, "play in a browser against a trained agent", "--as pursuer"),
         "slice": (add_slice, "an agent's action values and actions over the arena", "P_pool --opponent 5 5"),
         "report": (add_report, "a training run as one HTML page, games included", "runs/mine"),
@@ -86,7 +87,8 @@ def main(arguments: list[str] | None = None) -> int:
 
     try:
         with Display(options.command) as options.display:
-            keep_compilations()
+            if getattr(options, "compiles", True):
+                keep_compilations()  # which imports JAX
             return options.run(options)
     except InvalidInput as error:
         print(f"apollonius {options.command}: {error}", file=sys.stderr)

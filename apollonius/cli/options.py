@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.values import count, known_agent, known_game, new_folder, require_writable
+from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
@@ -20,11 +20,7 @@ if TYPE_CHECKING:
     from apollonius.play.replay import Replay
 
 
-AGENT = (
-    "a built-in player (random, still, territory; pursuers: pure-pursuit, intercept, and of teams voronoi-pursuit, "
-    "encirclement; evaders: flee, flee-aware), a zoo agent, RUN/NAME of a training run, or a .safetensors "
-    "file, of solve game too; shielded:NAME never crashes, by the rules, where it starts at rest"
-)
+AGENT = "a player's name or file; apollonius players lists them"
 """Help for an argument that names a player."""
 PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 LENGTHS = ("quick", "standard", "paper")
@@ -59,8 +55,8 @@ def chosen_rules(options: argparse.Namespace) -> list[str]:
 
 def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -> None:
     """Add two players, their games and starts, and the output of their results."""
-    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER", help=AGENT)
-    parser.add_argument("evader", type=known_agent, metavar="EVADER", help=AGENT)
+    parser.add_argument("pursuer", type=agent_of("pursuer"), metavar="PURSUER", help=AGENT)
+    parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", help=AGENT)
     parser.add_argument("--games", type=count(games), default=1000, help="number of games (default: %(default)s)")
     add_game_options(parser)
     add_json(parser)

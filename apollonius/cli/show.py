@@ -1,19 +1,21 @@
-"""`apollonius show`: one game as a picture, an animation or a replay file."""
+"""`apollonius show` and `report`: one game as a picture, an animation or a replay file; a training run as a page."""
 
 import argparse
 from pathlib import Path
 
 from apollonius.cli.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
-from apollonius.cli.values import known_agent, new_file, real
-from apollonius.io.errors import require
+from apollonius.cli.values import agent_of, new_file, real, run_folder
+from apollonius.io.errors import require, require_extra
 
 MOVING = (".gif", ".webp", ".mp4")
 """Formats of moving pictures."""
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("pursuer", type=known_agent, metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone")
-    parser.add_argument("evader", type=known_agent, metavar="EVADER", nargs="?", help="the same, for the other side")
+    parser.add_argument(
+        "pursuer", type=agent_of("pursuer"), metavar="PURSUER|REPLAY", help=f"{AGENT}; or a replay file alone"
+    )
+    parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", nargs="?", help="the other side's player")
     add_game_options(parser)
     parser.add_argument(
         "--out", type=new_file(*MOVING, ".png", ".json", needs={".mp4": "video"}), default="game.gif",
@@ -63,4 +65,23 @@ def run_show(options: argparse.Namespace) -> int:
     else:
         then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
     finish(options.out, then=then)
+    return 0
+
+
+def add_report(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
+    parser.add_argument("--out", type=new_file(".html"), help="file to write, .html (default: RUN/report.html)")
+    parser.set_defaults(run=run_report)
+
+
+def run_report(options: argparse.Namespace) -> int:
+    folder: Path = options.folder
+    out: Path = options.out or folder / "report.html"
+    require_extra("plot", "report")
+    from apollonius.show.report import report_of, save_report
+
+    options.display.begin("playing games and drawing", compiles=True)
+    save_report(report_of(folder), out)
+    options.display.end()
+    finish(out, then=f"open {out} in a browser")
     return 0

@@ -1,7 +1,9 @@
 """Results as text: the progress of a training, and tables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
+
+from apollonius.agents.names import SIDES
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
@@ -45,34 +47,44 @@ def match_heading(match: "Match") -> str:
     return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.starts_played}"
 
 
-def match_table(match: "Match", result: "MatchResult") -> str:
-    """Return a match as lines of text: the verdict, what was played, and the outcomes that occurred."""
+def match_table(match: "Match", result: "MatchResult", verbose: bool = False) -> str:
+    """Return a match as lines of text: who wins more, a bar for each outcome that occurred and, if `verbose`, all."""
     pursuer, evader = result.pursuer_win_interval, result.evader_win_interval
-    ahead = "the pursuer" if pursuer[0] > evader[1] else "the evader" if evader[0] > pursuer[1] else "nobody surely"
-    sides = zip(match.players, (result.pursuer_win_rate, result.evader_win_rate), (pursuer, evader), strict=True)
-    won = [f"{player.name} {rate:.2%} of games {within(interval)}" for player, rate, interval in sides]
-    rows = [
-        (f"  {name.replace('_', ' ')}", f"{count:,}", f"{count / result.games:.1%}")
-        for name, count in result.outcomes.items()
-        if count
-    ]
-    lines = [f"{ahead} wins more: {', '.join(won)}", match_heading(match), *columns(rows)]
-    lines.append(f"  mean steps {result.mean_steps:.1f}")
-    if result.mean_capture_steps is not None:
-        lines[-1] += f", until a capture {result.mean_capture_steps:.1f}"
+    ahead = "The pursuer" if pursuer[0] > evader[1] else "The evader" if evader[0] > pursuer[1] else "Nobody surely"
+    lines = [f"{ahead} wins more."]
+    rates = result.pursuer_win_rate, result.evader_win_rate
+    for side, player, rate, interval in zip(SIDES, match.players, rates, (pursuer, evader), strict=True):
+        lines.append(f"  {player.name} ({side}) wins {rate:.2%} of games {within(interval)}")
+    lines.append(f"{match.games:,} games, starts: {match.starts_played}")
+    ranked = sorted(result.outcomes.items(), key=lambda counted: -counted[1])
+    shares = [(name.replace("_", " "), count, count / result.games) for name, count in ranked if count]
+    rows = [(f"  {name}", f"{share:.1%}", f"{count:,}") for name, count, share in shares]
+    lines += [f"{row}  {bar(share)}" for row, (_, _, share) in zip(columns(rows), shares, strict=True)]
     if result.doomed_start_rate != 0:
         doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
         lines.append(f"  starts lost before they begin: {doomed}")
-    for side, counts in (result.robots or {}).items():
-        total = sum(counts.values())
-        shares = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
-        lines.append(f"  {total:,} {side}: {shares}")
     if arenas := result.arenas:
         lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
+    return "\n".join([*lines, *(_further(result) if verbose else ())])
+
+
+def _further(result: "MatchResult") -> Iterator[str]:
+    """Yield the lines of a match that only a closer look needs."""
+    until = "" if result.mean_capture_steps is None else f", until a capture {result.mean_capture_steps:.1f}"
+    yield f"  mean steps {result.mean_steps:.1f}{until}"
+    for side, counts in (result.robots or {}).items():
+        total = sum(counts.values())
+        shares = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
+        yield f"  {total:,} {side}: {shares}"
     for name, (rate, interval, games) in result.detour_rates.items():
-        lines.append(f"  it wins {rate:.2%} {within(interval)} of {games:,} where the shortest way is {name} lines")
-    return "\n".join(lines)
+        yield f"  it wins {rate:.2%} {within(interval)} of {games:,} where the shortest way is {name} lines"
+
+
+def bar(share: float, width: int = 40) -> str:
+    """Return a share as a bar; of one that is not 0 at least a sliver is seen."""
+    eighths = max(1, round(8 * width * share)) if share else 0
+    return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
 
 
 def within(interval: tuple[float, float], form: str = ".2%") -> str:

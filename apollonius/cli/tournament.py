@@ -3,15 +3,21 @@
 import argparse
 
 from apollonius.cli.options import AGENT, add_game_options, add_json, answer, chosen_rules, command, finish, warn
-from apollonius.cli.values import count, known_agent, new_file
+from apollonius.cli.values import agent_of, count, new_file
 from apollonius.io.limits import GAMES
 
 
 def add_tournament(parser: argparse.ArgumentParser) -> None:
     everyone = "default: all that need no file and fit the game"
-    parser.add_argument("--pursuers", type=known_agent, nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})")
     parser.add_argument(
-        "--evaders", type=known_agent, nargs="+", metavar="EVADER", help=f"the same, for the other side ({everyone})"
+        "--pursuers", type=agent_of("pursuer"), nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})"
+    )
+    parser.add_argument(
+        "--evaders",
+        type=agent_of("evader"),
+        nargs="+",
+        metavar="EVADER",
+        help=f"the same, for the other side ({everyone})",
     )
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)

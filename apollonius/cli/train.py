@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, command, finish
 from apollonius.cli.solve import solved_game
-from apollonius.cli.values import count, existing_file, known_agent, known_game, new_folder, run_folder
+from apollonius.cli.values import agent_of, count, existing_file, known_game, new_folder, run_folder
 from apollonius.io.errors import require
 from apollonius.io.interrupts import asked_to_stop, go_on
 from apollonius.io.limits import SEED
@@ -41,11 +41,13 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
     parser.add_argument(
-        "--pursuer", type=known_agent, help="agent that the pursuer of a lone --stage goes on from (default: none)"
+        "--pursuer",
+        type=agent_of("pursuer"),
+        help="agent that the pursuer of a lone --stage goes on from (default: none)",
     )
     parser.add_argument(
         "--evader",
-        type=known_agent,
+        type=agent_of("evader"),
         nargs="+",
         help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
         "evader of --stage self-play goes on from (default: none)",

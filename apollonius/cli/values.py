@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, zoo_names
+from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import missing, nearest, require, shown, unknown_name
@@ -22,8 +22,8 @@ LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
 _NEEDED = {".png": "plot", ".html": "plot", ".mp4": "video"}
 """Extras without which files with these endings cannot be written."""
-_FILES = (".safetensors", ".json")
-"""Suffixes of the files of agents and of replays."""
+_FILES = (".safetensors", ".json", ".wasm")
+"""Suffixes of the files of players and of replays."""
 VALUES = Counted(0, most=100, least=2)
 """Values of a number that is varied."""
 _NODES = re.compile(r"(\d{1,6})x(\d{1,6})x(\d{1,6})x(\d{1,6})", re.ASCII)
@@ -97,14 +97,33 @@ def named(text: str) -> str:
 
 def known_agent(text: str) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
+    return _known_agent(None, text)
+
+
+def agent_of(side: str) -> Callable[[str], str]:
+    """Return the reader of a player of a side, which refuses those of the other one where their names tell."""
+    return partial(_known_agent, side)
+
+
+def _known_agent(side: str | None, text: str) -> str:
     bare = named(text).removeprefix(SHIELDED)
     if bare.endswith(_FILES):
         existing_file(bare)
     known = [*BUILT_IN, *zoo_names()]
-    if bare.removeprefix(FROM_ZOO) in known or not _is_plain(bare):
+    name, in_run = bare.removeprefix(FROM_ZOO), [*agents_in_run(bare), *agents_in_run(bare.rpartition("/")[0])]
+    if name in known and side and side not in side_of(name):
+        raise argparse.ArgumentTypeError(f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.")
+    if name in known or bare in in_run or _is(Path(bare).is_file):
         return text
     files = "a .safetensors file, or RUN/NAME for an agent of a training run"
-    raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, nearest(bare, known)))
+    meant = nearest(bare, in_run or known) or next(iter(in_run), None)
+    raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, meant))
+
+
+def agents_in_run(run: str) -> list[str]:
+    """Return the agents of a training run as RUN/NAME; none for what is no run."""
+    folders = [folder for folder in agents_folders(run) if run and _is(folder.is_dir)]
+    return sorted(f"{run}/{file.stem}" for folder in folders for file in folder.glob("*.safetensors"))
 
 
 def known_game(text: str) -> str:
@@ -115,11 +134,6 @@ def known_game(text: str) -> str:
     elif "/" not in name and not TEAM.fullmatch(name) and name not in game_names():
         raise argparse.ArgumentTypeError(unknown_game(name))
     return text
-
-
-def _is_plain(name: str) -> bool:
-    """Return whether a name can be neither a file's nor that of an agent of a training run."""
-    return not any(mark in name for mark in "/:.") and not _is(Path(name).exists)
 
 
 def existing_file(text: str) -> Path:

@@ -247,7 +247,7 @@ def test_a_match_in_arenas_with_charts_tells_of_long_ways():
     captured = Results(jnp.full(4, Outcome.CAPTURED), jnp.ones(4, jnp.int32))
     found = count_by_detour(np.array([1.4, 1.5, 2.5, np.inf]), captured)
     assert list(found.values()) == [(1, 1), (1, 1), (1, 1)]
-    table = match_table(match, replace(result, detours=found | {"above 2.5": (0, 0)}))
+    table = match_table(match, replace(result, detours=found | {"above 2.5": (0, 0)}), verbose=True)
     assert table.count("where the shortest way is") == 2
     assert "wins 100.00% (95 % interval 20.65% to 100.00%) of 1 where the shortest way is below 1.5 lines" in table
     assert read_result(json.loads(json.dumps(result.to_dict())), "a file").detours == result.detours

@@ -24,6 +24,7 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.file import load_game
 from apollonius.arenas.random_arena import random_arena
 from apollonius.arenas.record import to_dict
+from apollonius.catalogue import player_names
 from apollonius.cli.main import COMMANDS, main
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate.match import Match, MatchResult
@@ -123,11 +124,11 @@ def test_help_version_and_refusals_import_nothing_that_takes_time():
         "heavy = ('jax', 'numpy', 'matplotlib', 'scipy', 'scipy.stats', 'equinox', 'optax', 'rich')\n"
         "print('imported:', [name for name in heavy if name in sys.modules])",
         "", "--version", "evaluate random still --games 10000000000", "evaluate P_pol still", "report folder",
-        "evaluate a.safetensors still", "show game.json",
+        "evaluate a.safetensors still", "show game.json", "evaluate nowhere/P still", "show E_any still",
     )  # fmt: skip
-    assert (result.returncode, result.stderr.count("\n")) == (0, 5)
+    assert (result.returncode, result.stderr.count("\n")) == (0, 7)
     assert "train " in result.stdout
-    assert result.stdout.splitlines()[-8:] == ["apollonius 0.1.0", "0", *["2"] * 5, "imported: []"]
+    assert result.stdout.splitlines()[-10:] == ["apollonius 0.1.0", "0", *["2"] * 7, "imported: []"]
 
 
 def test_help_names_every_command_once_under_what_it_is_for(capsys):
@@ -169,25 +170,67 @@ def test_evaluate_prints_one_json_object_or_a_table_and_records_the_games_that_t
     assert f"wrote new/game.png ({Path('new/game.png').stat().st_size / 1000:.0f} kB)" in errors
 
     assert run_main(*match) == 0
-    verdict, heading, *lines = capsys.readouterr().out.splitlines()
-    assert verdict.startswith("nobody surely wins more: random ")
-    assert heading == "random (pursuer) against random (evader), 30 games, starts: rest"
-    counted = {name.strip(): int(count) for name, count, share in (line.rsplit(maxsplit=2) for line in lines[:-1])}
+    short = capsys.readouterr().out
+    verdict, pursuer, evader, heading, *lines = short.splitlines()
+    assert verdict == "Nobody surely wins more."
+    assert pursuer.startswith("  random (pursuer) wins ")
+    assert evader.startswith("  random (evader) wins ")
+    assert heading == "30 games, starts: rest"
+    cells = [line.rsplit(maxsplit=3) for line in lines]
+    counted = {name.strip(): int(count) for name, _, count, _ in cells}
     assert counted == {name.replace("_", " "): count for name, count in result["outcomes"].items() if count}
+    assert [len(bar) for *_, bar in cells] == [-(-40 * count // 30) for count in sorted(counted.values())[::-1]]
+    assert run_main(*match, "--verbose") == 0
+    assert capsys.readouterr().out.startswith(f"{short}  mean steps {result['mean_steps']:.1f}")
 
 
 @pytest.mark.parametrize(
     ("captured", "out_of_range", "verdict"),
     [
-        (90, 10, "the pursuer wins more: P 90.00% of games (95 % interval 82.56% to 94.48%), E 10.00%"),
-        (10, 90, "the evader wins more: P 10.00% of games"),
-        (50, 50, "nobody surely wins more: P 50.00% of games"),
+        (90, 10, "The pursuer wins more.\n  P (pursuer) wins 90.00% of games (95 % interval 82.56% to 94.48%)\n  E"),
+        (10, 90, "The evader wins more.\n  P (pursuer) wins 10.00% of games"),
+        (50, 50, "Nobody surely wins more.\n  P (pursuer) wins 50.00% of games"),
     ],
 )
 def test_the_first_line_says_who_wins_and_how_surely(captured, out_of_range, verdict):
     asked = Match(make_game("paper"), BySide(Named("P", Still()), Named("E", Still())), 100)
     counts = counts_by_name([0, captured, 0, 0, out_of_range, 0, 0, 0, 0])
     assert match_table(asked, MatchResult(counts, 9.0, None, 0.0)).startswith(verdict)
+
+
+def test_players_are_named_with_what_they_do_for_people_and_for_programs(capsys):
+    assert run_main("players") == 0
+    lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
+    assert len({about for _, about in lines}) > 25
+    assert run_main("players", "--json") == 0
+    listed = json.loads(capsys.readouterr().out)
+    sides = {one["name"]: [Role[side.upper()] for side in one["sides"]] for one in listed["players"]}
+    assert sorted(name for name, _ in lines) == sorted([*sides, *listed["forms"]])
+    game = make_game("paper")
+    for role in Role:
+        assert set(player_names(role, game)) <= {name for name in sides if role in sides[name]}
+        assert {name for name in sides if role not in sides[name]}.isdisjoint(player_names(role, game))
+
+
+@pytest.mark.parametrize(
+    ("words", "naming"),
+    [
+        ("evaluate P_optima still", ["no agent is called 'P_optima': did you mean 'P_optimal'?"]),
+        ("evaluate E_any still", ["PURSUER: 'E_any' plays the evader, not the pursuer"]),
+        ("show P_any shielded:zoo/P_any", ["EVADER: 'shielded:zoo/P_any' plays the pursuer, not the evader"]),
+        ("tournament --evaders intercept", ["--evaders: 'intercept' plays the pursuer"]),
+        ("evaluate mine still", ["no agent is called 'mine': did you mean 'mine/P_one'?"]),
+        ("evaluate mine/P_two still", ["no agent is called 'mine/P_two': did you mean 'mine/P_one'?"]),
+        ("evaluate runs/first still", ["no agent is called 'runs/first': did you mean 'runs/first/P_one'?"]),
+        ("evaluate first/none still", ["no agent is called 'first/none': did you mean 'first/P_one'?"]),
+        ("evaluate nowhere/P_one still", ["no agent is called 'nowhere/P_one'", "RUN/NAME"]),
+    ],
+)  # fmt: skip
+def test_a_player_that_nobody_has_is_refused_as_it_is_read(capsys, words, naming):
+    for run in ("mine", "runs/first"):
+        Path(run, "agents").mkdir(parents=True)
+        Path(run, "agents", "P_one.safetensors").touch()
+    assert_refused(capsys, *words.split(), naming=naming)
 
 
 def test_evaluate_varies_a_number_prints_json_and_draws(capsys):
@@ -244,7 +287,7 @@ REFUSED = {
     "solve game --hold 20000": "hold = 20000", "solve safety --grid 9001x9001x99x99": "GiB",
     "regret P_stage1 --starts viable": "rest or moving", "regret E_scratch": "plays the evader",
     "regret P_stage1 --role robot": "--role", "regret P_stage1 --record 11": "from 0 to 10",
-    "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader only",
+    "regret still --games 2147483647": "--games", "tournament --pursuers random flee": "plays the evader, not",
     "exploit pursuer P_stage1 --attackers nobody": "--attackers",
     "exploit pursuer P_stage1 --tables t.safetensors e.safetensors": "check the path",
 }  # fmt: skip
@@ -396,7 +439,7 @@ def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, mon
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
     assert run_main(*arguments) == 0
     printed = capsys.readouterr()
-    assert "P_stage1 (pursuer) against still (evader)" in printed.out
+    assert "P_stage1 (pursuer) wins " in printed.out
     wrote, then = printed.err.splitlines()[-2:]
     assert wrote.startswith("wrote run (")
     assert then == "next: apollonius report run"

@@ -161,7 +161,7 @@ def test_the_choices_are_those_of_the_code_that_is_not_imported_for_them():
 
     assert set(LENGTHS) == set(PRESETS)
     assert list(ATTACKERS) == list(KINDS)
-    assert tuple(PLAYERS) == BUILT_IN
+    assert list(PLAYERS) == list(BUILT_IN)
     assert tuple(games.PRESETS) == names.PRESETS
     assert set(PROFILES) == set(learner_config.PROFILES)
     assert MOVING == animation.MOVING
