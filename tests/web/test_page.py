@@ -196,6 +196,14 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     picture.value.save_as(tmp_path / "card.png")
     with Image.open(tmp_path / "card.png") as card:
         assert card.size == (1200, 630)
+    with page.expect_download() as film:
+        page.click("#film")
+        assert page.is_disabled("#film")
+        desk.let_pass(desk.match("seconds") / 3 + 0.3)
+        assert float(page.input_value("#moment")) == len(ended) - 1, "all of it is shown"
+        desk.let_pass(2)
+    film.value.save_as(tmp_path / film.value.suggested_filename)
+    assert (tmp_path / "apollonius.webm").read_bytes().startswith(b"\x1aE\xdf\xa3"), "Matroska's first bytes"
     link = page.evaluate("navigator.clipboard.readText()").removeprefix(desk.address)
     page = desk.open(link)
     assert page.inner_text("#goal") == "Red knows any arena; blue a person"
@@ -222,6 +230,12 @@ def test_a_slider_shows_how_the_opponent_learned(desk):
         assert page.inner_text("#learning output") == f"{reached[-1].removeprefix('learner-')} %"
     assert reached == [f"learner-{share}" for share in (0, 1, 5, 25, 100)]
     assert desk.match("outcome") == "captured"
+    page = desk.open("?pursuer=learner-0&evader=still&game=paper")
+    page.fill("#learning input", "2")
+    page.wait_for_selector("body[data-phase=counting]")
+    desk.let_pass(0.5)
+    assert desk.match("seconds") > 0
+    assert "pursuer=learner-5" in page.url, "who only watches need not press a button"
     page = desk.open("?level=2")
     assert page.is_hidden("#learning")
 

@@ -67,13 +67,41 @@ def opened(browser, address, page, **screen):
 @pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
 def test_the_game_at_home_can_be_played_without_scrolling(browser, address, screen):
     with opened(browser, address, "index.html", **screen) as tab:
-        game = tab.frame_locator("iframe")
+        game = tab.frame_locator(".hero iframe")
         game.locator("#go:enabled").wait_for()
         assert game.locator("#goal").inner_text().startswith("1. ")
         box, height = game.locator("#pad-evader").bounding_box(), tab.viewport_size["height"]
         assert box["y"] + box["height"] < height
         game.locator("#go").click()
         playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
+
+
+@pytest.mark.parametrize("screen", [{}, PHONE], ids=["desktop", "phone"])
+def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, address, screen):
+    with opened(browser, address, "index.html", **screen) as tab:
+        tab.locator(".ways a").click()
+        tab.locator("#go:enabled").wait_for()
+        assert tab.inner_text("#goal").startswith("1. ")
+        tab.locator("#lead").click()
+        game = tab.frame_locator(".hero iframe")
+        game.locator("#go:enabled").wait_for()
+        game.locator("#menu").click()
+        game.locator("#levels button").nth(4).click()
+        game.locator("#goal", has_text="5. ").wait_for()
+        game.locator("#lead").click()
+        tab.locator("#go:enabled").wait_for()
+        assert tab.inner_text("#goal").startswith("5. "), "another level, chosen in the frame"
+
+
+def test_the_slider_at_home_shows_a_hunter_that_learned(browser, address):
+    with opened(browser, address, "index.html") as tab:
+        game = tab.frame_locator("iframe.wide")
+        tab.locator("iframe.wide").scroll_into_view_if_needed()
+        game.locator("#go:enabled").wait_for()
+        assert game.locator("#learning output").inner_text() == "0 %"
+        game.locator("#learning input").fill("4")
+        playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
+        assert game.locator("#goal").inner_text().startswith("Red after 100 % of its training")
 
 
 def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):

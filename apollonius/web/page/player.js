@@ -5,7 +5,7 @@ import { saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
 import { LEVELS, SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
-import { asReplayLink, drawCard, fromReplayLink } from "./share.js";
+import { asReplayLink, drawCard, fromReplayLink, record } from "./share.js";
 import { Stage } from "./stage.js";
 import { Steering } from "./steering.js";
 import { LAYERS } from "./why.js";
@@ -74,6 +74,7 @@ const actions = {
     saveAs(`game-${match.number}-${match.outcome}.json`, JSON.stringify(match.replay()), "application/json");
   },
   show: () => share().catch((error) => (element("message").textContent = `Not shared: ${error.message}`)),
+  film: () => film().catch((error) => (element("message").textContent = `No film: ${error.message}`)),
   today: () => choose({ ...asChoice(LEVELS[TODAY - 1]), seed: daysPassed(), level: null }),
 };
 
@@ -88,6 +89,14 @@ async function share() {
   await navigator.clipboard?.writeText(url).catch(() => null);
   saveAs(picture.name, picture, picture.type);
   element("message").textContent = "The picture is saved. The link that plays this game again is copied, and in the address bar.";
+}
+
+/** Show the whole game again, quickly, and save what is seen as a film. */
+async function film() {
+  const made = record(element("canvas"), page.ending.film(performance.now() / 1000));
+  element("film").disabled = true;
+  const video = await made.finally(() => (element("film").disabled = false));
+  saveAs(`apollonius.${video.type.includes("mp4") ? "mp4" : "webm"}`, video, video.type);
 }
 
 /** The days since 1970, in the person's own time zone. */
@@ -167,13 +176,22 @@ function wire() {
     page.pace = Number(target.value);
     target.blur();
   });
-  element("learning").addEventListener("change", ({ target }) => {
+  element("learning").addEventListener("change", async ({ target }) => {
     target.blur();
-    choose({ ...page.choice, pursuer: learner(SHARES[target.value]) });
+    await page.begin({ ...page.choice, pursuer: learner(SHARES[target.value]) });
+    if (page.phase === "ready" && page.people.length === 0) page.go(); // who only watches need not press a button
   });
   element("moment").addEventListener("input", ({ target }) => page.look(Number(target.value)));
   element("moment").addEventListener("pointerup", ({ target }) => target.blur());
   for (const role of [PURSUER, EVADER]) steering.attach(element(`pad-${role}`), role);
+}
+
+/** In a frame of another page, lead to the same game on the whole screen. */
+function leadOut() {
+  if (self === top) return;
+  const words = "The same game on the whole screen";
+  Object.assign(element("lead"), { href: location.href, textContent: "⤢", ariaLabel: words, title: words, hidden: false });
+  element("lead").addEventListener("click", ({ target }) => (target.href = location.href));
 }
 
 async function main() {
@@ -183,6 +201,7 @@ async function main() {
   choices = new Choices(element("choices"), catalogue, page.catalogue.games);
   workshop = new Workshop(element, page, choices);
   wire();
+  leadOut();
   requestAnimationFrame(frame);
   let [linked, unplayable] = workshop.offerLinked(location.hash);
   const [choice, unknown] = choices.fromAddress(location.search, linked);

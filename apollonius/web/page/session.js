@@ -173,7 +173,7 @@ export class Session {
   #tell(lostAt, loss) {
     const { match, me, isBest } = this;
     this.lostAt = lostAt;
-    if (lostAt !== null && !this.seen) this.ending.play(lostAt, performance.now() / 1000);
+    if (lostAt !== null && !this.seen && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
     this.enter("over", [describeEnd(match, me), loss, isBest && "Your best so far."].filter(Boolean).join(" "));
   }
 

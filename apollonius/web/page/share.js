@@ -8,6 +8,7 @@ import { YOU, inWords } from "./words.js";
 const MARK = "#replay=";
 const LONGEST = 20_000; // characters of a link
 const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
+const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
 const NUMBERS = 4; // of a robot in a row of a replay
 
 /** Put bytes through a compressing or decompressing stream. */
@@ -59,6 +60,28 @@ function again({ game: said, start, actions, ...names }) {
   }
   match.next = match.again; // which has one start
   return match;
+}
+
+/** Return a film of what a canvas shows for some time [s], as small as a slow machine can keep up with. */
+export function record(canvas, seconds) {
+  if (!globalThis.MediaRecorder) throw new Error("this browser makes no films: save the replay");
+  const scale = FILM.side / Math.max(canvas.width, canvas.height);
+  const [width, height] = [canvas.width, canvas.height].map((side) => Math.round(scale * side));
+  const frame = Object.assign(document.createElement("canvas"), { width, height });
+  const context = frame.getContext("2d");
+  const recorder = new MediaRecorder(frame.captureStream(FILM.rate));
+  const parts = [];
+  recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+  recorder.start();
+  setTimeout(() => recorder.stop(), 1000 * seconds);
+  context.fillStyle = getComputedStyle(document.body).backgroundColor;
+  const copy = () => {
+    context.fillRect(0, 0, width, height);
+    context.drawImage(canvas, 0, 0, width, height);
+    if (recorder.state === "recording") requestAnimationFrame(copy);
+  };
+  copy();
+  return new Promise((done) => recorder.addEventListener("stop", () => done(new Blob(parts, { type: recorder.mimeType }))));
 }
 
 /** Return a picture of a game that is over: the arena as it is on a canvas, how it ended, and where to play. */
