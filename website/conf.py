@@ -19,6 +19,8 @@ release = version = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_copybutton"]
 myst_heading_anchors = 4
+_ABOUT = "Learns, solves and plays pursuit-evasion games between mobile robots among obstacles."
+myst_html_meta = {"description": _ABOUT, "property=og:title": project, "property=og:description": _ABOUT}
 default_role = "code"
 add_module_names = False
 autosummary_generate = False

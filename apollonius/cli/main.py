@@ -121,7 +121,9 @@ def build_parser() -> argparse.ArgumentParser:
         description="Learn, solve and play pursuit-evasion games between mobile robots among obstacles.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"apollonius {__version__}", help="say it and leave")
+    parser.add_argument(
+        "--version", action="version", version=f"apollonius {__version__}", help="show the version and exit"
+    )
     subparsers = parser.add_subparsers(
         dest="command", required=True, prog="apollonius", metavar="COMMAND", help=argparse.SUPPRESS,
         parser_class=OneLineParser,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser, SIMULATED_GAMES)
     parser.add_argument(
-        "--drive", type=existing_file, metavar="FILE", help="a .toml file with what is other about your robots"
+        "--drive", type=existing_file, metavar="FILE", help="a .toml file with the numbers of your own robots"
     )
     parser.set_defaults(run=run_simulate)
 

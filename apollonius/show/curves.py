@@ -30,13 +30,13 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
     pictures = []
     if len(evaluations) > 1:
         fixed = stage == "fixed-target" and list(against) == ["still"]
-        label = "How greedy games end, in per cent, over episodes"
+        label = "How greedy games end, in per cent, over env steps"
         pictures.append(inline_svg(lambda axes: _draw_greedy(axes, evaluations, fixed), label))
 
     def draw(measured: list[MetricsLine], value: Callable[[MetricsLine, str], float], **about: str) -> None:
         if len(measured) > 1:
             curves = {side: _curve(measured, [value(line, side) for line in measured]) for side in lines[-1].losses}
-            label = f"{about['ylabel'].capitalize()} over episodes"
+            label = f"{about['ylabel'].capitalize()} over env steps"
             pictures.append(inline_svg(lambda axes: _draw_sides(axes, curves, **about), label))
 
     games, updates = [line for line in lines if line.games], [line for line in lines if line.updates]
@@ -48,19 +48,19 @@ def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> l
 
 
 def _curve(lines: Sequence[MetricsLine], values: list[float]) -> Curve:
-    """Return a running mean over a hundredth of the lines against episodes, thinned out."""
+    """Return a running mean over a hundredth of the lines against env steps, thinned out."""
     mean = smooth(values, max(1, len(values) // 100))
     every = max(1, len(mean) // _POINTS)
-    return [line.episodes for line in lines][::every], mean[::every]
+    return [line.env_steps for line in lines][::every], mean[::every]
 
 
 def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> None:
-    episodes = [evaluation.episodes for evaluation in evaluations]
+    steps = [evaluation.env_steps for evaluation in evaluations]
     games = [sum(evaluation.outcomes.values()) for evaluation in evaluations]
 
     def draw(outcomes: Sequence[Outcome], colour: str, label: str) -> None:
         times = [sum(evaluation.outcomes.get(name, 0) for name in names_of(outcomes)) for evaluation in evaluations]
-        draw_rate(axes, episodes, times, games, colour, label)
+        draw_rate(axes, steps, times, games, colour, label)
 
     if fixed:
         draw([Outcome.CAPTURED], palette.PURSUER, "captured")
@@ -69,7 +69,8 @@ def _draw_greedy(axes: Axes, evaluations: Sequence[Evaluation], fixed: bool) -> 
         draw(PURSUER_WINS, palette.PURSUER, "pursuer wins")
         draw(PURSUER_FAILS, palette.EVADER, "pursuer fails")
         draw([Outcome.NO_RESULT], palette.OTHER, "no result")
-    axes.set(title="greedy games", xlabel="episodes", ylabel="games [%]", ylim=(0, 103))
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.set(title="greedy games", xlabel="env steps", ylabel="games [%]", ylim=(0, 103))
     axes.legend()
 
 
@@ -77,5 +78,5 @@ def _draw_sides(axes: Axes, curves: dict[str, Curve], **about: str) -> None:
     for side, curve in curves.items():
         axes.plot(*curve, color=_SIDES[side], label=side)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.set(xlabel="episodes", **about)
+    axes.set(xlabel="env steps", **about)
     axes.legend()

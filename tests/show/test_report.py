@@ -86,7 +86,7 @@ def test_the_page_shows_the_runs_own_numbers_beside_the_papers(document, finishe
     assert "Not " not in document.text
     assert sum(paper_shares("P_curriculum", "random").values()) == pytest.approx(1)
     assert paper_shares("P_curriculum", "still") == {}
-    for label in ("games [%]", "mean reward of a game", "mean loss of an update", "episodes"):
+    for label in ("games [%]", "mean reward of a game", "mean loss of an update", "env steps"):
         assert document.text.count(label) >= 2
 
 

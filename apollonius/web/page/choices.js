@@ -151,9 +151,9 @@ export function levelButtons(games, colours, current, onChoice) {
     Object.assign(picture, { width: PICTURE, height: PICTURE, ariaHidden: "true" });
     drawGround(scaled(picture, arena), arena, colours);
     const best = bestOf(level);
-    const reached = best === null ? "not yet won" : `✓ won, ${best.toFixed(1)} s`;
+    const reached = best === null ? "" : `; ✓ won, ${best.toFixed(1)} s`;
     button.textContent = `${level.number}. ${level.name}`;
-    about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}; ${reached}`;
+    about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}${reached}`;
     button.prepend(picture);
     button.append(about);
     if (level === current) button.setAttribute("aria-current", "true");

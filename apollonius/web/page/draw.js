@@ -170,7 +170,7 @@ function drawRobot(context, game, who, now, least, colours) {
     cross(context, robot, radius);
   } else if (role === PURSUER) drawPursuer(context, robot, radius, game.capture_distance, colours);
   else drawEvader(context, robot, radius, colours);
-  if (now[role].length > 1) drawNumber(context, robot, radius, number + 1, colours[role]);
+  if (now[role].length > 1) drawNumber(context, game.arena, robot, radius, number + 1, colours[role]);
 }
 
 /** Return the point at a distance ahead of a robot, or at an angle to it. */
@@ -200,8 +200,9 @@ function drawPursuer(context, robot, radius, reach, colours) {
   path(context, corners.map(([length, angle]) => ahead(robot, length * radius, angle))).fill();
 }
 
-/** The number of a team mate, beside it. */
-function drawNumber(context, robot, radius, number, colour) {
+/** The number of a team mate, beside it, on the side of the arena's middle. */
+function drawNumber(context, arena, robot, radius, number, colour) {
+  const [right, up] = ["x", "y"].map((axis) => Math.sign(arena[`${axis}_min`] + arena[`${axis}_max`] - 2 * robot[axis]) || 1);
   context.save();
   context.translate(robot.x, robot.y);
   context.scale(1, -1); // letters stand upright
@@ -209,7 +210,7 @@ function drawNumber(context, robot, radius, number, colour) {
   context.textAlign = "center";
   context.textBaseline = "middle";
   context.fillStyle = colour;
-  context.fillText(`${number}`, 2.4 * radius, -2.4 * radius);
+  context.fillText(`${number}`, 2.4 * right * radius, -2.4 * up * radius);
   context.restore();
 }
 

@@ -17,8 +17,8 @@ export function survey({ arena, pursuer, evader }) {
   const count = parts(isFree, columns);
   if (count < 2) return null;
   return (
-    `the free space falls into ${count} parts, and a robot never leaves the one it starts in: widen the passages to more ` +
-    `than radius = ${radius} m on each side, or fill the closed pockets.`
+    `the free space falls into ${count} parts, and a robot never leaves the one it starts in: open passages` +
+    `${radius ? ` of more than ${Number((2 * radius).toFixed(2))} m` : ""}, or fill the closed pockets.`
   );
 }
 

@@ -93,7 +93,8 @@ export function describeChance({ game }, me, number) {
 /** Return how a game is started and steered by a number of people, and whether their opponent is a trained network. */
 export function describeReady(people, isTaught) {
   const touch = matchMedia("(pointer: coarse)").matches;
-  const how = people ? (touch ? "hold the pad to steer" : "↑ speeds up, ↓ brakes, ← → turn") : "agents play";
+  const keys = people === 2 ? "red steers by W A S D, blue by the arrow keys" : "↑ speeds up, ↓ brakes, ← → turn";
+  const how = people ? (touch ? "hold the pad to steer" : keys) : "agents play";
   const whom = isTaught ? ". Your opponent is a neural network that taught itself" : "";
-  return `${touch ? "Start" : "Space"} to begin; ${how}${whom}`;
+  return `${touch || self !== top ? "Start" : "Space"} to begin; ${how}${whom}`;
 }
