@@ -7,12 +7,12 @@ from jaxtyping import Array, Float, Int, UInt32
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, separation
 from apollonius.agents.policy import Memory
-from apollonius.game.chart import COARSE, NO_PATH, Chart
+from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import RobotState, Scalar
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.belief import visible
-from apollonius.observe.view import Robot, View
+from apollonius.observe.belief import prospects, visible
+from apollonius.observe.view import View
 
 COURSES = 32
 """Directions in which the next place on the way is looked for."""
@@ -26,8 +26,6 @@ _RECENT = 1.05
 """Age of a sighting [s] up to which it is driven to: longer than any delay."""
 _AT_HAND = 1.0
 """Length of a path [m] up to which a cell is at hand."""
-_NEAR = 30.0
-"""Length of a path [m], added to those of places, that makes their chances alike."""
 _PLACES = 6
 """Number folded into random bits for the places that are drawn."""
 _CAUTION = 8.0
@@ -72,9 +70,10 @@ class AbstractWayfinder(AbstractSteering):
 class Search(AbstractWayfinder):
     """Drives along the shortest path to the opponent or, not seeing it, to one place after another where it can be.
 
-    Places are drawn at random, near ones a little more often (Isler, Kannan and Khanna, "Randomized pursuit-evasion in
-    a polygonal environment", 2005): always to the nearest one, it would circle an obstacle behind which an opponent
-    could keep away from it. A place is given up when the opponent cannot be there any more.
+    Places are drawn at random, the more often the more a look is worth (`apollonius.observe.belief.prospects`): always
+    to the best one, it would circle an obstacle behind which an opponent could keep away from it (Isler, Kannan and
+    Khanna, "Randomized pursuit-evasion in a polygonal environment", 2005). A place is given up when the opponent cannot
+    be there any more.
     """
 
     @property
@@ -86,10 +85,10 @@ class Search(AbstractWayfinder):
         chart, opponent = chart_of(seen), seen.opponent
         if seen.belief is None:
             return self.values(seen), memory
-        lengths, possible = lengths_to_cells(chart, seen.own).ravel(), seen.belief.ravel()
-        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), lengths.shape)
-        drawn = jnp.argmax(jnp.where(possible & (lengths < _FAR), shares / (lengths + _NEAR), -1.0)).astype(jnp.int32)
-        stays = (memory >= 0) & possible[memory] & (lengths[memory] > _AT_HAND)
+        own, unseen = seen.own.state, seen.belief.ravel()
+        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), unseen.shape)
+        drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
+        stays = (memory >= 0) & (unseen[memory] >= 0) & (chart.lengths_from(own.x, own.y).ravel()[memory] > _AT_HAND)
         cell = jnp.where(stays, memory, drawn)
         found = jnp.asarray(opponent.age) < _RECENT
         place = jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, middle_of(chart, cell))
@@ -108,7 +107,9 @@ class Hide(AbstractWayfinder):
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         chart, pursuer = chart_of(seen), seen.opponent
-        theirs, ours = lengths_to_cells(chart, pursuer), lengths_to_cells(chart, seen.own)
+        theirs, ours = (
+            jnp.minimum(chart.lengths_from(robot.state.x, robot.state.y), _FAR) for robot in (pursuer, seen.own)
+        )
         hidden = ~visible(chart, Sensors(line_of_sight=True), pursuer.state)
         safe = jnp.minimum(theirs, _CAUTION) - jnp.where(hidden, 0.0, _CAUTION / 2)
         first = jnp.where(theirs > ours + 0.5, safe - 0.7 * ours, safe - 2 * _CAUTION)
@@ -128,12 +129,6 @@ def chart_of(seen: View) -> Chart:
     if seen.arena.chart is None:
         raise InvalidInput("a player that finds its way needs a chart: draw it by apollonius.arenas.charting.charted.")
     return seen.arena.chart
-
-
-def lengths_to_cells(chart: Chart, robot: Robot) -> Lengths:
-    """Return the lengths [m] of a robot's paths to all coarse cells."""
-    lengths = chart.lengths[chart.member, chart.nearest_cell(robot.state.x, robot.state.y)].astype(jnp.float32)
-    return jnp.where(lengths >= NO_PATH, _FAR, lengths / 100).reshape(COARSE, COARSE)
 
 
 def middle_of(chart: Chart, cell: Int[Array, ""]) -> RobotState:

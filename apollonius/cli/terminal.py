@@ -63,6 +63,11 @@ def match_table(match: "Match", result: "MatchResult", verbose: bool = False) ->
     if result.doomed_start_rate != 0:
         doomed = "unknown" if result.doomed_start_rate is None else f"{result.doomed_start_rate:.2%}"
         lines.append(f"  starts lost before they begin: {doomed}")
+    for side, sight in (result.sight or {}).items():
+        lines.append(f"  the {side} sees an opponent in {sight.games / result.games:.1%} of games")
+        if sight.first_steps is not None:
+            lines[-1] += f", first after {sight.first_steps * float(match.game.dt):.1f} s (median)"
+        lines[-1] += f", and in {sight.share:.1%} of all steps"
     if arenas := result.arenas:
         lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"

@@ -14,7 +14,7 @@ from apollonius.agents.pool import Pool, solo
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
 from apollonius.catalogue import find_player
-from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots
+from apollonius.evaluate.result import MatchResult, count_by_arena, count_by_detour, count_robots, count_sightings
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, distance, sample_starts
 from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
@@ -143,7 +143,7 @@ class Match:
 
 
 @jax.jit
-def _keys(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
+def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     start_key, play_key = jax.random.split(jax.random.key(seed))
     return start_key, play_key
 
@@ -209,7 +209,7 @@ def record_game(match: Match, index: int) -> Replay:
 
 def begin(match: Match) -> tuple[GameState, PRNGKeyArray]:
     """Return the starts of a match, and the key of everything random in its games."""
-    start_key, play_key = _keys(np.uint32(match.seed))
+    start_key, play_key = keys_of(np.uint32(match.seed))
     return match.starts.sample(match.game, start_key, match.games), play_key
 
 
@@ -225,6 +225,7 @@ def count(match: Match, results: Results) -> MatchResult:
         time_limit_wins=match.game.reward.time_limit_wins,
         arenas=count_by_arena(match.game.scenario, results) if match.game.scenario else None,
         detours=None if (found := _detours(match)) is None else count_by_detour(found, results),
+        sight=count_sightings(results),
         robots=count_robots(results.status) if results.status else None,
     )
 

@@ -11,8 +11,9 @@ from apollonius.evaluate.statistics import mean_interval, wilson_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import PURSUER_WINS, evader_winning, names_of, require_counts
 from apollonius.game.scenario import Scenario
-from apollonius.game.types import RobotStatus
+from apollonius.game.types import RobotStatus, Role
 from apollonius.io.errors import require
+from apollonius.observe.tracking import Sightings
 from apollonius.play.playout import Results
 
 
@@ -81,6 +82,33 @@ def count_by_detour(detours: Float[np.ndarray, " games"], results: Results) -> d
 
 
 @dataclass(frozen=True)
+class Sight:
+    """How well a side with sensors saw its opponents in a match.
+
+    Attributes:
+        games: those with a sighting.
+        first_steps: median number of steps until the first one in these; None without one.
+        share: of all steps of all games those in which it saw one.
+    """
+
+    games: int
+    first_steps: float | None
+    share: float
+
+
+def count_sightings(results: Results) -> dict[str, Sight] | None:
+    """Return how well each side with sensors saw its opponents, by its name; None if none has any."""
+
+    def of_side(sightings: Sightings) -> Sight:
+        first = np.asarray(sightings.first)
+        seen, steps = first[first >= 0], np.sum(sightings.steps) / np.sum(results.steps)
+        return Sight(len(seen), float(np.median(seen)) if len(seen) else None, float(steps))
+
+    sides = zip(Role, results.sightings or (), strict=False)
+    return {role.name.lower(): of_side(sightings) for role, sightings in sides if sightings} or None
+
+
+@dataclass(frozen=True)
 class MatchResult:
     """What a match came to. Rates are in [0, 1], with Wilson 95 % intervals."""
 
@@ -97,6 +125,8 @@ class MatchResult:
     """The same match by arenas, where there are several."""
     detours: dict[str, tuple[int, int]] | None = None
     """The pursuer's wins and the games of each class of `DETOURS`, in several arenas with charts."""
+    sight: dict[str, Sight] | None = None
+    """How well the sides with sensors saw their opponents."""
     robots: dict[str, dict[str, int]] | None = None
     """Robots of each side by their status at the end, in a game of teams."""
 
@@ -147,12 +177,13 @@ class MatchResult:
         return {name: (wins / games, wilson_interval(wins, games), games) for name, (wins, games) in some.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-like data, without what only games in several arenas or of teams have."""
+        """Return the result as JSON-like data, without what only games in several arenas, with sensors, or of teams
+        have."""
         data = {"games": self.games} | asdict(self) | {name: getattr(self, name) for name in _DERIVED}
         return {
             name: value
             for name, value in data.items()
-            if name not in ("arenas", "detours", "robots") or value is not None
+            if name not in ("arenas", "detours", "sight", "robots") or value is not None
         }
 
 

@@ -137,6 +137,11 @@ class Chart(eqx.Module):
         straight = jnp.hypot(dx, dy)
         return jnp.where(self.is_seen(x, y, dx, dy, straight), straight, path)
 
+    def lengths_from(self, x: Scalar, y: Scalar) -> Float[Array, "rows columns"]:
+        """Return the lengths of the shortest paths from a point to all coarse cells [m]; infinite without one."""
+        lengths = self.lengths[self.member, self.nearest_cell(x, y)].astype(jnp.float32)
+        return jnp.where(lengths == NO_PATH, jnp.inf, lengths / 100).reshape(COARSE, COARSE)
+
     def path_length_from(self, cell: Int[Array, ""], end: CellWeights) -> Scalar:
         """Return the length [m] of the shortest path from the middle of a coarse cell to a point."""
         cells, weights = end

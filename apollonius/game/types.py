@@ -87,11 +87,11 @@ class Sight(eqx.Module):
 
     Attributes:
         ages: times since each opponent was as its state says [s].
-        belief: the cells in which an opponent may be, on the belief's grid of the arena's chart; None without a chart.
+        belief: seconds since coarse cells of the chart were last seen, negative where no opponent can be, if charted.
     """
 
     ages: tuple[Scalar, ...]
-    belief: Bool[Array, "rows columns"] | None = None
+    belief: Float[Array, "rows columns"] | None = None
 
 
 class GameState(eqx.Module):

@@ -152,6 +152,7 @@ class Run:
         began, last_save = time.monotonic() - standing.seconds, time.monotonic()
         chunk_began = time.monotonic()
         for train, metrics in chunks:
+            jax.block_until_ready(metrics)  # a chunk is handed out before it is computed
             speed = plan.env_steps_per_chunk / (time.monotonic() - chunk_began)
             before, standing = standing.chunks, replace(standing, chunks=standing.chunks + 1)
             evaluation = None

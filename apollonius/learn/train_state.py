@@ -79,7 +79,8 @@ def start(
     start_key, member_key, train_key = jax.random.split(stage_key, 3)
     playing = ROLES.map(lambda role: players(plan, role, learners, fixed, archives, jnp.ones(())))
     bits = jax.random.bits(member_key, (2, config.games), jnp.uint32)
-    games = begin(game, reset_batch(game, start_key, config.games), playing, bits)
+    begun = begin(game, reset_batch(game, start_key, config.games), playing, bits)
+    games = jax.tree.map(jnp.array, begun)  # apart: at the start what a side knows is the state itself
     iterations, env_steps, episodes = (jnp.zeros((), jnp.int32) for _ in range(3))
     return TrainState(games, learners, train_key, iterations, env_steps, episodes, archives)
 

@@ -2,10 +2,10 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from apollonius.game.chart import Chart
-from apollonius.game.types import Real, Scalar
+from apollonius.game.chart import CellWeights, Chart
+from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
@@ -22,6 +22,9 @@ _SHARPNESS = 4.0
 """Sharpness of the softmax over directions."""
 _SPEED, _U1, _U2, _LENGTH = 1.2, 0.3, 0.8, 0.3
 """Units of the limits: those of the paper's robots."""
+
+Courses = tuple[Float[Array, "16"], Float[Array, "16"], Float[Array, "16"]]
+"""Ranges [m], cosines and sines of `COURSES` directions, the first one ahead."""
 
 
 class Egocentric(AbstractObservation):
@@ -52,6 +55,10 @@ class Egocentric(AbstractObservation):
         Raises:
             InvalidInput: in an arena without a chart.
         """
+        return self.with_courses(view)[0]
+
+    def with_courses(self, view: View) -> tuple[Float[Array, " size"], Courses]:
+        """Return the numbers of a view, and the courses by which paths are compared; errors as of a call."""
         chart = view.arena.chart
         if chart is None:
             raise InvalidInput(f"'{self.name}' reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
@@ -65,8 +72,8 @@ class Egocentric(AbstractObservation):
         ranges = jax.vmap(chart.range, in_axes=(None, None, 0, 0))(own.x, own.y, *directions)
         rays = 1 / (1 + jnp.maximum(ranges - view.own.body.radius, 0.0))
         every = RAYS // COURSES
-        some = ranges[::every], directions[0][::every], directions[1][::every]
-        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, *some)])
+        courses = ranges[::every], directions[0][::every], directions[1][::every]
+        return jnp.concatenate([robots, rays, _paths(view, chart, (dx, dy), distance, courses)]), courses
 
 
 def _robots(
@@ -105,38 +112,41 @@ def on_two_scales(length: Scalar) -> list[Scalar]:
 
 
 def _paths(
-    view: View,
-    chart: Chart,
-    away: tuple[Scalar, Scalar],
-    distance: Scalar,
-    ranges: Float[Array, "16"],
-    cos: Float[Array, "16"],
-    sin: Float[Array, "16"],
+    view: View, chart: Chart, away: tuple[Scalar, Scalar], distance: Scalar, courses: Courses
 ) -> Float[Array, "37"]:
     """Return the opponent's path lengths to the robot and to points around it."""
     own, opponent = view.own.state, view.opponent.state
     is_seen = chart.is_seen(own.x, own.y, *away, distance)
     there, here = chart.cell_weights(opponent.x, opponent.y), chart.cell_weights(own.x, own.y)
-    from_cell = jax.vmap(chart.path_length_from, in_axes=(None, 0))
     cell = there[0][jnp.argmax(there[1])]
-    whole = chart.path_length_from(cell, here)
-
-    def from_ahead(reach: float) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
-        """Return the distances of the points ahead, and the opponent's path lengths to them."""
-        along = jnp.clip(ranges - _BEFORE, 0.0, reach)
-        cell_weights = jax.vmap(chart.cell_weights)(own.x + along * cos, own.y + along * sin)
-        return along, from_cell(cell, cell_weights)
-
-    _, near = from_ahead(NEAR)
-    longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)
-    along, theirs = from_ahead(AHEAD)
+    detours = paths_from(chart, cell, own, here, courses)
+    along, theirs = _from_ahead(chart, cell, own, courses, AHEAD)
     mine, later = along * view.opponent.body.v_max, theirs * view.own.body.v_max
     first = (later - mine) / (later + mine + 1e-3)
+    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
+    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, detours, first])
+
+
+def paths_from(
+    chart: Chart, cell: Int[Array, ""], own: RobotState, here: CellWeights, courses: Courses
+) -> Float[Array, "18"]:
+    """Return how much longer the paths from a coarse cell to points around a robot are, and where they are shorter."""
+    whole = chart.path_length_from(cell, here)
+    _, near = _from_ahead(chart, cell, own, courses, NEAR)
+    longer = jnp.clip((near - whole) / NEAR, -1.0, 1.0)
     weights = jax.nn.softmax(-_SHARPNESS * longer)
     angles = jnp.arange(COURSES, dtype=jnp.float32) * (2 * jnp.pi / COURSES)
-    shorter = jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])
-    length = jnp.stack(on_two_scales(jnp.where(is_seen, distance, chart.path_length(there, here))))
-    return jnp.concatenate([is_seen[None].astype(jnp.float32), length, longer, shorter, first])
+    return jnp.concatenate([longer, jnp.stack([weights @ jnp.cos(angles), weights @ jnp.sin(angles)])])
+
+
+def _from_ahead(
+    chart: Chart, cell: Int[Array, ""], own: RobotState, courses: Courses, reach: float
+) -> tuple[Float[Array, "16"], Float[Array, "16"]]:
+    """Return the distances of points ahead of a robot, and their path lengths from a coarse cell."""
+    ranges, cos, sin = courses
+    along = jnp.clip(ranges - _BEFORE, 0.0, reach)
+    cell_weights = jax.vmap(chart.cell_weights)(own.x + along * cos, own.y + along * sin)
+    return along, jax.vmap(chart.path_length_from, in_axes=(None, 0))(cell, cell_weights)
 
 
 EGOCENTRIC = Egocentric()

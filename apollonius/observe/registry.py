@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 from apollonius.game.game import Game
 from apollonius.game.types import GameState, Role
 from apollonius.io.errors import require
+from apollonius.observe.believing import BELIEVING
 from apollonius.observe.egocentric import EGOCENTRIC
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
@@ -12,7 +13,7 @@ from apollonius.observe.paper import PAPER
 from apollonius.observe.team import TEAM
 from apollonius.observe.view import look
 
-_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM
+_ALL = PAPER, ENCODED, EGOCENTRIC, TEAM, BELIEVING
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 """By their names in files and configurations."""
 

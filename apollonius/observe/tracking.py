@@ -7,16 +7,26 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, UInt32
+from jaxtyping import Array, Int, UInt32
 
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.sensing import MOST_DELAY, Percept, Sensors, sense
 from apollonius.game.types import GameState, Real, RobotState, Role, Scalar, Sight
 from apollonius.observe import belief
+from apollonius.observe.belief import NEVER, Belief
 
-NEVER = 1e3
-"""Age of the sighting of an opponent that was never seen [s]."""
+
+class Sightings(eqx.Module):
+    """How well a side has seen its opponents in a game.
+
+    Attributes:
+        first: steps until the first sighting; -1 before it.
+        steps: those in which it saw one of its opponents.
+    """
+
+    first: Int[Array, ""]
+    steps: Int[Array, ""]
 
 
 class Track(eqx.Module):
@@ -27,14 +37,16 @@ class Track(eqx.Module):
         opponents: last sightings; of those never seen the middle of the arena, at rest.
         ages: times since then [s].
         late: what they saw in the latest steps and do not know yet, the newest first; None without a delay.
-        credit: their belief (`apollonius.observe.belief`), as old as what they know; None without a chart.
+        belief: as old as what they know; None without a chart.
+        sightings: in the game so far.
     """
 
     own: tuple[RobotState, ...]
     opponents: tuple[RobotState, ...]
     ages: tuple[Scalar, ...]
     late: Percept | None
-    credit: belief.Credit | None
+    belief: Belief | None
+    sightings: Sightings
 
 
 def begin(game: Game, state: GameState, role: Role) -> Track | None:
@@ -53,8 +65,9 @@ def begin(game: Game, state: GameState, role: Role) -> Track | None:
     if sensors.delay is not None:
         nothing = Percept(own, unseen, (no,) * len(unseen), no)
         late = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], MOST_DELAY + 1, axis=0), nothing)
-    credit = None if arena.chart is None else belief.anywhere(arena.chart)
-    return Track(own, unseen, (jnp.asarray(NEVER),) * len(unseen), late, credit)
+    anywhere = None if arena.chart is None else belief.anywhere(arena.chart)
+    sightings = Sightings(jnp.full((), -1, jnp.int32), jnp.zeros((), jnp.int32))
+    return Track(own, unseen, (jnp.float32(NEVER),) * len(unseen), late, anywhere, sightings)
 
 
 def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Track | None:
@@ -68,6 +81,9 @@ def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: 
         return None
     ours, theirs = (list(zip(state.robots[one], state.active[one], strict=True)) for one in (role, role.other))
     percept = sense(sensors, here.arena, ours, theirs, bits)
+    in_sight, before = functools.reduce(operator.or_, percept.seen), track.sightings
+    first = jnp.where((before.first < 0) & in_sight, state.steps, before.first)
+    sightings = Sightings(first, before.steps + in_sight.astype(jnp.int32))
     own, late, age = percept.own, None, jnp.zeros(())
     if sensors.delay is not None:
         late = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), percept, track.late)
@@ -81,17 +97,17 @@ def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: 
         jnp.where(seen, age, jnp.minimum(old + here.dt, NEVER))
         for old, seen in zip(track.ages, percept.seen, strict=True)
     )
-    credit = track.credit if track.credit is None else _believed(here, sensors, track.credit, percept, state, role)
-    return Track(own, opponents, ages, late, credit)
+    after = track.belief and _believed(here, sensors, track.belief, percept, state, role)
+    return Track(own, opponents, ages, late, after, sightings)
 
 
-def _believed(
-    game: Game, sensors: Sensors, credit: belief.Credit, percept: Percept, state: GameState, role: Role
-) -> belief.Credit:
+def _believed(game: Game, sensors: Sensors, before: Belief, percept: Percept, state: GameState, role: Role) -> Belief:
     """Return the belief after a step in which opponents moved, and after what was seen."""
     chart, active = game.arena.chart, state.active
     assert chart is not None, "a belief has a chart"
-    after = belief.looked(chart, sensors, belief.moved(chart, credit, _reach(game, role)), percept, active[role])
+    after = belief.looked(
+        chart, sensors, belief.moved(chart, before, _reach(game, role), game.dt), percept, active[role]
+    )
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
     there = [
         (seen, belief.at(chart, robot, bound)) for robot, seen in zip(percept.opponents, percept.seen, strict=True)
@@ -99,8 +115,9 @@ def _believed(
     unseen = functools.reduce(
         operator.or_, [alive & ~seen for alive, seen in zip(active[role.other], percept.seen, strict=True)]
     )
-    after = jnp.where(unseen, after, -jnp.ones_like(after))
-    return functools.reduce(jnp.maximum, [jnp.where(seen, cells, after) for seen, cells in there], after)
+    hidden = jnp.where(unseen, after.credit, -jnp.ones_like(after.credit))
+    credit = functools.reduce(jnp.maximum, [jnp.where(seen, cells, hidden) for seen, cells in there], hidden)
+    return replace(after, credit=credit)
 
 
 def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
@@ -115,9 +132,10 @@ def believed(game: Game, track: Track | None, state: GameState, role: Role) -> G
         return state
     here = game.at(state)
     cells, chart = None, here.arena.chart
-    if track.credit is not None and chart is not None:
-        credit, sensors = track.credit, here.sensors and here.sensors[role]
+    if (known := track.belief) is not None and chart is not None:
+        sensors = here.sensors and here.sensors[role]
         if sensors is not None and sensors.delay is not None:  # what opponents may have done since
-            credit = belief.moved(chart, credit, _reach(here, role, jnp.asarray(sensors.delay, jnp.float32)))
-        cells = belief.where(credit)
+            late = jnp.asarray(sensors.delay, jnp.float32)
+            known = belief.moved(chart, known, _reach(here, role, late), late * here.dt)
+        cells = belief.unseen(known)
     return replace(state, robots=BySide.of(role, track.own, track.opponents), sight=Sight(track.ages, cells))

@@ -6,7 +6,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
@@ -37,7 +37,7 @@ class View(eqx.Module):
         mates: the other robots of its side.
         opponents: the robots of the other side.
         capture_distance: distance at which an evader is captured [m].
-        belief: the cells in which an opponent can be (`apollonius.observe.belief`); None for a side that sees all.
+        belief: as in `apollonius.game.types.Sight`; None for a side that sees all.
     """
 
     arena: Arena
@@ -45,7 +45,7 @@ class View(eqx.Module):
     mates: tuple[Robot, ...]
     opponents: tuple[Robot, ...]
     capture_distance: Real
-    belief: Bool[Array, "rows columns"] | None = None
+    belief: Float[Array, "rows columns"] | None = None
 
     @property
     def opponent(self) -> Robot:

@@ -23,6 +23,7 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
 from apollonius.io.jobs import available_cores
+from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.rollout import Games, Transition, begin, reset_where_done, step_games
 
@@ -51,14 +52,14 @@ class AbstractWatcher(eqx.Module):
 
 
 class Results(eqx.Module):
-    """Outcome and length [steps] of games, a watcher's statistic, and in games of teams the `RobotStatus` of each
-    robot; leaves `[games, ...]`.
-    """
+    """Outcome and length [steps] of games, a watcher's statistic, in teams the `RobotStatus` of each robot, and what
+    sides with sensors sighted; leaves `[games, ...]`."""
 
     outcome: Int[Array, " games"]
     steps: Int[Array, " games"]
     watched: Any = None
     status: BySide[tuple[Int[Array, " games"], ...]] | None = None
+    sightings: BySide[Sightings | None] | None = None
 
 
 class _Slots(eqx.Module):
@@ -106,7 +107,7 @@ def play_out(
     width = 2 ** (slots - 1).bit_length()
     under_way = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
-    results = _zeros(lambda: _no_results(watcher, total, starts))
+    results = _zeros(lambda: _no_results(watcher, total, under_way.games))
     advance = partial(_advance, game, players, key, watcher)
     shares = max(1, min(cores, total // width))
     ends = [total * share // shares for share in range(shares + 1)]
@@ -162,14 +163,15 @@ def _empty(
     """Return empty slots, one for each of some starts."""
     nobody = jnp.full(starts.steps.shape, _NOBODY, jnp.int32)
     games = begin(game, starts, players, random_bits_of(key, nobody, nobody))
-    return _Slots(games, _no_results(watcher, len(nobody), starts).watched, nobody)
+    return _Slots(games, _no_results(watcher, len(nobody), games).watched, nobody)
 
 
-def _no_results(watcher: AbstractWatcher | None, games: int, starts: GameState) -> Results:
-    """Return blank results of this many games."""
-    unwatched = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], games, axis=0), watcher and watcher.begin())
-    nothing = jnp.zeros(games, jnp.int32)
-    return Results(nothing, nothing, unwatched, jax.tree.map(lambda _: nothing, starts.status))
+def _no_results(watcher: AbstractWatcher | None, count: int, games: Games) -> Results:
+    """Return blank results of a number of games such as these."""
+    unwatched = jax.tree.map(lambda leaf: jnp.repeat(leaf[None], count, axis=0), watcher and watcher.begin())
+    nothing = jnp.zeros(count, jnp.int32)
+    status, sightings = jax.tree.map(lambda _: nothing, (games.state.status, games.sightings))
+    return Results(nothing, nothing, unwatched, status, sightings)
 
 
 @jax.jit
@@ -200,7 +202,7 @@ def _advance(
     width, window = under_way.index.shape[0], starts.steps.shape[0]
     rows = width + window  # no more games can end
     unwatched = watcher.begin() if watcher else None
-    nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, starts), jnp.asarray(0))
+    nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0))
     carry = under_way, jnp.asarray(0), nothing, jnp.asarray(0)
 
     def goes_on(carry: tuple[_Slots, Array, _Ended, Array]) -> Array:
@@ -225,7 +227,7 @@ def _advance(
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)
-        results = Results(transition.outcome, games.state.steps, watched, games.state.status)
+        results = Results(transition.outcome, games.state.steps, watched, games.state.status, games.sightings)
         log = jax.tree.map(
             lambda all_, new: all_.at[row].set(new, mode="drop"), (ended.index, ended.results), (index, results)
         )

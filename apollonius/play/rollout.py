@@ -21,7 +21,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive
-from apollonius.observe.tracking import Track
+from apollonius.observe.tracking import Sightings, Track
 from apollonius.play.random_bits import fold_in, random_bits
 
 
@@ -77,6 +77,11 @@ class Games(eqx.Module):
 
     state: GameState
     sides: BySide[SideState]
+
+    @property
+    def sightings(self) -> BySide[Sightings | None]:
+        """The sightings of each side so far; None of one without sensors."""
+        return self.sides.map(lambda side: side.track and side.track.sightings)
 
 
 def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]) -> Games:

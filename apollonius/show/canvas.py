@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 from PIL import Image, ImageDraw, ImageFont
 
 from apollonius.game.arena import Arena, Disc
@@ -24,6 +25,8 @@ _SMALLEST = 0.014
 """Least radius of a robot's sign, as a share of the arena's longer side."""
 _DASH = 0.02
 """Length of the evader's dashes, and of the gaps between them, as a share of the arena's longer side."""
+_SHADE = 64
+"""Share of the colour in a shade, of 255."""
 _CORNERS = 96
 """Corners of a circle."""
 
@@ -103,9 +106,16 @@ class Canvas:
                 draw.line(ends, fill=_COLOURS[role], width=2 * _FINER, joint="curve")
         self._here, self._active = here, active
 
-    def picture(self) -> Image.Image:
-        """Return the game as it stands, or an empty arena where no robot has moved yet."""
+    def picture(self, fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None) -> Image.Image:
+        """Return the game as it stands, or an empty arena where no robot has moved yet.
+
+        Args:
+            fog: cells of the square on the arena's lower left corner, its lowest row first, that are shaded, and the
+                side in whose colour.
+        """
         picture = self._trails.copy()
+        if fog:
+            self._shade(picture, *fog)
         self._draw_robots(ImageDraw.Draw(picture))
         return picture.reduce(_FINER)
 
@@ -121,6 +131,11 @@ class Canvas:
                 nose = self._pixel(x + 2 * radius * cos(heading), y + 2 * radius * sin(heading))
                 draw.line([self._pixel(x, y), nose], fill=_COLOURS[role], width=3 * _FINER)
                 draw_robot(draw, self._pixel(x, y), radius * finer, role, mark)
+
+    def _shade(self, picture: Image.Image, cells: Bool[np.ndarray, "rows columns"], role: Role) -> None:
+        side = round(self._length * self.scale) * _FINER
+        mask = Image.fromarray(np.where(cells[::-1], _SHADE, 0).astype(np.uint8)).resize((side, side))
+        picture.paste(_COLOURS[role], (0, picture.height - side), mask)
 
     def _draw_cells(self, occupancy: OccupancyMap) -> None:
         """Draw occupied cells; the picture's own pixels may be coarser."""

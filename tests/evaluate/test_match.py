@@ -12,14 +12,15 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, StartFilter, count, play_match
+from apollonius.evaluate.match import Match, StartFilter, count, play_match, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.presets import in_teams, make_game
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
-from apollonius.game.types import Outcome
+from apollonius.game.types import Outcome, RobotState
 from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.play.playout import Results
@@ -191,3 +192,33 @@ def test_shields_hold_back_robots_of_unlike_limits_each_by_its_own(tmp_path):
     result = play_match(Match.of_names(str(path), "shielded:random", "random", games=40))
     assert result.to_dict()["robots"]["pursuers"] == {"active": 80, "captured": 0, "hit_obstacle": 0, "out_of_range": 0}
     assert result.robots["evaders"]["hit_obstacle"] + result.robots["evaders"]["out_of_range"] > 20
+
+
+def test_a_match_says_how_well_a_side_saw():
+    """As counted from its games: first sightings, and steps in sight of all; nothing of a side that sees everything."""
+    game = replace(make_game("paper"), max_steps=60, sensors=Sensing(pursuer=Sensors(line_of_sight=True, range=4.0)))
+    played = Match.of_names(game, "intercept", "random", 6, seed=2)
+    result = play_match(played)
+    first, total, steps = [], 0, 0
+    for index in range(6):
+        replay = record_game(played, index)
+        pursuers, evaders = (replay.states[:-1, 4 * side : 4 * side + 4] for side in range(2))
+        near = np.hypot(*(pursuers - evaders)[:, :2].T) <= 4.0
+        state = lambda row: RobotState(*map(jnp.float32, row))  # noqa: E731
+        hidden = [
+            bool(game.arena.hides(state(one), state(other))) for one, other in zip(pursuers, evaders, strict=True)
+        ]
+        seen = near & ~np.array(hidden)
+        first += [int(np.argmax(seen))] if seen.any() else []
+        total, steps = total + seen.sum(), steps + len(seen)
+    assert 0 < len(first) < 6, "in some games it never saw it"
+    assert list(result.sight) == ["pursuer"]
+    sight = result.sight["pursuer"]
+    assert (sight.games, sight.first_steps) == (len(first), np.median(first))
+    assert sight.share == pytest.approx(total / steps)
+    words = f"the pursuer sees an opponent in {len(first) / 6:.1%} of games, first after {np.median(first) / 10:.1f} s"
+    assert words in match_table(played, result)
+    assert read_result(json.loads(json.dumps(result.to_dict())), "here") == result
+    blind = replace(game, sensors=Sensing(pursuer=Sensors(range=0.0)))
+    sight = play_match(replace(played, game=blind)).sight["pursuer"]
+    assert (sight.games, sight.first_steps, sight.share) == (0, None, 0.0)

@@ -14,6 +14,7 @@ import pytest
 
 from apollonius.agents.classical import Still
 from apollonius.agents.pool import solo
+from apollonius.arenas.file import find_game
 from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.loop import Metrics, play_and_learn
@@ -148,12 +149,14 @@ class CountingGame(Game):
 traces = []
 
 
-def test_a_stage_is_traced_once():
+@pytest.mark.parametrize("sensors", [None, find_game("lidar").sensors])
+def test_a_stage_is_traced_once(sensors):
     """Not again for later chunks, nor for other numbers of the game or another seed."""
-    game = CountingGame(**vars(GAME))
+    game = replace(CountingGame(**vars(GAME)), sensors=sensors)
+    before = len(traces)
     play_stage(seed=0, chunks=1, game=game)
     first = len(traces)
-    assert first > 0
+    assert first > before
     play_stage(seed=1, chunks=3, game=replace(game, capture_distance=0.4, max_steps=90))
     assert len(traces) == first
 

@@ -20,6 +20,7 @@ from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.types import ROLES, Role
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
+from apollonius.observe.registry import observe
 from apollonius.play.rollout import begin, collect, reset_where_done, step_games
 from tests.acting import robot
 
@@ -36,7 +37,7 @@ def sensing(name, sensors, pursuers=1, evaders=1):
 
 def holds(chart, cells, place):
     """Whether a belief holds the cell of a place."""
-    return cells.ravel()[chart.nearest_cell(place.x, place.y)]
+    return cells.ravel()[chart.nearest_cell(place.x, place.y)] >= 0
 
 
 @functools.partial(jax.jit, static_argnames=("games", "steps"))
@@ -64,7 +65,8 @@ def played(game, players, key, games, steps):
                 )
             ]
         )
-        return jax.vmap(reset_where_done)(transition.ended, fresh, after), (truths, held.map(jnp.mean))
+        shares = held.map(lambda cells: jnp.mean((cells >= 0).astype(jnp.float32)))
+        return jax.vmap(reset_where_done)(transition.ended, fresh, after), (truths, shares)
 
     return jax.lax.scan(one, first, jax.random.split(key, steps))[1]
 
@@ -93,16 +95,18 @@ def test_a_belief_spreads_as_fast_as_an_opponent_at_most_by_a_cell():
     """In the open: cells within reach are in it after a time, and none that is further than cells and slack allow."""
     chart = charted(find_game("one-large")).arena.chart
     cell, reach = 10 / COARSE, 0.12
-    credit = belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0))
+    start = belief.Belief(belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.zeros((COARSE, COARSE)))
+    after = start
     for _ in range(20):
-        credit = belief.moved(chart, credit, jnp.float32(reach))
+        after = belief.moved(chart, after, jnp.float32(reach), 0.1)
     middles = (np.arange(COARSE) + 0.5) * cell
     away = np.hypot(middles[None, :] - 1.5, middles[:, None] - 1.5)
-    found, near = np.asarray(belief.where(credit)), (np.hypot(*np.meshgrid(middles - 5, middles - 5)) < 1.6)
+    found, near = np.asarray(belief.unseen(after)) >= 0, (np.hypot(*np.meshgrid(middles - 5, middles - 5)) < 1.6)
     assert np.all(found[(away <= 20 * reach - cell) & ~near])
     assert not np.any(found[away > 20 * reach / 0.8 + 4 * cell])
-    faster = belief.moved(chart, belief.at(chart, robot(1.5, 1.5), jnp.float32(0.0)), jnp.float32(20 * reach))
-    assert np.all(np.asarray(belief.where(faster))[(away <= 20 * reach - cell) & ~near])
+    faster = belief.moved(chart, start, jnp.float32(20 * reach), 2.0)
+    for cells in map(np.asarray, (belief.unseen(after), belief.unseen(faster))):
+        assert np.all(cells[(away <= 20 * reach - cell) & ~near] == pytest.approx(2.0))
 
 
 def test_cells_that_are_seen_are_cleared_and_those_behind_a_disc_are_not():
@@ -143,6 +147,77 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         assert places == pytest.approx([5.0 if at < 0 else 7.5 - 0.05 * min(at, 3) for at in seen])
         assert tracking.begin(game, state, Role.EVADER) is None
         assert tracking.believed(game, None, state, Role.EVADER) is state
+
+
+def looking(game, places, evader):
+    """What the pursuer knows after it has looked from several places: the track, and the state that it plays by."""
+    state = game.reset(jax.random.key(0))
+    track = tracking.begin(game, state, Role.PURSUER)
+    for step, place in enumerate(places):
+        state = replace(state, robots=BySide((place,), (evader,)), steps=jnp.int32(step))
+        track = tracking.follow(game, track, state, Role.PURSUER, jnp.uint32(step))
+    return track, tracking.believed(game, track, state, Role.PURSUER)
+
+
+def test_times_since_cells_were_seen_and_sightings_are_counted():
+    game = sensing("one-large", LIDAR)
+    left, right = robot(2.0, 5.0), robot(8.0, 5.0)
+    track, known = looking(game, [left] * 3 + [right] * 4, robot(8.0, 7.0))
+    times = np.asarray(track.belief.unseen)
+    at = lambda x, y: times[int(y / 10 * COARSE), int(x / 10 * COARSE)]  # noqa: E731
+    assert at(2.0, 6.0) == pytest.approx(0.4)  # seen last in the third of seven steps
+    assert at(8.0, 6.0) == 0.0
+    assert at(5.0, 9.8) == pytest.approx(belief.NEVER)
+    assert (int(track.sightings.first), int(track.sightings.steps)) == (3, 4)
+    possible = np.asarray(known.sight.belief) >= 0
+    assert possible.sum() == 1, "of an evader in sight the place is known"
+    never, _ = looking(game, [left] * 3, robot(8.0, 7.0))
+    assert (int(never.sightings.first), int(never.sightings.steps)) == (-1, 0)
+
+
+def test_a_look_is_worth_more_where_it_is_long_ago_and_near():
+    """By hand, and nothing where no opponent can be; the best is that of all cells."""
+    chart = charted(find_game("one-large")).arena.chart
+    here = robot(1.1, 1.1)
+    unseen = np.full((COARSE, COARSE), -1.0, np.float32)
+    near, far, recent = (8, 8), (30, 30), (8, 9)
+    unseen[near], unseen[far], unseen[recent] = 20.0, 40.0, 1.0
+    worth = np.asarray(belief.prospects(chart, jnp.asarray(unseen), here))
+    lengths = np.asarray(chart.lengths_from(here.x, here.y))
+    assert worth[near] == pytest.approx(20.0 / (lengths[near] + belief.NEAR))
+    assert lengths[far] > np.hypot(30 - 4, 30 - 4) * 0.25
+    assert np.all(worth[unseen < 0] < 0)
+    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == np.argmax(worth) == 30 * COARSE + 30
+    unseen[far] = 21.0
+    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
+    unseen[near], unseen[far] = 1e3, 150.0  # both long ago: the nearer one
+    assert int(belief.best_look(chart, jnp.asarray(unseen), here)) == 8 * COARSE + 8
+
+
+def test_numbers_of_a_belief():
+    """Those of `egocentric`, then age, share and the place to look at; a side that sees all believes what it sees."""
+    game = sensing("one-large", LIDAR)
+    _, known = looking(game, [robot(8.0, 5.0)] * 2 + [robot(2.0, 5.0)] * 3, robot(8.0, 7.0))
+    numbers = np.asarray(observe(game, known, Role.PURSUER, "belief"))
+    first = np.asarray(observe(game, known, Role.PURSUER, "egocentric"))
+    np.testing.assert_allclose(numbers[: len(first)], first, atol=1e-6)
+    age, more = float(known.sight.ages[0]), numbers[len(first) :]
+    assert age == pytest.approx(0.3)
+    assert more[:2] == pytest.approx([1 / 1.3, np.log(1.3) / 2])
+    assert more[2] == pytest.approx(np.mean(np.asarray(known.sight.belief) >= 0))
+    chart = game.arena.chart
+    cell = int(belief.best_look(chart, known.sight.belief, known.pursuer))
+    x, y = (cell % COARSE + 0.5) / 4 - 2.0, (cell // COARSE + 0.5) / 4 - 5.0
+    away = np.hypot(x, y)
+    assert more[3:7] == pytest.approx([x / away, y / away, 1 / (1 + away), np.log1p(away) / 2], abs=1e-5)
+    here = chart.cell_weights(known.pursuer.x, known.pursuer.y)
+    length = max(away, float(chart.path_length_from(jnp.int32(cell), here)))
+    assert more[7:9] == pytest.approx([1 / (1 + length), np.log1p(length) / 2], abs=1e-5)
+    all_seen = replace(known, sight=None)
+    sure = np.asarray(observe(game, all_seen, Role.PURSUER, "belief"))[len(first) :]
+    assert sure[:3] == pytest.approx([1.0, 0.0, 0.0])
+    assert sure[3] > 0.9, "the last place of the evader lies ahead"
+    assert np.argmin(more[9:25]) in (0, 1, 15), "the way to a place beyond the disc leads ahead"
 
 
 def test_nothing_of_an_unseen_opponent_reaches_a_player():

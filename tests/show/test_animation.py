@@ -3,17 +3,27 @@
 from dataclasses import replace
 
 import imageio_ffmpeg
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image, ImageColor
 
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
+from apollonius.evaluate.match import Match, begin, record_game
+from apollonius.game.chart import COARSE
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome
+from apollonius.game.types import Outcome, Role
+from apollonius.observe import tracking
+from apollonius.play import rollout
+from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
 from apollonius.show.canvas import SIZE, Canvas, save_gallery, save_side_by_side
+from apollonius.show.fog import fog
 from apollonius.show.palette import PAPER
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 
@@ -48,6 +58,34 @@ def test_every_state_is_a_frame_with_both_robots_their_trails_and_the_reach_of_a
         (pictures[-1], [evader for _, evader in trails], 0.3, 0.7),
     ):
         assert least <= np.mean([colour_at(picture, *point) != WHITE for point in points]) <= most
+
+
+def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
+    """Cell by cell, in every state; it holds the evader, its colour lies there, and words say so."""
+    game = charted(replace(find_game("lidar"), max_steps=40))
+    match = Match.of_names(game, "intercept", "flee-aware", 3, seed=5)
+    replay = record_game(match, 2)
+    starts, key = begin(match)
+    alone = jax.tree.map(lambda leaf: leaf[2:3], starts)
+    games = rollout.begin(game, alone, match.pools, random_bits_of(key, jnp.array([2]), jnp.array([-1])))
+    shaded = fog(replace(replay, game=replace(game, arena=replace(game.arena, chart=None))))
+    assert shaded.shape == (len(replay.states), COARSE, COARSE)
+    step = jax.jit(lambda games, bits: rollout.step_games(game, match.pools, games, bits, observes=False))
+    for number in range(len(replay.actions)):
+        before = games.state
+        games, _ = step(games, random_bits_of(key, jnp.array([2]), before.steps))
+        track, state = jax.tree.map(lambda leaf: leaf[0], (games.sides.pursuer.track, before))
+        believed = np.asarray(tracking.believed(game, track, state, Role.PURSUER).sight.belief) >= 0
+        np.testing.assert_array_equal(shaded[number], believed)
+        assert shaded[number].ravel()[game.arena.chart.nearest_cell(state.evader.x, state.evader.y)]
+    assert 0 < shaded[-1].sum() < shaded[0].sum()
+    picture = next(frames(replay, [20]))
+    x, y = (np.argwhere(shaded[20])[0][::-1] + 0.5) / 4
+    clear = (np.argwhere(~shaded[20])[0][::-1] + 0.5) / 4
+    assert colour_at(picture, x, y)[2] - colour_at(picture, x, y)[0] > 20
+    assert colour_at(picture, *clear) == WHITE
+    assert "shaded: where the evader can be" in words_of(replay, [0])
+    assert fog(replace(replay, game=make_game("paper"))) is None
 
 
 @pytest.mark.parametrize("active", [(True, True), (False, True), (True, False)])
