@@ -95,8 +95,6 @@ def apply(operation: str, kind: str, of: str, *given: str) -> str:
     if operation in _SIGNS:
         both = f"({given[0]} {_SIGNS[operation]} {given[1]})"
         return f"({TYPES[kind]}){both}" if kind in ("uint8", "uint16", "int8", "int16") else both
-    if operation == "select":
-        return "({} ? {} : {})".format(*given)
     if operation == "neg":
         return f"(-{given[0]})"
     if operation == "not":

@@ -1,4 +1,4 @@
-"""Players of all kinds in C, against the package's own; and the files that a robot's program reads."""
+"""Players of all kinds in C and in the page, against the package's own; and the files that a robot's program reads."""
 
 import os
 import subprocess
@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 import apollonius
+from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import zoo_names
+from apollonius.agents.trained import find_trained
 from apollonius.arenas.file import find_game
 from apollonius.arenas.suite import suite_arena, suite_names
 from apollonius.cli.main import main
@@ -24,17 +26,19 @@ from apollonius.export.translate import translated
 from apollonius.export.writing import check, program_of, write_c
 from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
-from apollonius.game.types import Outcome
+from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from tests.export.test_translate import needs_gcc
+from tests.web.test_parity import as_on_the_page, ask, needs_node
 
 CLASSICAL = ("pure-pursuit", "intercept", "flee", "flee-aware", "voronoi-pursuit", "encirclement", "random")
 QUICK = ("paper", "shielded:P_smooth")
 ALL = [
-    pytest.param(game, shield + name, marks=() if (game, shield + name) == QUICK else pytest.mark.slow)
+    pytest.param(game, shield + name, language, marks=() if (game, shield + name) == QUICK else pytest.mark.slow)
     for game in ("paper", "office", "team-3v1", "examples/dodecahedron.toml", "drawn")
     for name in [*zoo_names(), *CLASSICAL]
     for shield in ("", "shielded:")
+    for language in ("c", "page")
 ]
 """In a map and in many arenas too."""
 DRAWN = 200
@@ -69,24 +73,63 @@ def with_wide_index(player):
     return replace(player, package=wider[0], policy=wider[1])
 
 
-@needs_gcc
-@pytest.mark.timeout(3000)
-@pytest.mark.parametrize(("game", "name"), ALL)
-def test_players_in_c_decide_as_the_packages(game, name):
-    games, states = games_of(game), 200 if (game, name) == QUICK else 10_000
-    try:
-        player = exportable(games[0], name)
-    except InvalidInput as refusal:
-        pytest.skip(str(refusal))
-    programs, found = {}, []
-    for one in games:
-        player = with_wide_index(exportable(one, name)) if game == "drawn" else exportable(one, name)
+def in_c(players, asked):
+    """How players decide in C; one program serves all that are alike."""
+    programs = {}
+    for player in players:
         shape = str(jax.tree.map(jnp.shape, (player.policy, player.game)))
         compiled = programs.get(shape) or programs.setdefault(shape, Compiled(program_of(player, "robot")))
-        cases = cases_of(player, states // len(games), seed=len(found))
-        found.append(compare(lambda *given: compiled(player.policy, player.game, *given)[:2], player, cases))  # noqa: B023
+        yield lambda *given: compiled(player.policy, player.game, *given)[:2]  # noqa: B023
+    print(len(programs), "programs")
+
+
+def on_the_page(players, asked):
+    """How players decide in the page, which is asked about all cases at once."""
+    if players[0].name in ("random", "shielded:random"):
+        pytest.skip("the page has random numbers of its own")
+    taken = ask(plays=[to_the_page(*both) for both in zip(players, asked, strict=True)])
+    for player, actions in zip(players, taken, strict=True):
+        kind, body = jnp.float32 if player.policy.continuous else jnp.int32, player.game.bodies[player.role][0]
+        controls = np.stack(jax.vmap(body.controls)(jnp.asarray(actions, kind)), axis=1)
+        answers = zip(np.array(actions), controls, strict=True)
+        yield lambda *_: next(answers)  # noqa: B023
+
+
+def to_the_page(player, cases):
+    """What the page is asked about a player: pursuers come first."""
+    bare = player.name.removeprefix("shielded:")
+    name = player.name if bare in PLAYERS else player.name.replace(bare, str(find_trained(bare)[1]))
+    first = len(player.game.bodies[player.role]) if player.role == Role.EVADER else 0
+    active = np.ones(cases.states.shape[:2], bool) if cases.active is None else cases.active
+    rows, active = (np.roll(one, -first, axis=1) for one in (cases.states, active))
+    return {
+        "game": as_on_the_page(replace(player.game, arena=replace(player.game.arena, chart=None))),
+        "name": name,
+        "role": player.role.name.lower(),
+        "rows": rows.reshape(len(rows), -1).tolist(),
+        "statuses": np.where(active, "active", "hit_obstacle").tolist(),
+    }
+
+
+LANGUAGES = {"c": in_c, "page": on_the_page}
+
+
+@needs_gcc
+@needs_node
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize(("game", "name", "language"), ALL)
+def test_players_decide_as_the_packages(game, name, language):
+    games, states = games_of(game), 200 if (game, name) == QUICK else 10_000
+    try:
+        players = [exportable(one, name) for one in games]
+    except InvalidInput as refusal:
+        pytest.skip(str(refusal))
+    players = list(map(with_wide_index, players)) if game == "drawn" else players
+    asked = [cases_of(one, states // len(games), seed) for seed, one in enumerate(players)]
+    three = zip(LANGUAGES[language](players, asked), players, asked, strict=True)
+    found = [compare(*each) for each in three]
     total = {word: sum(getattr(one, word) for one in found) for word in ("states", "ties", "errors")}
-    print(game, name, total, f"{len(programs)} programs, controls within {max(one.away for one in found):.0e}")
+    print(game, name, language, total, f"controls within {max(one.away for one in found):.0e}")
     assert (total["states"], total["errors"]) == (states, 0)
 
 

@@ -73,6 +73,12 @@ const answers = {
     const outputs = observations.map((observation) => [...players.outputs(network, observation)]);
     return { outputs, levels: chosen(players.atBest(network)), shielded: chosen(players.shielded(players.atBest(network))) };
   },
+  /** What players do: actions, or pairs of levels. */
+  plays: (all) => all.map(({ name, game: rules, role, rows, statuses }) => {
+    const { act } = findPlayer({ name }, role);
+    const actions = rows.map((row, index) => act(rules, asState(rules, row, statuses[index]), { role, number: 0 }));
+    return actions.some(game.isContinuous) ? actions.map(game.actionLevels) : actions;
+  }),
   views({ game: rules, role, number, statuses, rows, observations }) {
     const seen = rows.map((row, index) => [rules, asState(rules, row, statuses[index]), { role, number }]);
     const each = (pairs) => Object.fromEntries(pairs.map(([name, ask]) => [name, seen.map((one) => ask(...one))]));

@@ -43,7 +43,8 @@ LEVEL = 1e-3
 MOST_FLIPPED = 0.02
 """Share of states at an edge, where the last bit decides what is seen or done."""
 STATUSES = np.asarray([status.name.lower() for status in RobotStatus])
-pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+pytestmark = needs_node
 
 
 LIMITED = {"lidar", "blind"}
@@ -53,7 +54,7 @@ LIMITED = {"lidar", "blind"}
 def ask(**questions):
     """Return the answers of the page's modules; of one question the answer itself."""
     program = ["node", str(Path(__file__).with_name("check.mjs"))]
-    given = json.dumps({"page": str(PAGE)} | questions)
+    given = json.dumps({"page": str(PAGE)} | questions, default=lambda number: np.asarray(number).tolist())
     done = subprocess.run(program, input=given, capture_output=True, text=True, check=True, timeout=500)
     answers = json.loads(done.stdout)
     return answers if len(questions) > 1 else answers[next(iter(questions))]
