@@ -7,12 +7,16 @@ BIN := $(VENV)/bin
 .PHONY: demo site page paper check test test-all mutants wheel bench lock clean
 .DELETE_ON_ERROR:
 
-# Trains a pursuer and an evader from scratch, in two minutes of a core, then plays the agents that ship with the package.
+# Trains a pursuer and an evader from scratch, in two minutes of a core, and plays early and late evaders against a rule.
 demo: $(VENV)/installed
 	$(BIN)/apollonius train --preset quick --out runs/demo --force
-	$(BIN)/apollonius evaluate zoo/P_stage1 still --games 10000
-	$(BIN)/apollonius evaluate zoo/P_curriculum zoo/E_curriculum --games 2000
+	@echo "The evader after a quarter of its training and after all of it, against a rule that it never met:"
+	$(BIN)/apollonius tournament --pursuers shielded:intercept --evaders demo/E_curriculum-25 demo/E_curriculum --games 500
 	$(BIN)/apollonius report runs/demo
+	@echo "To go on:"
+	@echo "  $(BIN)/apollonius play --against demo/P_curriculum      flee from the pursuer that you have trained"
+	@echo "  $(BIN)/apollonius show demo/P_curriculum flee           watch it hunt: game.gif"
+	@echo "  $(BIN)/apollonius players                               who else can play"
 
 # build/site: home, documents, reference, gallery, a report and the playground, for any web host.
 site: $(VENV)/installed-site
