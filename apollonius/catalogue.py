@@ -11,10 +11,11 @@ from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.greedy import Greedy, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
-from apollonius.agents.names import SHIELDED
+from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, valuing
-from apollonius.agents.policy import AbstractPolicy
+from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.agents.pool import Pool, solo, stack
+from apollonius.agents.searching import Search, Searching
 from apollonius.agents.shield import shielded
 from apollonius.agents.trained import Trained, exploring
 from apollonius.game.game import Game
@@ -32,8 +33,9 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
     """Return the player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
 
     Args:
-        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`). `RUN/NAME` is an agent
-            of a training run, by the run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
+        name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), then `searching:`
+            makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is an agent of a training run, by the
+            run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
         role: the side it is to play.
         game: what is played, which shields, classical players and those of solved games have to know.
 
@@ -45,6 +47,14 @@ def find_player(name: str, role: Role, game: Game | None = None) -> Named:
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
         return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
+    if name.startswith(SEARCHING):
+        bare = find_player(name.removeprefix(SEARCHING), role, game)
+        values, searches = bare.policy, find_player("search", role, game).policy
+        nine = "followed by a player that values the nine actions"
+        require(isinstance(values, AbstractActionValuePolicy), SEARCHING, bare.name, nine)
+        assert isinstance(values, AbstractActionValuePolicy)
+        assert isinstance(searches, Search)
+        return replace(bare, name=SEARCHING + bare.name, policy=Searching(values, searches))
     for kind in KINDS:
         if found := kind.find(name, role, game):
             return found

@@ -26,6 +26,8 @@ BUILT_IN = {
 
 SHIELDED = "shielded:"
 """Prefix that puts the player of a name behind a shield."""
+SEARCHING = "searching:"
+"""Prefix that makes the pursuer of a name search while it does not see its opponent."""
 
 
 def zoo_names() -> list[str]:

@@ -2,11 +2,11 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from apollonius.agents.chasing import arc_speed
 from apollonius.agents.classical import AbstractSteering, direction, separation
-from apollonius.agents.policy import Memory
+from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import RobotState, Scalar
@@ -89,13 +89,37 @@ class Search(AbstractWayfinder):
         shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), unseen.shape)
         drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
         stays = (memory >= 0) & (unseen[memory] >= 0) & (chart.lengths_from(own.x, own.y).ravel()[memory] > _AT_HAND)
-        cell = jnp.where(stays, memory, drawn)
-        found = jnp.asarray(opponent.age) < _RECENT
+        cell, found = jnp.where(stays, memory, drawn), is_found(seen)
         place = jax.tree.map(lambda one, other: jnp.where(found, one, other), opponent.state, middle_of(chart, cell))
         return self.towards(seen.own, *self.way(seen, place)), jnp.where(found, -1, cell)
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
         return self.way(seen, seen.opponent.state)
+
+
+class Searching(AbstractActionValuePolicy):
+    """Another pursuer, which searches as `Search` does while it does not see its opponent."""
+
+    policy: AbstractActionValuePolicy
+    search: Search
+
+    @property
+    def charted(self) -> bool:
+        return True
+
+    @property
+    def memory(self) -> tuple[Memory, Memory]:
+        return self.policy.memory, self.search.memory
+
+    def values(self, seen: View) -> Float[Array, "9"]:
+        return self.policy.values(self.policy.observation(seen))
+
+    def weigh(
+        self, seen: View, memory: tuple[Memory, Memory], bits: UInt32[Array, ""]
+    ) -> tuple[Float[Array, "9"], Memory]:
+        own, own_memory = self.policy.weigh(self.policy.observation(seen), memory[0], bits)
+        search, place = self.search.weigh(seen, memory[1], bits)
+        return jnp.where(is_found(seen), own, search), (own_memory, place)
 
 
 class Hide(AbstractWayfinder):
@@ -118,6 +142,11 @@ class Hide(AbstractWayfinder):
         away = separation(seen.own.state, place)
         stopping = jnp.sqrt(2 * seen.own.body.u1_max * jnp.maximum(away - 0.2, 0.0))
         return heading, jnp.minimum(speed, stopping)
+
+
+def is_found(seen: View) -> Bool[Array, ""]:
+    """Return whether the opponent was seen so lately that it is driven to."""
+    return jnp.asarray(seen.opponent.age) < _RECENT
 
 
 def chart_of(seen: View) -> Chart:

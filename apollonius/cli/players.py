@@ -22,6 +22,7 @@ OTHERS = {
     "RUN/NAME": "an agent of a training run, by the run's folder or its name among runs",
     "FILE.safetensors": "an agent's file, or a game that solve solved",
     "shielded:NAME": "any of these behind a shield: it never crashes, by the rules, where it starts at rest",
+    "searching:NAME": "a pursuer of limited sight that searches while it does not see the evader; after shielded:",
 }
 
 

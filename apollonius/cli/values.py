@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from apollonius.agents.names import BUILT_IN, FROM_ZOO, SHIELDED, agents_folders, side_of, zoo_names
+from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
 from apollonius.io.errors import missing, nearest, require, shown, unknown_name
@@ -106,7 +106,7 @@ def agent_of(side: str) -> Callable[[str], str]:
 
 
 def _known_agent(side: str | None, text: str) -> str:
-    bare = named(text).removeprefix(SHIELDED)
+    bare = named(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare.endswith(_FILES):
         existing_file(bare)
     known = [*BUILT_IN, *zoo_names()]

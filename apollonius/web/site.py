@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from apollonius.agents.built_in import BY_CHART, PLAYERS, BuiltIn
+from apollonius.agents.names import SEARCHING
 from apollonius.agents.store import load_header
 from apollonius.agents.trained import ZOO, find_trained, zoo_names
 from apollonius.arenas.file import find_game, game_in_one_arena, game_names, split_team
@@ -92,7 +93,8 @@ def choose(person: Role, against: str | None, game: str, seed: int) -> Choice:
     own = Path(bare) if bare.endswith(OWN) else None
     found = None if own else find_player(name, side, rules)
     rule_players = [rule for rule in PLAYERS if rule not in BY_CHART and BuiltIn().fits(rule, side, rules)]
-    playable = found is None or found.header is not None or bare in rule_players
+    is_agent = found is not None and found.header is not None and not bare.startswith(SEARCHING)
+    playable = found is None or is_agent or bare in rule_players
     require(playable, "opponent", name, f"a trained agent, a {OWN} file, or one of {', '.join(rule_players)}")
     agents = {}
     if own:
