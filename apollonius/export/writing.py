@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from apollonius.agents.names import SHIELDED
 from apollonius.export.c import Compiled, Program, header, source
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player
@@ -77,9 +78,11 @@ def write_onnx(player: Player, out: Path, states: int = STATES) -> Written:
     as the package's player does.
 
     Raises:
-        InvalidInput: where the libraries are not installed, for a player that jax2onnx cannot take, and for one that
-            decides otherwise.
+        InvalidInput: for a player behind a shield, where the libraries are not installed, for a player that jax2onnx
+            cannot take, and for one that decides otherwise.
     """
+    bound = "one without a shield: jax2onnx takes a remainder of known numbers for 0, and braking turns; C takes it"
+    require(not player.name.startswith(SHIELDED), "player", player.name, bound)
     require_extra("export", "writing ONNX")
     from apollonius.export.onnx import load, model_of
 

@@ -263,6 +263,7 @@ REFUSED = {
     "P_any --to c --out a.c": "plays in any arena: as office",
     "P_stage1 --to c --out a.onnx": "a file that ends in .c",
     "P_stage1 --to onnx --out a.onnx --constants": "--constants",
+    "shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",
     "P_stage1 --to c --out a.c --game suite-v1/maze-00,maze-01": "one arena, which export needs",
     "P_stage1 --to c --out 1-2.c": "a file whose name begins with a letter",
 }
