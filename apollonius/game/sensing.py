@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, UInt32
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import wrap_angle
+from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.types import Real, RobotState, Scalar
 from apollonius.io.errors import require
 
@@ -103,6 +104,7 @@ class Sensors(eqx.Module):
             if noise is not None:
                 noise.check(f"{name}.{field}")
 
+    @fusion_barrier
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Bool[Array, ""]:
         """Return whether a robot has another one's centre in sight."""
         dx, dy = other.x - robot.x, other.y - robot.y

@@ -34,7 +34,7 @@ from apollonius.evaluate.result import ByArena, count_by_arena, count_by_detour,
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch, sample_starts
-from apollonius.game.presets import in_arenas
+from apollonius.game.presets import in_arenas, in_teams
 from apollonius.game.starts import Starts
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
@@ -208,6 +208,9 @@ def test_each_game_has_the_robots_of_its_make():
         states = jax.vmap(lambda state, action: game.step(state, action, action).state)(states, straight)
     gained = np.asarray(some.pursuer.u1_max)[np.asarray(states.place) // 2] * 0.3
     np.testing.assert_allclose(states.pursuer.v, gained, rtol=1e-4)
+    team = in_teams(game, 3, 2).in_place(jnp.int32(5))
+    for side, kind, size in zip(team.bodies, (some.pursuer, some.evader), (3, 2), strict=True):
+        assert [float(body.v_max) for body in side] == [float(kind.v_max[2])] * size
 
 
 def test_matches_take_turns_between_arenas_and_makes(three):
