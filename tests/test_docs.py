@@ -15,11 +15,11 @@ import pytest
 import tomli_w
 
 from apollonius.agents.built_in import PLAYERS
+from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.trained import zoo_names
 from apollonius.arenas.file import find_game, game_names
 from apollonius.arenas.record import to_dict
 from apollonius.arenas.suite import SUITES, is_scenario, suite_names
-from apollonius.catalogue import SHIELDED
 from apollonius.cli import values
 from apollonius.cli.main import main
 from apollonius.game.presets import TEAM
@@ -96,7 +96,7 @@ def check_command(words, monkeypatch):
     options = asked(words, monkeypatch) or {}
     for player in (options.get(name) for name in ("pursuer", "evader", "pursuers", "evaders", "agent", "against")):
         for name in [player] if isinstance(player, str) else player or []:
-            bare = name.removeprefix(SHIELDED)
+            bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
             known = {*PLAYERS, *zoo_names(), "..."}
             assert bare in known or bare.isupper() or bare.endswith(FILES), name
     game = options.get("game")
