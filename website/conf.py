@@ -5,12 +5,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-from sphinx.ext.napoleon import Config, GoogleDocstring  # pyright: ignore[reportMissingImports]
+from sphinx.ext.napoleon import Config  # pyright: ignore[reportMissingImports]
+from sphinx.ext.napoleon.docstring import GoogleDocstring  # pyright: ignore[reportMissingImports]
 
 from apollonius.version import __version__
 
 HERE = Path(__file__).parent
-_GOOGLE = Config(napoleon_use_rtype=False, napoleon_attr_annotations=False)
+_GOOGLE: Any = Config(napoleon_use_rtype=False, napoleon_attr_annotations=False)
 
 project = html_title = "Apollonius"
 author = "The Apollonius authors"
@@ -60,7 +61,7 @@ def setup(app: Any) -> None:
     app.connect("autodoc-skip-member", _is_default)
 
 
-def _as_written(app: Any, what: str, name: str, documented: Any, options: Any, lines: list[str]) -> None:
+def _as_written(app: Any, what: Any, name: str, documented: Any, options: Any, lines: list[str]) -> None:
     """Turn docstrings into reStructuredText: stars are escaped, and sections in Google's style are read."""
     for number, line in enumerate(lines):
         parts = re.split(r"(`[^`]*`)", line)
