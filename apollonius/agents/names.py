@@ -6,6 +6,8 @@ ZOO = Path(__file__).parent / "zoo"
 """Folder of the trained agents that ship with the package."""
 FROM_ZOO = "zoo/"
 """Prefix that marks the name of an agent that ships with the package."""
+AGENTS = "agents"
+"""The folder of a training run that its agents lie in."""
 RUNS = Path("runs")
 """The folder that training runs lie in unless they were put elsewhere."""
 SIDES = "pursuer", "evader"
@@ -42,4 +44,4 @@ def side_of(name: str) -> tuple[str, ...]:
 
 def agents_folders(run: str) -> list[Path]:
     """Return where the agents of a training run can lie, which is given by its folder or its name among `RUNS`."""
-    return [Path(run) / "agents", RUNS / run / "agents"]
+    return [Path(run) / AGENTS, RUNS / run / AGENTS]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean
 from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
-from apollonius.agents.names import FROM_ZOO, ZOO, agents_folders, zoo_names
+from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.store import Agent, load_agent, load_header
 from apollonius.arenas.charting import charted
@@ -119,9 +119,7 @@ def called(path: Path) -> str:
 
     Two runs give their agents the same names, and those of the zoo.
     """
-    return (
-        f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == agents_folders("")[0].name else path.stem
-    )
+    return f"{path.resolve().parents[1].name}/{path.stem}" if path.parent.name == AGENTS else path.stem
 
 
 def _find_for(name: str, role: Role) -> tuple[Agent, Path]:

@@ -43,14 +43,14 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pursuer",
         type=agent_of("pursuer"),
-        help="agent that the pursuer of a lone --stage goes on from (default: none)",
+        help="agent that the pursuer of a lone --stage continues training from (default: none)",
     )
     parser.add_argument(
         "--evader",
         type=agent_of("evader"),
         nargs="+",
         help="players that the pursuer of --stage fixed-target learns to catch (default: still), or the agent that the "
-        "evader of --stage self-play goes on from (default: none)",
+        "evader of --stage self-play continues training from (default: none)",
     )
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"

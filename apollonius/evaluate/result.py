@@ -82,8 +82,8 @@ def count_by_detour(detours: Float[np.ndarray, " games"], results: Results) -> d
 
 
 @dataclass(frozen=True)
-class Sight:
-    """How well a side with sensors saw its opponents in a match.
+class SightingCounts:
+    """Sightings of its opponents by a side with sensors, over the games of a match.
 
     Attributes:
         games: those with a sighting.
@@ -96,13 +96,13 @@ class Sight:
     share: float
 
 
-def count_sightings(results: Results) -> dict[str, Sight] | None:
-    """Return how well each side with sensors saw its opponents, by its name; None if none has any."""
+def count_sightings(results: Results) -> dict[str, SightingCounts] | None:
+    """Count the sightings of each side with sensors, by its name; None if no side has any."""
 
-    def of_side(sightings: Sightings) -> Sight:
+    def of_side(sightings: Sightings) -> SightingCounts:
         first = np.asarray(sightings.first)
         seen, steps = first[first >= 0], np.sum(sightings.steps) / np.sum(results.steps)
-        return Sight(len(seen), float(np.median(seen)) if len(seen) else None, float(steps))
+        return SightingCounts(len(seen), float(np.median(seen)) if len(seen) else None, float(steps))
 
     sides = zip(Role, results.sightings or (), strict=False)
     return {role.name.lower(): of_side(sightings) for role, sightings in sides if sightings} or None
@@ -125,8 +125,8 @@ class MatchResult:
     """The same match by arenas, where there are several."""
     detours: dict[str, tuple[int, int]] | None = None
     """The pursuer's wins and the games of each class of `DETOURS`, in several arenas with charts."""
-    sight: dict[str, Sight] | None = None
-    """How well the sides with sensors saw their opponents."""
+    sight: dict[str, SightingCounts] | None = None
+    """Sightings by each side with sensors."""
     robots: dict[str, dict[str, int]] | None = None
     """Robots of each side by their status at the end, in a game of teams."""
 

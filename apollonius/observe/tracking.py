@@ -18,7 +18,7 @@ from apollonius.observe.belief import NEVER, Belief
 
 
 class Sightings(eqx.Module):
-    """How well a side has seen its opponents in a game.
+    """Sightings of its opponents by one side in a game.
 
     Attributes:
         first: steps until the first sighting; -1 before it.
