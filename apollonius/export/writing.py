@@ -1,22 +1,27 @@
 """A player written in another language, checked against the package's own before it is kept."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from apollonius.agents.names import SHIELDED
+from apollonius.arenas.record import to_dict
 from apollonius.export.c import Compiled, Program, header, source
 from apollonius.export.parity import Decide, cases_of, compare, microseconds
 from apollonius.export.player import LARGEST, Player
+from apollonius.export.record import Record
 from apollonius.export.translate import translated
-from apollonius.io.document import write_atomically
+from apollonius.io.document import to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_extra
 
+ABOUT = ".robot.json"
+"""Ending of the file that tells a robot's program about an exported player; `ros2/` has one that reads it."""
 STATES = 10_000
 """Decisions of real games that an exported player is compared on."""
 
@@ -68,6 +73,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     for record, argument in zip(program.arguments, _given(player, constants), strict=False):
         if record.name in ("player", "game", "memory") and record.leaves:
             files[out.with_suffix(f".{record.name}")] = record.pack(argument)
+    files[out.with_suffix(ABOUT)] = to_json(_facts(program, player, files)).encode()
     for file, content in files.items():
         write_atomically(file, content)
     return Written(tuple(files), (f"The {player.role.name.lower()} {player.name}", *checked))
@@ -137,6 +143,40 @@ def check(decide: Decide, player: Player, states: int) -> list[str]:
         )
     ties = f", {parity.ties} of them within rounding of another" if parity.ties else ""
     return [f"checked in {states:,} states of games: the package's decisions{ties}; controls within {parity.away:.0e}"]
+
+
+def _facts(program: Program, player: Player, files: Mapping[Path, bytes]) -> dict[str, Any]:
+    """Return what a program has to know to call the function, and to keep a robot within the limits of its game.
+
+    An argument that is a file's content has the file's SHA-256; one that is a number has its type.
+    """
+    game, (body, *mates) = player.game, player.game.bodies[player.role]
+    digests = {file.suffix[1:]: sha256(content).hexdigest() for file, content in files.items()}
+
+    def fact(record: Record) -> dict[str, Any]:
+        number = record.leaves[0].kind if record.lone and record.leaves[0].size == 1 else None
+        return {
+            "name": record.name,
+            "bytes": record.layout.itemsize,
+            "number": number,
+            "sha256": digests.get(record.name),
+        }
+
+    return {
+        "name": program.name,
+        "player": player.name,
+        "side": player.role.name.lower(),
+        "mates": len(mates),
+        "opponents": len(game.bodies[player.role.other]),
+        "dt": float(game.dt),
+        "max_steps": int(game.max_steps),
+        "v_max": float(body.v_max),
+        "u1_max": float(body.u1_max),
+        "u2_max": float(body.u2_max),
+        "arguments": [fact(record) for record in program.arguments if record.leaves],
+        "results": [fact(record) for record in program.results if record.leaves],
+        "game": to_dict(game),
+    }
 
 
 def _about(program: Program, player: Player) -> list[str]:

@@ -247,7 +247,8 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
     monkeypatch.setattr(writing, "STATES", 100)
     out = tmp_path / "chaser.c"
     assert main(["export", "P_stage1", "--to", "c", "--out", str(out), "--constants"]) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["chaser.c", "chaser.game", "chaser.h"]
+    files = ["chaser.c", "chaser.game", "chaser.h", "chaser.robot.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == files
     said = capsys.readouterr()
     assert "The pursuer P_stage1\nchecked in" in said.out
     assert "us\n" in said.out

@@ -1,0 +1,200 @@
+"""The node: odometries in, a velocity out, every `dt`; diagnostics, and a bag of every run.
+
+    python3 -m apollonius_ros.node --ros-args --params-file params.yaml -r __node:=pursuer
+
+`config/params.yaml` explains the parameters, docs/how-to/ros2.md of Apollonius the rest.
+"""
+
+import json
+import math
+import signal
+import sys
+import time
+from pathlib import Path
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Bool, String
+
+from apollonius_ros.bag import Bag
+from apollonius_ros.export import Export
+from apollonius_ros.pilot import Pilot, Robot
+
+PARAMETERS = {
+    "player": "player.robot.json",
+    "frame": "map",
+    "own": "robot1",
+    "mates": [""],
+    "opponents": ["robot2"],
+    "odometry": "odom",
+    "velocity": "cmd_vel",
+    "in_play": "",
+    "stamped": False,
+    "patience": 0.3,
+    "lead": 0.2,
+    "dry_run": False,
+    "bags": "bags",
+}
+"""Names and defaults."""
+
+
+class PursuitNode(Node):
+    """One robot's node.
+
+    Raises:
+        ValueError: for other numbers of robots than the export's, and as `Export`.
+    """
+
+    def __init__(self):
+        super().__init__("player")
+        self.declare_parameters("", list(PARAMETERS.items()))
+        self.given = given = {name: self.get_parameter(name).value for name in PARAMETERS}
+        player = Export(Path(given["player"]).expanduser())
+        sides = [[name for name in given[side] if name] for side in ("mates", "opponents")]
+        for side, names in zip(("mates", "opponents"), sides, strict=True):
+            if len(names) != player.facts[side]:
+                raise ValueError(f"{side}: {names}, but the export is for {player.facts[side]}")
+        robots = [Robot(name) for name in (given["own"], *sides[0], *sides[1])]
+        self.pilot = Pilot(player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"]))
+        self.kind = TwistStamped if given["stamped"] else Twist
+        topic = f"{given['own']}/{given['velocity']}"
+        self.drive = None if given["dry_run"] else self.create_publisher(self.kind, topic, 1)
+        self.decisions = self.create_publisher(String, "~/decisions", 10)
+        self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.bag = self.new_bag(given["bags"], player.text)
+        for robot in robots:
+            self.listen(robot)
+        self.latencies, self.last = [0.0], None
+        self.create_timer(player.facts["dt"], self.tick)
+        self.create_timer(1.0, self.diagnose)
+
+    def new_bag(self, folder, about):
+        if not folder:
+            return None
+        try:
+            return Bag(Path(folder).expanduser(), self.get_name(), about)
+        except (ImportError, OSError) as error:
+            self.get_logger().error(f"this run is not recorded: {error}")
+            return None
+
+    def listen(self, robot):
+        def on_odometry(message):
+            frame = message.header.frame_id
+            if frame != self.given["frame"]:
+                warning = f"{robot.name}: left out, in frame '{frame}' instead of '{self.given['frame']}'"
+                self.get_logger().warning(warning, throttle_duration_sec=1.0)
+                return
+            robot.state, robot.seen = state_of(message), seconds_of(message.header.stamp)
+            self.record(odometry, message)
+
+        def on_referee(message):
+            robot.in_play, robot.judged = message.data, self.now()
+            self.record(in_play, message)
+
+        odometry, in_play = (f"{robot.name}/{self.given[topic]}" for topic in ("odometry", "in_play"))
+        self.create_subscription(Odometry, odometry, on_odometry, qos_profile_sensor_data)
+        if self.given["in_play"]:
+            self.create_subscription(Bool, in_play, on_referee, 10)
+
+    def tick(self):
+        began, now = time.perf_counter(), self.now()
+        self.last = made = self.pilot.command(now)
+        if made.trouble:
+            self.get_logger().warning(f"braking; {made.trouble}", throttle_duration_sec=1.0)
+        self.steer(made)
+        self.latencies.append(time.perf_counter() - began)
+        ages = [round(now - robot.seen, 4) if robot.state else None for robot in self.pilot.robots]
+        text = json.dumps(vars(made) | {"time": now, "latency": self.latencies[-1], "ages": ages})
+        message = String(data=text)
+        self.decisions.publish(message)
+        self.record("decisions", message)
+
+    def steer(self, made):
+        """Publish a decision; in a dry run log it."""
+        if self.drive is None:
+            would = f"would drive {made.speed:.2f} m/s, {made.turn_rate:.2f} rad/s"
+            self.get_logger().info(would, throttle_duration_sec=1.0)
+            return
+        message = self.kind()
+        twist = message
+        if self.kind is TwistStamped:
+            message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), "base_link"
+            twist = message.twist
+        twist.linear.x, twist.angular.z = made.speed, made.turn_rate
+        self.drive.publish(message)
+        self.record(f"{self.given['own']}/{self.given['velocity']}", message)
+
+    def diagnose(self):
+        """Publish the state, the slowest decision of the last second, and the age of each robot's odometry."""
+        slowest, self.latencies = max(self.latencies), [0.0]
+        trouble = self.last.trouble if self.last else "not begun"
+        late = slowest > self.pilot.player.facts["dt"] / 2
+        values = {"step": self.pilot.step, "speed [m/s]": f"{self.pilot.speed:.2f}", "dry run": self.drive is None}
+        values["slowest decision [ms]"] = f"{1000 * slowest:.2f}"
+        values |= {f"age of {robot.name} [s]": f"{self.now() - robot.seen:.2f}" for robot in self.pilot.robots}
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if trouble or late else DiagnosticStatus.OK,
+            name=f"{self.get_name()}: {self.pilot.player.facts['player']}",
+            message=f"braking; {trouble}" if trouble else "slow" if late else "playing",
+            hardware_id=self.given["own"],
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self.diagnostics.publish(message)
+        self.record("/diagnostics", message)
+
+    def record(self, topic, message):
+        """Write a message to the bag; a bag that cannot be written ends, the game does not."""
+        if self.bag:
+            try:
+                self.bag.write(topic, message, self.get_clock().now().nanoseconds)
+            except OSError as error:
+                self.bag = None
+                self.get_logger().error(f"the bag ends here: {error}")
+
+    def now(self):
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+
+def seconds_of(stamp):
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def state_of(message):
+    """Return x, y [m], v [m/s], heading [rad] of an odometry in the arena's frame; its twist is the robot's own."""
+    pose, turn = message.pose.pose.position, message.pose.pose.orientation
+    heading = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+    return pose.x, pose.y, message.twist.twist.linear.x, heading
+
+
+def main():
+    """Play until SIGINT or SIGTERM, then brake to rest."""
+    stop = []
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, lambda *_: stop.append(True))
+    try:
+        node = PursuitNode()
+    except (ValueError, OSError) as error:
+        print(f"apollonius_ros: {error}", file=sys.stderr)
+        return 2
+    while not stop:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    node.pilot.stopped = True
+    node.tick()
+    while node.pilot.speed > 0:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    if node.bag:
+        node.bag.close()
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,367 @@
+"""The ROS 2 package: its decisions without ROS, the node with stand-ins for ROS, and its launch file with some, too."""
+
+import importlib
+import itertools
+import json
+import math
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
+from unittest.mock import MagicMock
+
+import jax
+import numpy as np
+import pytest
+import yaml
+
+from apollonius.arenas.file import find_game
+from apollonius.export.player import find_exportable
+from apollonius.export.writing import write_c
+from apollonius.game.types import Role
+from tests.export.test_translate import needs_gcc
+
+PACKAGE = Path(__file__).parents[2] / "ros2" / "apollonius_ros"
+OWN, OPPONENT = (2.0, 3.0, 0.5, 0.1), (7.0, 6.0, 0.0, -1.5)
+FACTS = {
+    "player": "P_any", "mates": 0, "opponents": 1, "dt": 0.1, "max_steps": 100,
+    "v_max": 1.2, "u1_max": 0.3, "u2_max": 0.8,
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def package(monkeypatch):
+    """The package, as where it is installed."""
+    monkeypatch.syspath_prepend(PACKAGE)
+    yield
+    for name in [name for name in sys.modules if name.startswith("apollonius_ros")]:
+        del sys.modules[name]
+
+
+class Player:
+    """An export that wants to go faster and left."""
+
+    def __init__(self, *_):
+        self.facts, self.text, self.asked, self.begun = dict(FACTS), json.dumps(FACTS), [], 0
+
+    def begin(self):
+        self.begun += 1
+
+    def decide(self, states, active, bits):
+        self.asked.append((list(states), list(active)))
+        return [8], [0.3, 0.8]
+
+
+@pytest.fixture
+def pilot():
+    """One that has seen both robots at 10 s, and drives at 0.5 m/s."""
+    module = importlib.import_module("apollonius_ros.pilot")
+    own, opponent = (module.Robot(name, state, 10.0) for name, state in (("own", OWN), ("opponent", OPPONENT)))
+    return module.Pilot(Player(), [own, opponent], speed=0.5)
+
+
+def test_it_does_as_the_player_says(pilot):
+    made = pilot.command(10.1)
+    assert (made.speed, made.turn_rate, made.trouble, made.step) == (pytest.approx(0.53), 0.8, "", 0)
+    assert pilot.player.asked == [([OWN, OPPONENT], [True, True])]
+    assert (made.states, made.action, made.controls) == ([OWN, OPPONENT], [8], [0.3, 0.8])
+    assert 0 <= made.bits < 2**32
+
+
+def test_the_speed_stays_within_its_limits_and_near_the_measured_one(pilot):
+    speeds = [pilot.command(10.0).speed for _ in range(20)]
+    assert max(speeds) == pytest.approx(0.5 + 0.2 + 0.03)
+    pilot.robots[0].state = (2.0, 3.0, 1.2, 0.1)
+    assert [pilot.command(10.0).speed for _ in range(40)][-1] == pytest.approx(1.2)
+
+
+def answer(*controls):
+    return lambda pilot: setattr(pilot.player, "decide", lambda states, active, bits: ([4], controls))
+
+
+def own(**changes):
+    return lambda pilot: vars(pilot.robots[0]).update(changes)
+
+
+def other(**changes):
+    return lambda pilot: vars(pilot.robots[1]).update(changes)
+
+
+TROUBLES = {
+    "own never seen": own(state=None),
+    "opponent never seen": other(state=None),
+    "own late": own(seen=9.6),
+    "opponent late": other(seen=9.6),
+    "a clock ahead": other(seen=10.5),
+    "a stamp that is none": own(seen=math.nan),
+    "own NaN": own(state=(2.0, math.nan, 0.5, 0.1)),
+    "opponent infinite": other(state=(math.inf, 6.0, 0.0, 0.0)),
+    "a state of no numbers": own(state=(None,) * 4),
+    "a state too short": own(state=(2.0, 3.0, 0.5)),
+    "own out of play": own(in_play=False),
+    "no opponent left": other(in_play=False),
+    "a silent referee": lambda pilot: vars(pilot).update(refereed=True),
+    "a referee who fell silent": lambda pilot: (vars(pilot).update(refereed=True), own(judged=9.6)(pilot)),
+    "a player that raises": lambda pilot: setattr(pilot.player, "decide", lambda *_: 1 / 0),
+    "a player that says NaN": answer(math.nan, 0.0),
+    "a player that says too much": answer(0.0, 3.0),
+    "a player that speeds too much": answer(-0.4, 0.0),
+    "a player that says nothing": lambda pilot: setattr(pilot.player, "decide", lambda *_: None),
+    "the end": lambda pilot: vars(pilot).update(stopped=True),
+    "no time left": lambda pilot: vars(pilot).update(step=100),
+}
+
+
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_in_trouble_it_brakes_to_rest_and_says_why_and_goes_on_when_it_is_over(pilot, trouble):
+    decide = pilot.player.decide
+    TROUBLES[trouble](pilot)
+    commands = [pilot.command(10.05) for _ in range(20)]
+    assert commands[0].speed == pytest.approx(0.47)
+    assert all(after.speed <= max(before.speed - 0.0299, 0) for before, after in itertools.pairwise(commands))
+    assert commands[-1].speed == 0
+    assert {command.turn_rate for command in commands} == {0}
+    assert all(command.trouble for command in commands)
+
+    pilot.player.decide = decide
+    vars(pilot).update(refereed=False, stopped=False, step=0)
+    own(state=OWN, seen=12.0, in_play=True)(pilot)
+    other(state=OPPONENT, seen=12.0, in_play=True)(pilot)
+    again = pilot.command(12.1)
+    assert (again.speed, again.turn_rate, again.trouble) == (pytest.approx(0.03), 0.8, "")
+
+
+def test_a_game_begins_where_the_referee_says_so_and_ends_with_its_time(pilot):
+    pilot.refereed, pilot.player.facts["max_steps"] = True, 3
+    own(judged=10.0)(pilot)
+    other(judged=10.0)(pilot)
+    assert [pilot.command(10.0).trouble for _ in range(4)] == ["", "", "", "the game's time is up"]
+    assert pilot.player.begun == 1
+    own(in_play=False)(pilot)
+    assert pilot.command(10.0).trouble == "own: not in play"
+    own(in_play=True)(pilot)
+    assert pilot.command(10.0).step == 0
+    assert pilot.player.begun == 2
+
+
+def test_a_mate_or_opponent_out_of_play_need_not_be_seen(pilot):
+    robot = type(pilot.robots[0])
+    pilot.player.facts |= {"mates": 1, "opponents": 2}
+    mate, gone = robot("mate", OWN, 10.0), robot("gone", None, in_play=False)
+    pilot.robots = [pilot.robots[0], mate, pilot.robots[1], gone]
+    assert pilot.command(10.0).trouble == ""
+    assert pilot.player.asked == [([OWN, OWN, OPPONENT, (0.0,) * 4], [True, True, True, False])]
+    mate.seen = 9.0
+    assert pilot.command(10.0).trouble == "mate: seen 1.00 s ago"
+
+
+def compiled(name, role, game, folder):
+    """An exported player as the robot has it, and the player."""
+    player = find_exportable(name, role, game)
+    write_c(player, folder / "robot.c", states=100)
+    subprocess.run(["gcc", "-O2", "-shared", "-fPIC", "robot.c", "-lm", "-o", "robot.so"], cwd=folder, check=True)
+    return importlib.import_module("apollonius_ros.export").Export(folder / "robot.robot.json"), player
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("name", "game"),
+    [
+        pytest.param("P_smooth", "paper"),
+        pytest.param("random", "paper"),
+        pytest.param("searching:intercept", "office", marks=pytest.mark.slow),
+        pytest.param("shielded:intercept", "team-3v2", marks=pytest.mark.slow),
+    ],
+)
+def test_it_decides_as_the_package_from_call_to_call(name, game, tmp_path):
+    export, player = compiled(name, Role.PURSUER, find_game(game), tmp_path)
+    facts = export.facts
+    body = player.game.pursuer
+    assert (facts["dt"], facts["max_steps"], facts["v_max"]) == (player.game.dt, player.game.max_steps, body.v_max)
+    assert (facts["u1_max"], facts["u2_max"]) == (body.u1_max, body.u2_max)
+    assert 1 + facts["mates"] + facts["opponents"] == player.robots
+    rng = np.random.default_rng(0)
+    decide, memory = jax.jit(player.decide), player.policy.memory
+    for step in range(20):
+        states = rng.uniform(1, 4, (player.robots, 4)).astype(np.float32)
+        active = [step % 3 > 0 or place == 0 for place in range(player.robots)]
+        export.begin() if step == 10 else None
+        memory = player.policy.memory if step == 10 else memory
+        action, controls = export.decide(states.tolist(), active, 7 * step)
+        given = np.array(active) if player.robots > 2 else None
+        made = decide(player.policy, player.game, states, given, memory, np.uint32(7 * step))
+        memory = made["memory"]
+        assert controls == pytest.approx(np.asarray(made["controls"]).tolist(), abs=1e-5)
+        assert action == pytest.approx(np.ravel(made["action"]).tolist(), abs=1e-5)
+    assert export.decide([[math.nan] * 4] * player.robots, [True] * player.robots, 0)[1] == pytest.approx((-0.3, 0.0))
+
+
+@needs_gcc
+def test_files_that_do_not_belong_together_are_refused(tmp_path):
+    export, _ = compiled("P_smooth", Role.PURSUER, find_game("paper"), tmp_path)
+    load = type(export)
+    content = (tmp_path / "robot.game").read_bytes()
+    (tmp_path / "robot.game").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    with pytest.raises(ValueError, match=r"robot\.game: not as it was exported"):
+        load(tmp_path / "robot.robot.json")
+    (tmp_path / "robot.game").write_bytes(content)
+    late = (tmp_path / "robot.so").stat().st_mtime + 1
+    os.utime(tmp_path / "robot.c", (late, late))
+    with pytest.raises(ValueError, match=r"robot\.so: missing, or older than its source; give gcc .* -o .*robot\.so"):
+        load(tmp_path / "robot.robot.json")
+
+
+class Node:
+    """What the node uses of `rclpy.node.Node`: calls are recorded."""
+
+    given: ClassVar[dict] = {}
+
+    def __init__(self, name):
+        self.asked = MagicMock()
+
+    def __getattr__(self, name):
+        return getattr(self.asked, name)
+
+    def get_parameter(self, name):
+        return SimpleNamespace(value=(dict(self.asked.declare_parameters.call_args.args[1]) | self.given)[name])
+
+
+def message(**values):
+    """A message of ROS with these fields, and any other that is asked for."""
+    made = MagicMock()
+    made.configure_mock(**values)
+    return made
+
+
+@pytest.fixture
+def made_node(monkeypatch):
+    """Make the package's node with parameters."""
+    for name in ("rclpy", "rclpy.qos", "rclpy.signals", "rclpy.serialization", "diagnostic_msgs", "geometry_msgs"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    for name in ("diagnostic_msgs", "geometry_msgs", "nav_msgs", "std_msgs"):
+        kinds = {
+            one: type(one, (), {"__new__": lambda cls, **values: message(**values), "WARN": b"\1", "OK": b"\0"})
+            for one in ("Twist", "TwistStamped", "String", "Bool", "Odometry", "DiagnosticArray", "DiagnosticStatus")
+        }
+        monkeypatch.setitem(sys.modules, f"{name}.msg", SimpleNamespace(**kinds, KeyValue=message))
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    monkeypatch.setitem(sys.modules, "rclpy.node", SimpleNamespace(Node=Node))
+    module = importlib.import_module("apollonius_ros.node")
+    monkeypatch.setattr(module, "Export", Player)
+
+    def make(**given):
+        monkeypatch.setattr(Node, "given", {"bags": ""} | given)
+        node = module.PursuitNode()
+        publishers = [one.args[1] for one in node.asked.create_publisher.mock_calls]
+        return node, publishers
+
+    return make
+
+
+def odometry(x, y, v, heading, stamp, frame="map"):
+    """A message whose orientation is a rotation about the vertical."""
+    pose = SimpleNamespace(
+        position=SimpleNamespace(x=x, y=y),
+        orientation=SimpleNamespace(w=math.cos(heading / 2), x=0.0, y=0.0, z=math.sin(heading / 2)),
+    )
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=int(stamp), nanosec=round(stamp % 1 * 1e9)), frame_id=frame),
+        pose=SimpleNamespace(pose=pose),
+        twist=SimpleNamespace(twist=SimpleNamespace(linear=SimpleNamespace(x=v))),
+    )
+
+
+def listeners(node):
+    return {topic: listener for _, topic, listener, _ in (one.args for one in node.create_subscription.mock_calls)}
+
+
+def test_the_node_drives_ten_times_a_second_and_brakes_when_it_sees_nothing(made_node):
+    node, publishers = made_node()
+    (seconds, tick), (second, diagnose) = (one.args for one in node.asked.create_timer.call_args_list)
+    assert (seconds, second) == (0.1, 1.0)
+    heard = listeners(node)
+    assert set(heard) == {"robot1/odom", "robot2/odom"}
+    assert publishers == ["robot1/cmd_vel", "~/decisions", "/diagnostics"]
+    clock, warning = node.get_clock().now(), node.get_logger().warning
+    clock.nanoseconds = 5_500_000_000
+    tick()
+    assert warning.call_args.args == ("braking; robot1: never seen",)
+    heard["robot1/odom"](odometry(*OWN, stamp=5.5))
+    heard["robot2/odom"](odometry(*OPPONENT, stamp=5.4))
+    assert node.pilot.robots[1].state == pytest.approx(OPPONENT)
+    tick()
+    diagnose()
+    clock.nanoseconds = 6_000_000_000
+    tick()
+    diagnose()
+    assert warning.call_count == 2
+    sent = [one.args[0] for one in node.asked.create_publisher().publish.mock_calls]
+    driven = [(one.linear.x, one.angular.z) for one in sent if isinstance(one.linear.x, float)]
+    assert driven == [(0, 0), (pytest.approx(0.03), 0.8), (0, 0)]
+    decisions = [json.loads(one.data) for one in sent if isinstance(one.data, str)]
+    assert [one["trouble"] for one in decisions] == ["robot1: never seen", "", "robot1: seen 0.50 s ago"]
+    assert decisions[1]["states"] == [pytest.approx(OWN), pytest.approx(OPPONENT)]
+    assert decisions[1]["ages"] == [0.0, pytest.approx(0.1)]
+    playing, braking = (one.status[0] for one in sent if isinstance(one.status, list))
+    assert (playing.level, playing.message) == (b"\0", "playing")
+    assert (braking.level, braking.message) == (b"\1", "braking; robot1: seen 0.50 s ago")
+    assert {one.key: one.value for one in playing.values}["age of robot2 [s]"] == "0.10"
+
+
+def test_a_state_in_another_frame_is_left_out(made_node):
+    node, _ = made_node(frame="floor")
+    listeners(node)["robot1/odom"](odometry(*OWN, stamp=5.5))
+    assert node.pilot.robots[0].state is None
+    assert "frame 'map' instead of 'floor'" in node.get_logger().warning.call_args.args[0]
+
+
+def test_a_dry_run_drives_nothing_and_logs_what_it_would(made_node):
+    node, publishers = made_node(dry_run=True)
+    assert publishers == ["~/decisions", "/diagnostics"]
+    node.get_clock().now().nanoseconds = 5_500_000_000
+    for name, state in (("robot1", OWN), ("robot2", OPPONENT)):
+        listeners(node)[f"{name}/odom"](odometry(*state, stamp=5.5))
+    node.tick()
+    assert node.get_logger().info.call_args.args == ("would drive 0.03 m/s, 0.80 rad/s",)
+
+
+def test_the_referee_has_a_topic_for_each_robot(made_node):
+    node, _ = made_node(in_play="in_play")
+    node.get_clock().now().nanoseconds = 5_500_000_000
+    heard = listeners(node)
+    heard["robot2/in_play"](SimpleNamespace(data=False))
+    assert not node.pilot.robots[1].in_play
+    assert node.pilot.robots[1].judged == 5.5
+    assert node.pilot.command(5.5).trouble.startswith("robot1: no word of a referee")
+
+
+def test_other_robots_than_those_of_the_export_are_refused(made_node):
+    with pytest.raises(ValueError, match=r"opponents: \['robot2', 'robot3'\], but the export is for 1"):
+        made_node(opponents=["robot2", "robot3"])
+
+
+def test_the_parameters_are_those_of_the_node_and_the_launch_file_hands_them_over(made_node, monkeypatch):
+    node, _ = made_node()
+    known = dict(node.asked.declare_parameters.call_args.args[1])
+    sections = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
+    full, short = (sections[name]["ros__parameters"] for name in ("pursuer", "evader"))
+    assert set(full) == set(known)
+    assert set(short) < set(known)
+    assert {name: type(value) for name, value in full.items()} == {name: type(one) for name, one in known.items()}
+
+    names = ("launch", "launch.actions", "launch.substitutions", "launch_ros", "launch_ros.actions")
+    for name in names:
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    sys.modules["launch.substitutions"].LaunchConfiguration = lambda name: f"${name}"
+    runpy.run_path(str(PACKAGE / "launch" / "pursuit.launch.py"))["generate_launch_description"]()
+    started = sys.modules["launch_ros.actions"].Node.call_args.kwargs
+    assert (started["package"], started["executable"]) == ("apollonius_ros", "play")
+    assert (started["name"], started["parameters"]) == ("$name", ["$params"])
+    defaults = {
+        one.args[0]: one.kwargs["default_value"] for one in sys.modules["launch.actions"].mock_calls if one.args
+    }
+    assert Path(defaults["params"]).is_file()
+    assert defaults["name"] in sections
