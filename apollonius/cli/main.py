@@ -15,6 +15,7 @@ from apollonius.cli.players import add_players
 from apollonius.cli.pursuers import add_pursuers
 from apollonius.cli.regret import add_regret
 from apollonius.cli.reproduce import add_reproduce
+from apollonius.cli.runs import add_runs
 from apollonius.cli.show import add_report, add_show
 from apollonius.cli.simulate import add_simulate
 from apollonius.cli.slice import add_slice
@@ -29,7 +30,8 @@ from apollonius.version import __version__
 COMMANDS = {
     "Learn": {
         "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
-        "resume": (add_resume, "go on with a training run that was stopped", "runs/mine"),
+        "resume": (add_resume, "go on with training runs that were stopped", "runs/mine"),
+        "runs": (add_runs, "list training runs: state, share done, last evaluation, machine", "runs/sweep"),
     },
     "Judge": {
         "evaluate": (add_evaluate, "play many games between two agents and count", "P_pool E_scratch --games 1000"),

@@ -8,10 +8,11 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable
+from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable, workers
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
+from apollonius.io.workers import WORKERS
 
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 AGENT = "a player's name or file; apollonius players lists them"
 """Help for an argument that names a player."""
-PLACES_HELP = "where trainings run: processes of this machine (local) or a Ray cluster (ray)"
 LENGTHS = ("quick", "standard", "paper")
 """Names of the presets of a training."""
 
@@ -44,6 +44,11 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
         "game says)",
     )  # fmt: skip
     add_game(parser)
+
+
+def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = "processes") -> None:
+    about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
+    parser.add_argument("--on", type=workers, choices=WORKERS, default=default, help=about)
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:

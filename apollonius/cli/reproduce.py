@@ -3,11 +3,10 @@
 import argparse
 from pathlib import Path
 
-from apollonius.cli.options import LENGTHS, PLACES_HELP, command, finish
-from apollonius.cli.values import count, engine, new_folder
+from apollonius.cli.options import LENGTHS, add_workers, command, finish
+from apollonius.cli.values import count, new_folder
 from apollonius.io.errors import require_extra
 from apollonius.io.interrupts import go_on
-from apollonius.io.jobs import ENGINES
 from apollonius.io.limits import GAMES, SEEDS
 
 
@@ -19,7 +18,7 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=count(SEEDS), default=1, help="number of seeds, from 0 (default: %(default)s)")
     parser.add_argument("--games", type=count(GAMES), default=10_000, help="games in a match (default: %(default)s)")
     parser.add_argument("--out", type=new_folder, help="folder of the study (default: runs/reproduce-BUDGET)")
-    parser.add_argument("--on", type=engine, choices=ENGINES, default="local", help=PLACES_HELP)
+    add_workers(parser, "trainings")
     parser.add_argument("--resume", action="store_true", help="go on with a study that was stopped")
     parser.set_defaults(run=run_reproduce)
 
@@ -29,9 +28,9 @@ def run_reproduce(options: argparse.Namespace) -> int:
     from apollonius.reproduce.reproduction import reproduce
 
     folder: Path = options.out or Path("runs") / f"reproduce-{options.budget}"
-    again = f"apollonius reproduce --budget {options.budget} --seeds {options.seeds} --out {folder} --resume"
+    asked = ("--budget", options.budget, "--seeds", options.seeds, "--out", folder, "--on", options.on)
     display = options.display
-    go_on(f"go on with: {again}")
+    go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
 
     display.begin("reproducing the paper")
     if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):

@@ -1,6 +1,8 @@
 """Results as text: the progress of a training, and tables."""
 
 from collections.abc import Callable, Iterator, Sequence
+from datetime import timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apollonius.agents.names import SIDES
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from apollonius.evaluate.tournament import Tournament
     from apollonius.evaluate.vary import VariedMatches
     from apollonius.learn.metrics import MetricsLine
+    from apollonius.learn.progress import Progress
     from apollonius.solve.grid import Sweep
 
 
@@ -27,6 +30,19 @@ def training_notes(line: "MetricsLine") -> dict[str, str]:
     if line.evaluation:
         notes["greedy games"] = _shares(line.evaluation.outcomes)
     return notes
+
+
+def runs_table(runs: "Sequence[Progress]", below: Path) -> str:
+    """Return training runs as lines of text; their names are paths below a folder."""
+    rows = [("run", "state", "done", "pursuer wins", "machine", "last heard of")]
+    for run in runs:
+        name = str(run.folder.relative_to(below)) if run.folder != below else run.folder.name
+        wins = "-" if run.evaluation is None else f"{run.evaluation.pursuer_win_rate:.1%}"
+        job = f" (Slurm {run.state.job})" if run.state.job else ""
+        ago = "-" if run.age is None else f"{timedelta(seconds=round(run.age))} ago"
+        rows.append((name, run.state.state, f"{run.share:.0%}", wins, f"{run.state.machine or '-'}{job}", ago))
+    errors = [f"{run.folder}: {run.state.error}" for run in runs if run.state.error]
+    return "\n".join([*columns(rows), *errors])
 
 
 def sweeps_on(display: "Display") -> "Callable[[Sweep], None]":

@@ -4,15 +4,28 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.options import LENGTHS, command, finish
+from apollonius.cli.options import LENGTHS, add_workers, command, finish
 from apollonius.cli.solve import solved_game
-from apollonius.cli.values import agent_of, count, existing_file, known_game, new_folder, run_folder
+from apollonius.cli.values import (
+    agent_of,
+    count,
+    existing_file,
+    known_game,
+    new_folder,
+    runs_folder,
+    seeds,
+    varied_field,
+)
 from apollonius.io.errors import require
 from apollonius.io.interrupts import asked_to_stop, go_on
+from apollonius.io.jobs import Job
 from apollonius.io.limits import SEED
+from apollonius.io.workers import run_jobs
 from apollonius.learn.opponents import SCHEMES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from apollonius.cli.display import Display
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
@@ -21,8 +34,6 @@ if TYPE_CHECKING:
 ALGORITHMS = ("dqn", "sac")
 PROFILES = ("fast", "paper")
 STAGES = ("fixed-target", "self-play", "both")
-_JUDGED_GAMES = 2000
-"""Games of each match that judges a run."""
 
 
 def add_train(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +50,13 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--game", type=known_game, help="name of the game, or a .toml or .json file (default: paper)")
     parser.add_argument("--seed", type=count(SEED), help="seed of everything random (default: 0)")
+    parser.add_argument("--seeds", type=seeds, help="a run for each of several seeds, as 0-9 or 0,3,7")
+    parser.add_argument(
+        "--vary", type=varied_field, action="append", default=[], metavar="FIELD=VALUES",
+        help="a run for each value of a field of config.toml: dqn.learning_rate=1e-4,3e-4 or FIELD=FROM:TO:COUNT; "
+        "several for all combinations",
+    )  # fmt: skip
+    add_workers(parser, "the runs of a sweep", None)
     parser.add_argument("--config", type=existing_file, help="a config.toml to start from instead of a preset")
     parser.add_argument(
         "--pursuer",
@@ -55,13 +73,16 @@ def add_train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--opponents", choices=SCHEMES, help="whom both sides of self-play meet (default: latest, each other)"
     )
-    parser.add_argument("--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED)")
+    parser.add_argument(
+        "--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED), or of the runs of a sweep"
+    )
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
     parser.set_defaults(run=run_train)
 
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=run_folder, metavar="DIR", help="folder of the run")
+    parser.add_argument("folder", type=runs_folder, metavar="DIR", help="folder of a run, or of several")
+    add_workers(parser, "the runs of a sweep", None)
     parser.set_defaults(run=run_resume)
 
 
@@ -70,21 +91,70 @@ def run_train(options: argparse.Namespace) -> int:
     from apollonius.game.types import Role
     from apollonius.learn.folder import create_run
     from apollonius.learn.run import load_first
+    from apollonius.learn.sweep import sweep
 
     config = _requested_config(options)
+    require(options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds")
+    values = dict(options.vary) | ({"seed": options.seeds} if options.seeds else {})
+    varied = [*(field for field, _ in options.vary), *(["seed"] if options.seeds else [])]
+    require(len(varied) == len(values), "--vary", ", ".join(varied), "of different fields")
+    configs = sweep(config, values) if values else {"": config}
     name = options.config.stem if options.config else options.preset
-    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{config.seed}"
-    find_pool(config.evaders, Role.EVADER, config.game)  # refused here, before anything is written
-    for role in Role:
-        load_first(config, role)
-    create_run(config, folder, force=options.force)
+    folder: Path = options.out or Path("runs") / f"{name}-{config.stages}-{'sweep' if values else config.seed}"
+    for one in configs.values():
+        find_pool(one.evaders, Role.EVADER, one.game)  # refused here, before anything is written
+        for role in Role:
+            load_first(one, role)
+    if values and folder.exists():
+        is_new = options.force or not any(folder.iterdir())
+        require(is_new, "--out", folder, "a new folder, as this one is not empty; choose another or force it")
+    for name, one in configs.items():
+        create_run(one, folder / name, force=options.force)
+    if values or options.on:
+        return _train_all([folder / name for name in configs], folder, options)
     return _train_and_judge(config, folder, options.display)
 
 
 def run_resume(options: argparse.Namespace) -> int:
+    from apollonius.evaluate.pairings import EVALUATION
     from apollonius.learn.folder import load_config
+    from apollonius.learn.progress import is_finished, runs_below
 
-    return _train_and_judge(load_config(options.folder / "config.toml"), options.folder, options.display)
+    folder: Path = options.folder
+    runs = runs_below(folder)
+    if runs == [folder] and options.on is None:
+        return _train_and_judge(load_config(folder / "config.toml"), folder, options.display)
+    return _train_all(
+        [run for run in runs if not is_finished(run) or not (run / EVALUATION).is_file()], folder, options
+    )
+
+
+def _train_all(runs: "Sequence[Path]", folder: Path, options: argparse.Namespace) -> int:
+    """Train and judge runs at or below a folder as jobs, and list what became of them."""
+    from apollonius.cli.terminal import runs_table
+    from apollonius.evaluate.pairings import train_and_judge
+    from apollonius.learn.progress import progress_of, runs_below
+
+    display, on = options.display, options.on or "processes"
+    ended: list[str] = []
+
+    def tell(line: str) -> None:
+        ended.append(line)
+        display.tell(line)
+        display.report(len(ended), len(runs))
+
+    go_on(f"go on with: {command('resume', folder, '--on', on)}")
+    display.begin(f"training {len(runs)} runs, on {on}")
+    jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
+    try:
+        finished = run_jobs(jobs, tell, on, folder / "slurm")
+    finally:
+        display.end()
+        print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
+    if not finished:
+        raise KeyboardInterrupt
+    finish(folder, then=command("runs", folder))
+    return 0
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -128,12 +198,10 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     from apollonius.learn.teacher import TABLES
 
     def report(line: "MetricsLine", share: float) -> None:
-        before = sum(amount for stage, amount in run.work.items() if stages.index(stage) < stages.index(line.stage))
-        display.report(before + share * run.work[line.stage], sum(run.work.values()))
+        display.report(share, 1.0)
         display.note({"stage": line.stage} | training_notes(line))
 
     run = Run(config, folder, report)
-    stages = list(run.work)
     distils = config.stages == "distillation"
     go_on(f"go on with: apollonius resume {folder}")
     if distils:
@@ -155,12 +223,12 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
 
 def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
     from apollonius.cli.terminal import match_table
-    from apollonius.evaluate.pairings import evaluate_run
+    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
 
     def tell(match: "Match", result: "MatchResult") -> None:
         print(match_table(match, result), end="\n\n", flush=True)
 
     display.begin("judging", compiles=True)
-    evaluate_run(folder, config.game, _JUDGED_GAMES, tell, display.report)
+    evaluate_run(folder, config.game, JUDGED_GAMES, tell, display.report)
     display.end()
     finish(folder, then=command("report", folder))

@@ -6,17 +6,20 @@ Each function here is the `type` of an argument, or makes one.
 import argparse
 import math
 import re
+import shutil
 import tempfile
+import tomllib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
 from apollonius.game.names import TEAM
-from apollonius.io.errors import missing, nearest, require, shown, unknown_name
-from apollonius.io.limits import GAME_FILES, Counted
+from apollonius.io.errors import EXTRAS, missing, nearest, require, shown, unknown_name
+from apollonius.io.limits import GAME_FILES, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""
@@ -60,11 +63,39 @@ def real(text: str) -> float:
     return number
 
 
-def engine(text: str) -> str:
-    """Return the place where trainings run, unless its library is not installed."""
-    if text == "ray" and (remedy := missing("ray")):
-        raise unfit(text, f"local where Ray is not installed: {remedy}")
+def workers(text: str) -> str:
+    """Return the place where jobs run, unless what it needs is not installed."""
+    if text in EXTRAS and (remedy := missing(text)):
+        raise unfit(text, f"processes where its library is not installed: {remedy}")
+    if text == "slurm" and shutil.which("sbatch") is None:
+        raise unfit(text, "processes where Slurm's sbatch is not on the PATH")
     return text
+
+
+def seeds(text: str) -> tuple[int, ...]:
+    """Return the seeds of a sweep, given as `0-9` or `0,3,7`."""
+    found: dict[int, None] = {}
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        low = _count(SEED, first)
+        high = _count(SEED, last) if dash else low
+        if not low <= high < low + TRAININGS.most:
+            raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
+        found |= dict.fromkeys(range(low, high + 1))
+    return tuple(found)
+
+
+def varied_field(text: str) -> tuple[str, tuple[Any, ...]]:
+    """Return a field of a training's config and its values, listed as `dqn.batch=64,128`, or spaced as by `varied`."""
+    field, equals, listed = text.partition("=")
+    if listed.count(":") == 2:
+        return field, tuple(int(value) if value.is_integer() else value for value in varied(text)[1])
+    if not (field.strip() and equals and listed):
+        raise unfit(text, "FIELD=VALUE,VALUE or FIELD=FROM:TO:COUNT, as dqn.learning_rate=1e-4,3e-4")
+    try:
+        return field, tuple(tomllib.loads(f"values = [{listed}]")["values"])
+    except ValueError:  # words without quotation marks
+        return field, tuple(listed.split(","))
 
 
 def varied(text: str) -> tuple[str, tuple[float, ...]]:
@@ -147,6 +178,14 @@ def run_folder(text: str) -> Path:
     path = Path(named(text))
     if not _is((path / "config.toml").is_file):
         raise unfit(text, "the folder of a training run; check the path")
+    return path
+
+
+def runs_folder(text: str) -> Path:
+    """Return the folder of a training run, or one that holds several."""
+    path = Path(named(text))
+    if not _is(path.is_dir) or not _is(lambda: any(path.rglob("config.toml"))):
+        raise unfit(text, "the folder of training runs; check the path")
     return path
 
 

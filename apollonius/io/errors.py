@@ -81,6 +81,7 @@ EXTRAS = {
     },
     "gym": {"gymnasium": "gymnasium", "pettingzoo": "pettingzoo"},
     "video": {"imageio_ffmpeg": "imageio-ffmpeg"},
+    "slurm": {"submitit": "submitit"},
     "ray": {"ray": "ray"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},

@@ -96,6 +96,8 @@ SEEDS = Counted(5_000_000)
 """Seeds of a study: the games of some twenty matches of each."""
 STUDY_GAMES = Counted(500)
 """Games in a match of a study, over all its seeds, in some twenty matches."""
+TRAININGS = Counted(0, most=1000)
+"""Trainings of a sweep: as many as a usual array of Slurm."""
 RESPONSES = Counted(10_000)
 """Opponents that are trained one after the other."""
 ENV_STEPS = Counted(0, most=2**30 - 1)

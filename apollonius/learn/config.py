@@ -111,6 +111,16 @@ class RunConfig:
         asked = STAGES[:2] if self.stages == "both" else [self.stages]
         return {name: Plan(self.learner, stage) for name, stage in zip(STAGES, stages, strict=True) if name in asked}
 
+    def share(self, stage: str, env_steps: int) -> float:
+        """Return the share of the whole training that is done after some env steps of a stage.
+
+        The work of a stage is its env steps, once for each side that learns.
+        """
+        plans = self.plans
+        work = {name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps for name, plan in plans.items()}
+        before = sum(work[name] for name in STAGES[: STAGES.index(stage)] if name in work)
+        return (before + work[stage] * plans[stage].share(env_steps)) / sum(work.values())
+
 
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),

@@ -15,7 +15,7 @@ import tomli_w
 from safetensors.numpy import save
 
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.game.outcome import require_counts
+from apollonius.game.outcome import PURSUER_WINS, names_of, require_counts
 from apollonius.io.arrays import kinds_in, kinds_of, named_leaves, opened, require_finite
 from apollonius.io.document import parse_json, parse_toml, read_bytes, to_json, write_atomically
 from apollonius.io.errors import InvalidInput, require, require_within
@@ -79,7 +79,7 @@ def agent_file(run: Path, name: str, percent: int = 100) -> Path:
 def _remove_run(folder: Path) -> None:
     # The config goes last: until then a half-removed folder is still known as a run's.
     own = ("agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json")
-    for pattern in (*own, "report.html", "config.toml"):
+    for pattern in (*own, "state.json", "report.html", "config.toml"):
         for path in folder.glob(pattern):
             path.unlink()
 
@@ -109,6 +109,11 @@ class Evaluation:
         require_within(self, 0, 2**62, "env_steps", "episodes")
         require_counts(self.outcomes, "evaluation")
         require(any(self.outcomes.values()), "outcomes", self.outcomes, "those of one game at least")
+
+    @property
+    def pursuer_win_rate(self) -> float:
+        """Share of the games that the pursuer won."""
+        return sum(self.outcomes[name] for name in names_of(PURSUER_WINS)) / sum(self.outcomes.values())
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,20 @@ def load_metrics(path: Path, size: int | None = None, within: Path | None = None
     return [_read_line(line, f"line {number} of '{path}'") for number, line in lines]
 
 
+def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
+    """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any.
+
+    Raises:
+        InvalidInput: as `load_metrics`.
+    """
+    if not path.exists():
+        return None, None
+    *whole, _ = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES).split(b"\n")
+    evaluated = next((line for line in reversed(whole) if b'"evaluation"' in line), None)
+    last = _read_line(whole[-1], f"the last line of '{path}'") if whole else None
+    return last, _read_line(evaluated, f"'{path}'").evaluation if evaluated else None
+
+
 def evaluations_of(lines: Sequence[MetricsLine], stage: str) -> list[Evaluation]:
     """Return the greedy evaluations in the course of a stage."""
     return [line.evaluation for line in lines if line.stage == stage and line.evaluation]

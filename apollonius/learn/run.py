@@ -34,13 +34,13 @@ from apollonius.learn.folder import (
     Evaluation,
     Standing,
     agent_file,
-    held,
     load_checkpoint,
     load_config,
     load_standing,
     save_checkpoint,
 )
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
+from apollonius.learn.progress import trained
 from apollonius.learn.teacher import TABLES, Setting, make_settings
 from apollonius.learn.train_state import TrainState
 from apollonius.observe.registry import find_observation
@@ -65,7 +65,7 @@ class Run:
     Args:
         config: what to train.
         folder: where; `config.toml` must already lie there (`create_run`).
-        report: called after every chunk with its metrics and the share of the stage that is done.
+        report: called after every chunk with its metrics and the share of the training that is done.
         should_stop: asked after every chunk; True saves a checkpoint and ends `execute` early.
     """
 
@@ -91,11 +91,6 @@ class Run:
         """Teachers and opponents of a distillation; games are solved for it that are not yet."""
         return make_settings(self.config, self.game, self.folder / TABLES)
 
-    @property
-    def work(self) -> dict[str, int]:
-        """Work of each stage, by name: its env steps, once for each side that learns."""
-        return {name: (2 if name == SELF_PLAY else 1) * plan.stage.env_steps for name, plan in self.plans.items()}
-
     def execute(self) -> bool:
         """Train to the end of the last stage. Returns False if stopped early.
 
@@ -104,8 +99,8 @@ class Run:
             InvalidInput: when there is a checkpoint that this run cannot go on from, or when another process trains in
                 the folder.
         """
-        with held(self.folder):
-            return self._execute()
+        with trained(self.folder) as end:
+            return end(self._execute())
 
     def _execute(self) -> bool:
         standing = load_standing(self.checkpoint) if self.checkpoint.exists() else None
@@ -165,7 +160,7 @@ class Run:
             seconds = time.monotonic() - began
             line = measure(stage, train, metrics, evaluation, seconds, speed)
             standing = replace(standing, seconds=seconds, metrics_bytes=append_metrics(self.metrics, line))
-            self.report(line, plan.share(line.env_steps))
+            self.report(line, self.config.share(stage, line.env_steps))
             stop, ended = self.should_stop(), standing.chunks == plan.chunks
             if stop or ended or time.monotonic() - last_save >= CHECKPOINT_SECONDS:
                 save_checkpoint(self.checkpoint, Saved(train, best), standing)

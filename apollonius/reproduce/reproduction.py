@@ -4,8 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.jobs import Job, available_cores, run_jobs
+from apollonius.io.jobs import Job
 from apollonius.io.limits import SEEDS, STUDY_GAMES
+from apollonius.io.workers import run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
@@ -24,7 +25,7 @@ def reproduce(
     resume: bool,
     games: int = 10_000,
     report: Callable[[str], None] = print,
-    on: str = "local",
+    on: str = "processes",
 ) -> bool:
     """Train the agents of all seeds, then make every section and write the report.
 
@@ -77,6 +78,6 @@ def _train_missing(study: Study, report: Callable[[str], None], on: str) -> bool
             raise InvalidInput(f"'{folder}' holds another training than this one: choose another folder.")
         if not all(agent_file(folder, agent).is_file() for agent in agents):
             missing.append(folder)
-    cores = available_cores()
-    report(f"{len(missing)} of {len(study.trainings())} trainings to do, {len(cores)} at a time")
-    return run_jobs([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing], cores, report, on)
+    report(f"{len(missing)} of {len(study.trainings())} trainings to do")
+    jobs = [Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing]
+    return run_jobs(jobs, report, on, study.folder / "slurm")

@@ -1,0 +1,125 @@
+"""How far a training run is: who trains it and how that ended, the share that is done, and its last evaluation."""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from apollonius.arenas.record import from_dict
+from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
+from apollonius.io.errors import InvalidInput
+from apollonius.learn.folder import Evaluation, held, load_config
+from apollonius.learn.metrics import MetricsLine, last_lines
+
+STATE = "state.json"
+"""Name of the file in a run's folder with its `State`."""
+
+
+@dataclass(frozen=True)
+class State:
+    """The last process that trained a run."""
+
+    state: Literal["waiting", "running", "stopped", "finished", "failed"] = "waiting"
+    """What it does; one that is stopped, or was killed, can be resumed."""
+    machine: str = ""
+    process: int = 0
+    """Its number there."""
+    job: str = ""
+    """Its number in Slurm."""
+    error: str = ""
+    """Why it failed."""
+
+
+@contextmanager
+def trained(folder: Path) -> Generator[Callable[[bool], bool], None, None]:
+    """Hold a run's folder (`held`), and keep its `State` on file.
+
+    Yields:
+        A function that takes whether the training has finished, and returns it.
+    """
+    with held(folder):
+        now = State("running", platform.node(), os.getpid(), _slurm_job())
+        write_atomically(folder / STATE, to_json(asdict(now)).encode())
+        ended = replace(now, state="stopped")
+
+        def end(finished: bool) -> bool:
+            nonlocal ended
+            ended = replace(now, state="finished" if finished else "stopped")
+            return finished
+
+        try:
+            yield end
+        except Exception as error:
+            ended = replace(now, state="failed", error=str(error) or type(error).__name__)
+            raise
+        finally:
+            with suppress(OSError):  # a full disk, of which the error itself tells
+                write_atomically(folder / STATE, to_json(asdict(ended)).encode())
+
+
+def _slurm_job() -> str:
+    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
+    return f"{array}_{task}" if array else os.environ.get("SLURM_JOB_ID", "")
+
+
+def _was_killed(state: State) -> bool:
+    """Return whether a process that runs by its record is not there any more, as far as this machine knows."""
+    try:
+        if state.machine == platform.node():
+            os.kill(state.process, 0)
+    except ProcessLookupError:
+        return True
+    except OSError:  # another user's
+        pass
+    return False
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is.
+
+    Attributes:
+        folder: of the run.
+        state: of its last process.
+        share: of the training that is done.
+        line: metrics of its last chunk.
+        evaluation: its last greedy evaluation.
+        age: time since its last process was heard of [s].
+    """
+
+    folder: Path
+    state: State
+    share: float
+    line: MetricsLine | None
+    evaluation: Evaluation | None
+    age: float | None
+
+
+def runs_below(folder: Path) -> list[Path]:
+    """Return the folders of runs at or below a folder, by name."""
+    return sorted(path.parent for path in folder.rglob("config.toml"))
+
+
+def is_finished(run: Path) -> bool:
+    """Return whether the training of a run has come to its end."""
+    return progress_of(run).state.state == "finished"
+
+
+def progress_of(run: Path) -> Progress:
+    """Return how far a run is; one whose files cannot be read has failed."""
+    try:
+        state = State()
+        if (run / STATE).is_file():
+            state = from_dict(State, parse_json(read_bytes(run / STATE, "a run's state", "train again"), STATE), STATE)
+        if state.state == "running" and _was_killed(state):
+            state = replace(state, state="stopped")
+        line, evaluation = last_lines(run / "metrics.jsonl")
+        share = load_config(run / "config.toml").share(line.stage, line.env_steps) if line else 0.0
+        heard = [file.stat().st_mtime for file in (run / STATE, run / "metrics.jsonl") if file.exists()]
+        return Progress(run, state, share, line, evaluation, time.time() - max(heard) if heard else None)
+    except (InvalidInput, OSError) as error:
+        return Progress(run, State("failed", error=str(error)), 0.0, None, None, None)
