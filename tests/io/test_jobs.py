@@ -9,7 +9,9 @@ import jax
 import pytest
 
 from apollonius.io.errors import InvalidInput
-from apollonius.io.jobs import Job, run_jobs
+from apollonius.io import jobs as jobs_module
+from apollonius.io.jobs import Job
+from apollonius.io.workers import run_jobs
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.run import train
@@ -47,9 +49,16 @@ def jobs_of(work, folder, count=3):
     return [Job(f"job {number}", work, (folder / str(number),)) for number in range(count)]
 
 
+@pytest.fixture
+def one_core(monkeypatch):
+    """Jobs run one after the other."""
+    monkeypatch.setattr(jobs_module, "available_cores", lambda: [0])
+
+
+@pytest.mark.usefixtures("one_core")
 def test_every_job_is_done_in_a_process_of_its_own(tmp_path):
     told = []
-    assert run_jobs(jobs_of(write_down, tmp_path, 2), [0], told.append)
+    assert run_jobs(jobs_of(write_down, tmp_path, 2), told.append)
     processes = {path.read_text() for path in tmp_path.iterdir()}
     assert len(processes) == 2
     assert str(os.getpid()) not in processes
@@ -57,26 +66,32 @@ def test_every_job_is_done_in_a_process_of_its_own(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_job_that_fails_is_named_and_none_begins_after_it(tmp_path, capfd):
-    with pytest.raises(InvalidInput, match="job 0 failed"):
-        run_jobs([*jobs_of(refuse, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], print)
-    assert "job 0: this cannot be" in capfd.readouterr().err
-    assert not list(tmp_path.iterdir())
+@pytest.mark.usefixtures("one_core")
+def test_a_job_that_fails_is_named_at_the_end_and_the_others_are_done(tmp_path, capfd):
+    failing = [replace(job, name=f"bad {job.name}") for job in jobs_of(refuse, tmp_path, 1)]
+    told = []
+    with pytest.raises(InvalidInput, match=r"1 of 4 failed \(bad job 0\)"):
+        run_jobs([*failing, *jobs_of(write_down, tmp_path)], told.append)
+    assert "bad job 0: this cannot be" in capfd.readouterr().err
+    assert told[0].startswith("failed: bad job 0 (")
+    assert told[1:] == [f"done: job {number}" for number in range(3)]
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("one_core")
 @pytest.mark.parametrize("work", [stop, interrupt_all, be_ended_by_ctrl_c])
 def test_after_a_job_that_was_stopped_none_begins(tmp_path, work):
     told = []
-    assert not run_jobs([*jobs_of(work, tmp_path, 1), *jobs_of(write_down, tmp_path)], [0], told.append)
+    stopped = [replace(job, name="first") for job in jobs_of(work, tmp_path, 1)]
+    assert not run_jobs([*stopped, *jobs_of(write_down, tmp_path)], told.append)
     assert not list(tmp_path.iterdir())
-    assert told == ["stopped: job 0"]
+    assert told == ["stopped: first"]
 
 
-@pytest.mark.slow
 def test_an_unknown_place_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match=r"on = moon .*local, ray"):
-        run_jobs(jobs_of(write_down, tmp_path), [0], print, on="moon")
+    with pytest.raises(InvalidInput, match=r"on = moon .*processes, slurm, ray"):
+        run_jobs(jobs_of(write_down, tmp_path), print, on="moon")
     assert not list(tmp_path.iterdir())
 
 
@@ -119,7 +134,7 @@ def test_a_sweep_on_ray_with_a_lost_worker_comes_to_the_same_as_one_here(ray, tm
             assert train(folder, lambda: False)
     works = (train_and_be_lost_once, train)
     jobs = [Job(folder.name, work, (folder,)) for folder, work in zip(folders["ray"], works, strict=True)]
-    assert run_jobs(jobs, [0, 1], print, on="ray")
+    assert run_jobs(jobs, print, on="ray")
     assert (folders["ray"][0] / "lost").exists()
     for here, there in zip(folders["here"], folders["ray"], strict=True):
         agents = {path.name: path.read_bytes() for path in (here / "agents").iterdir()}
@@ -129,5 +144,7 @@ def test_a_sweep_on_ray_with_a_lost_worker_comes_to_the_same_as_one_here(ray, tm
 
 @pytest.mark.slow
 def test_a_job_that_fails_on_ray_is_named(ray, tmp_path):
-    with pytest.raises(InvalidInput, match=r"job 0 failed \(this cannot be\)"):
-        run_jobs(jobs_of(refuse, tmp_path, 1), [0], print, on="ray")
+    told = []
+    with pytest.raises(InvalidInput, match=r"1 of 1 failed \(job 0\)"):
+        run_jobs(jobs_of(refuse, tmp_path, 1), told.append, on="ray")
+    assert told == ["failed: job 0 (this cannot be)"]
