@@ -24,7 +24,7 @@ from apollonius.io.workers import run_jobs
 from apollonius.learn.opponents import SCHEMES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from apollonius.cli.display import Display
     from apollonius.evaluate.match import Match, MatchResult
@@ -129,10 +129,23 @@ def run_resume(options: argparse.Namespace) -> int:
     )
 
 
+def train_and_judge(folder: Path, should_stop: "Callable[[], bool]") -> bool:
+    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
+    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
+    from apollonius.learn.config import DISTILLATION
+    from apollonius.learn.folder import load_config
+    from apollonius.learn.run import train
+
+    config = load_config(folder / "config.toml")
+    finished = train(folder, should_stop)
+    if finished and config.stages != DISTILLATION:
+        evaluate_run(folder, config.game, JUDGED_GAMES, lambda match, result: None)
+    return finished
+
+
 def _train_all(runs: "Sequence[Path]", folder: Path, options: argparse.Namespace) -> int:
-    """Train and judge runs at or below a folder as jobs, and list what became of them."""
+    """Train and judge runs at or below a folder as jobs, and list how they ended."""
     from apollonius.cli.terminal import runs_table
-    from apollonius.evaluate.pairings import train_and_judge
     from apollonius.learn.progress import progress_of, runs_below
 
     display, on = options.display, options.on or "processes"

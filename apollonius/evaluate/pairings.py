@@ -10,9 +10,6 @@ from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import ROLES
 from apollonius.io.document import to_json, write_atomically
-from apollonius.learn.config import DISTILLATION
-from apollonius.learn.folder import load_config
-from apollonius.learn.run import Run
 from apollonius.play.playout import Report
 
 EVALUATION = "evaluation.json"
@@ -63,12 +60,3 @@ def evaluate_run(
     results = play_matches([*matches.values()], on_match, report)
     record = {" against ".join(pair): result.to_dict() for pair, result in zip(matches, results, strict=True)}
     write_atomically(run / EVALUATION, to_json(record, indent=2).encode())
-
-
-def train_and_judge(folder: Path, should_stop: Callable[[], bool]) -> bool:
-    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
-    config = load_config(folder / "config.toml")
-    finished = Run(config, folder, should_stop=should_stop).execute()
-    if finished and config.stages != DISTILLATION:
-        evaluate_run(folder, config.game, JUDGED_GAMES, lambda match, result: None)
-    return finished

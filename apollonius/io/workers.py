@@ -100,7 +100,7 @@ def on_slurm(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iter
 
 def _queued() -> set[str] | None:
     """Return the jobs in Slurm's queue, waiting or running; None where it does not answer."""
-    ask = ["squeue", "--noheader", "--array", "--format=%i", f"--user={os.getuid()}"]
+    ask = ["squeue", "-h", "-r", "-o", "%i", "-u", str(os.getuid())]
     found = subprocess.run(ask, capture_output=True, text=True, check=False)
     return None if found.returncode else set(found.stdout.split())
 

@@ -18,7 +18,7 @@ def sweep(config: RunConfig, values: Mapping[str, Sequence[Any]]) -> dict[str, R
         values: of each varied field, by its dotted path in a config's file.
 
     Raises:
-        InvalidInput: for a field that there is not, a value that it cannot have, and too many trainings.
+        InvalidInput: for an unknown field, a value that it cannot have, and too many trainings.
     """
     combinations = list(itertools.product(*values.values()))
     TRAININGS.require("trainings", len(combinations))

@@ -8,8 +8,8 @@ from dataclasses import replace
 import jax
 import pytest
 
-from apollonius.io.errors import InvalidInput
 from apollonius.io import jobs as jobs_module
+from apollonius.io.errors import InvalidInput
 from apollonius.io.jobs import Job
 from apollonius.io.workers import run_jobs
 from apollonius.learn import run as run_module
