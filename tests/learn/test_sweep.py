@@ -20,11 +20,11 @@ NOBODY = 2**22 + 1
 
 
 def test_a_sweep_has_every_combination_and_changes_nothing_else():
-    found = sweep(RUN, {"dqn.batch": [16, 32], "game.pursuer.v_max": [1.0, 2], "seed": [0, 3]})
+    found = sweep(RUN, {"dqn.batch": [16, 32], "game.pursuer.v_max": [1.2, 2], "seed": [0, 3]})
     assert len(found) == 8
     one = found["dqn.batch=32,game.pursuer.v_max=2,seed=3"]
     assert (one.dqn.batch, one.game.pursuer.v_max, one.seed) == (32, 2.0, 3)
-    same, own = (to_dict(one) for one in (found["dqn.batch=16,game.pursuer.v_max=1,seed=0"], RUN))
+    same, own = (to_dict(one) for one in (found["dqn.batch=16,game.pursuer.v_max=1.2,seed=0"], RUN))
     assert (same["dqn"], same["game"]["pursuer"], same["seed"]) == (own["dqn"], own["game"]["pursuer"], own["seed"])
 
 
