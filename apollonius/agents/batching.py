@@ -51,7 +51,8 @@ def where_needed(
 
     def more(carry: tuple[Int[Array, ""], PyTree[Array]]) -> tuple[Int[Array, ""], PyTree[Array]]:
         done, made = carry
-        theirs = jax.lax.dynamic_slice(which, (done,), (few,))
+        # One slice of all rows would not depend on the loop, and what it costs be paid where no row needs it.
+        theirs, _ = jax.lax.optimization_barrier((jax.lax.dynamic_slice(which, (done,), (few,)), done))
         new = some(jnp.minimum(theirs, rows - 1))
         return done + few, jax.tree.map(lambda all_, one: all_.at[theirs].set(one, mode="drop"), made, new)
 
