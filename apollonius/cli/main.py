@@ -20,6 +20,7 @@ from apollonius.cli.show import add_report, add_show
 from apollonius.cli.simulate import add_simulate
 from apollonius.cli.slice import add_slice
 from apollonius.cli.solve import add_solve
+from apollonius.cli.suite import add_suite
 from apollonius.cli.tournament import add_tournament
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
@@ -37,6 +38,7 @@ COMMANDS = {
         "evaluate": (add_evaluate, "play many games between two agents and count", "P_pool E_scratch --games 1000"),
         "tournament": (add_tournament, "play every pursuer against every evader", "--games 1000"),
         "exploit": (add_exploit, "let every kind of attacker try to beat an agent that they know", "evader E_scratch"),
+        "suite": (add_suite, "judge an agent by the benchmark, or check such a card", "judge P_any --out P_any.json"),
         "simulate": (add_simulate, "play many games between robots with bodies, in MuJoCo", "P_any random --games 300"),
     },
     "Solve": {

@@ -1,5 +1,6 @@
 """What a match comes to: counts, rates with their intervals, and lengths of games."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -32,6 +33,11 @@ WORST = 0.1
 """Share of the arenas that count as the worst."""
 
 
+def worst_mean(values: Sequence[float] | Float[np.ndarray, " arenas"]) -> float:
+    """Return the mean of the tenth of the values that are least; of one at least."""
+    return float(np.mean(sorted(values)[: max(1, round(WORST * len(values)))]))
+
+
 @dataclass(frozen=True)
 class ByArena:
     """The pursuer's wins in each arena, in the order of the scenario, and games in each."""
@@ -57,7 +63,7 @@ class ByArena:
     @property
     def worst(self) -> float:
         """The mean of the rates in the tenth of the arenas where they are least; of one at least."""
-        return float(np.mean(sorted(self.rates)[: max(1, round(WORST * len(self.rates)))]))
+        return worst_mean(self.rates)
 
 
 def count_by_arena(scenario: Scenario, results: Results) -> ByArena:

@@ -1,0 +1,244 @@
+"""The benchmark: an agent against a fixed panel in the held-out arenas of a suite.
+
+A round is a game in every arena, by a seed of its own.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt32
+
+from apollonius.agents.entrant import Entrant, find_entrant
+from apollonius.agents.kind import Named
+from apollonius.agents.names import SEARCHING, SHIELDED, ZOO
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
+from apollonius.arenas.record import to_dict
+from apollonius.arenas.suite import each_alone, suite_entries
+from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, begin
+from apollonius.evaluate.names import ENTRANTS, PANELS, PART, SUITE
+from apollonius.evaluate.result import worst_mean
+from apollonius.evaluate.statistics import mean_interval
+from apollonius.game.by_side import BySide
+from apollonius.game.game import Game
+from apollonius.game.outcome import PURSUER_WINS, evader_winning
+from apollonius.game.presets import in_teams, make_game
+from apollonius.game.types import Outcome, RobotStatus, Role
+from apollonius.io.cache import digest
+from apollonius.observe.observation import perceive
+from apollonius.play import rollout
+from apollonius.play.playout import AbstractWatcher, Results, play_out
+from apollonius.play.random_bits import random_bits
+from apollonius.play.rollout import Transition
+
+FORFEIT = int(Outcome.ONGOING)
+"""In the place of an outcome: an agent from outside failed, and its game counts as lost."""
+_SLOTS = 32
+_FAILED = {
+    Role.PURSUER: (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
+    Role.EVADER: (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
+}
+_CALLS = 10
+
+
+@dataclass(frozen=True)
+class Round:
+    """A game in each arena, in their order: its outcome, its length [steps], and how many own robots crashed or left.
+
+    The seed is that of the match of as many games, `course` a digest of all that was done.
+    """
+
+    seed: int
+    outcomes: tuple[int, ...]
+    steps: tuple[int, ...]
+    crashed: tuple[int, ...]
+    course: str
+
+
+@dataclass(frozen=True)
+class Score:
+    """The numbers of a card, all but the shares against the opponent that it is worth least against.
+
+    Attributes:
+        worth: wins less losses, the time limit being the evader's win; the mean over the arenas.
+        interval: 95 % interval of that mean.
+        against: that opponent.
+        worst_tenth: the mean over the tenth of the arenas where the worth is least.
+        crashes: share of all games in which a robot of its own crashed or left.
+        forfeits: share of all games in which it failed to act.
+    """
+
+    worth: float
+    interval: tuple[float, float]
+    against: str
+    worst_tenth: float
+    crashes: float
+    forfeits: float
+
+
+class Fingerprint(AbstractWatcher):
+    """A number that any other action or reward in a game changes (FNV-1a over words of 32 bits)."""
+
+    def begin(self) -> UInt32[Array, ""]:
+        return jnp.uint32(0x811C9DC5)
+
+    def follow(self, known: UInt32[Array, ""], transition: Transition) -> UInt32[Array, ""]:
+        for side in transition.sides:
+            for leaf in (side.action, side.reward):
+                for word in jax.lax.bitcast_convert_type(leaf, jnp.uint32).ravel():
+                    known = (known ^ word) * jnp.uint32(0x01000193)
+        return known
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A track of the benchmark, for agents of one side."""
+
+    track: str
+    role: Role
+
+    @property
+    def panel(self) -> tuple[str, ...]:
+        """The opponents."""
+        return PANELS[self.track][self.role.other.name.lower()]
+
+    @cached_property
+    def game(self) -> Game:
+        """The game in all arenas, with their charts."""
+        game = find_game(f"{SUITE}/{PART}")
+        if self.track == "lidar":
+            game = replace(game, sensors=make_game("lidar").sensors)
+        return charted(in_teams(game, 2, 1) if self.track == "team" else game)
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """The names of the arenas."""
+        return tuple(entry.name for entry in suite_entries(SUITE, PART))
+
+    @cached_property
+    def digests(self) -> dict[str, str]:
+        """Digests of the arenas, the rules and the opponents."""
+        arenas = [entry.sha256 for entry in suite_entries(SUITE, PART)]
+        return {
+            "suite": digest(arenas),
+            "game": digest(to_dict(self.game)),
+            "panel": digest([*map(file_of, self.panel)]),
+        }
+
+    def about(self) -> dict[str, Any]:
+        """Return a description for agents from outside: the side, the rules, and each arena."""
+        arenas = [to_dict(alone.arena) | _cells(alone) for alone in each_alone(self.game)]
+        rules = {name: part for name, part in to_dict(self.game).items() if name not in ("arena", "scenario")}
+        return {"side": self.role.name.lower(), "track": self.track, "rules": rules, "arenas": arenas}
+
+    def find(self, name: str, python: str | None = None) -> Named:
+        """Return the player of a name or a file; errors as those of `find_player` and `find_entrant`."""
+        if name.endswith(ENTRANTS):
+            robots = sum(map(len, self.game.bodies))
+            return Named(Path(name).name, find_entrant(Path(name), self.about(), robots, python))
+        return find_player(name, self.role, self.game)
+
+    def play(self, agent: Named, opponent: str, seed: int) -> Round:
+        """Play a round."""
+        match = self._match(agent, opponent, seed)
+        policy = agent.policy
+        slots = match.games if isinstance(policy, Entrant) else _SLOTS
+        if isinstance(policy, Entrant):
+            policy.process.begin(match.games)
+        results = play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint())
+        jax.block_until_ready(results.outcome)
+        outcomes, steps = np.array(results.outcome), np.array(results.steps)
+        crashed = self._crashed(results)
+        if isinstance(policy, Entrant):
+            policy.process.end()
+            outcomes[[*policy.process.forfeited]] = FORFEIT
+        words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
+        played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
+        return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
+
+    def _match(self, agent: Named, opponent: str, seed: int) -> Match:
+        other = self._opponents.setdefault(opponent, find_player(opponent, self.role.other, self.game))
+        return Match(self.game, BySide.of(self.role, agent, other), len(self.arenas), seed)
+
+    @cached_property
+    def _opponents(self) -> dict[str, Named]:
+        return {}
+
+    def _crashed(self, results: Results) -> np.ndarray:
+        """Return how many own robots crashed or left in each game."""
+        if results.status is None:
+            return np.isin(results.outcome, _FAILED[self.role]).astype(int)
+        robots = np.stack([np.asarray(status) for status in results.status[self.role]])
+        return np.isin(robots, (RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE)).sum(axis=0)
+
+    def score(self, opponents: Mapping[str, Sequence[Round]]) -> Score:
+        """Return the score that follows from rounds against each opponent."""
+        worths = {name: np.mean([self._worths(one) for one in rounds], axis=0) for name, rounds in opponents.items()}
+        against = min(worths, key=lambda name: float(np.mean(worths[name])))
+        least, every = worths[against], [one for rounds in opponents.values() for one in rounds]
+        low, high = mean_interval(least, -1.0, 1.0)
+        return Score(
+            worth=_rounded(np.mean(least)),
+            interval=(_rounded(low), _rounded(high)),
+            against=against,
+            worst_tenth=_rounded(worst_mean(least)),
+            crashes=_rounded(np.mean([np.array(one.crashed) > 0 for one in every])),
+            forfeits=_rounded(np.mean([np.array(one.outcomes) == FORFEIT for one in every])),
+        )
+
+    def _worths(self, one: Round) -> Float[np.ndarray, " arenas"]:
+        won = np.isin(one.outcomes, PURSUER_WINS).astype(float)
+        lost = np.isin(one.outcomes, evader_winning(time_limit_wins=True)).astype(float)
+        worth = won - lost if self.role == Role.PURSUER else lost - won
+        return np.where(np.array(one.outcomes) == FORFEIT, -1.0, worth)
+
+    def microseconds(self, agent: Named) -> float:
+        """Return the time of a decision [us], of a package's player as one of a round's first ones, all at once."""
+        if isinstance(agent.policy, Entrant):
+            process = agent.policy.process
+            return _rounded(1e6 * process.seconds / max(process.decisions, 1))
+        match, role = self._match(agent, self.panel[0], 0), self.role
+        starts, key = begin(match)
+        bits = random_bits(key, (2, match.games))
+        games, spent = rollout.begin(match.rules, starts, match.pools, bits), []
+        act = jax.jit(_act, static_argnames="role")
+        for _ in range(_CALLS + 1):  # the first one compiles
+            began = time.perf_counter()
+            jax.block_until_ready(act(match.rules, match.pools[role], games, bits, role))
+            spent.append(time.perf_counter() - began)
+        decisions = match.games * len(self.game.bodies[role])
+        return _rounded(1e6 * float(np.median(spent[1:])) / decisions)
+
+
+def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
+    return rollout.decide(pool, games.sides[role], perceive(pool.observation, game, games.state, role), bits[role])
+
+
+def _cells(game: Game) -> dict[str, Any]:
+    """Return the cells of an arena's map as rows of 0 and 1 from below, where it has one."""
+    found = game.arena.map
+    if found is None:
+        return {}
+    rows = ["".join("1" if cell else "0" for cell in row) for row in found.occupied()]
+    return {"map": {"x": float(found.x), "y": float(found.y), "cell": float(found.cell), "occupied": rows}}
+
+
+def file_of(name: str) -> tuple[str, str]:
+    """Return a player's name and the SHA-256 of its file; of one without a file that of nothing."""
+    bare = name.removeprefix(SHIELDED).removeprefix(SEARCHING)
+    zoo = ZOO / f"{bare}.safetensors"
+    path = zoo if zoo.is_file() else Path(bare)
+    return name, sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
+
+
+def _rounded(value: Any) -> float:
+    return round(float(value), 4)

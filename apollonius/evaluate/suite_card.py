@@ -1,0 +1,133 @@
+"""The card of an agent: what it came to in the benchmark, and all that it takes to play its games again.
+
+The outcomes of all games are in it, and a digest of every action and reward in them, so that a round that is played
+again comes out bit for bit or is refused.
+"""
+
+import secrets
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from apollonius.agents.entrant import Entrant
+from apollonius.arenas.record import from_dict
+from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
+from apollonius.evaluate.names import PANELS, ROUNDS
+from apollonius.game.types import Outcome, Role
+from apollonius.io.cache import environment
+from apollonius.io.document import parse_json, read_bytes
+from apollonius.io.errors import require
+from apollonius.play.playout import Report
+
+FORMAT = 1
+"""Version of the cards."""
+
+
+@dataclass(frozen=True)
+class SuiteCard:
+    """An agent, what it came to, and all that it takes to play it again."""
+
+    agent: str
+    sha256: str
+    side: str
+    track: str
+    score: Score
+    decision_us: float
+    made_with: str
+    digests: dict[str, str]
+    opponents: dict[str, tuple[Round, ...]]
+    isolated: bool = True
+    failure: str = ""
+    format: int = FORMAT
+
+
+def judge(
+    benchmark: Benchmark, name: str, python: str | None = None, report: Report = lambda done, total: None
+) -> SuiteCard:
+    """Play all rounds of an agent and return its card.
+
+    Args:
+        name: a player's, or the file of an agent from outside, which the interpreter `python` runs.
+        report: called with the games played and to play.
+
+    Raises:
+        InvalidInput: as `Benchmark.find`.
+    """
+    agent, games = benchmark.find(name, python), len(benchmark.arenas)
+    rounds: dict[str, list[Round]] = {opponent: [] for opponent in benchmark.panel}
+    total = ROUNDS * len(rounds) * games
+    for opponent, played in rounds.items():
+        for seed in range(ROUNDS):
+            played.append(benchmark.play(agent, opponent, seed))
+            report(sum(map(len, rounds.values())) * games, total)
+    opponents = {opponent: tuple(played) for opponent, played in rounds.items()}
+    process = agent.policy.process if isinstance(agent.policy, Entrant) else None
+    return SuiteCard(
+        agent.name, file_of(name)[1], benchmark.role.name.lower(), benchmark.track, benchmark.score(rounds),
+        benchmark.microseconds(agent), environment(), benchmark.digests, opponents,
+        process.is_isolated if process else True, process.reason if process else "",
+    )  # fmt: skip
+
+
+def load_card(path: Path) -> SuiteCard:
+    """Return the card of a file.
+
+    Raises:
+        InvalidInput: for another file, and for a card of other arenas, rules or opponents than this version's, or
+            whose score does not follow from its games.
+    """
+    about = f"'{path}' is no card of the benchmark; judge the agent again"
+    card = from_dict(SuiteCard, parse_json(read_bytes(path, "a card", "check the path"), about), f"'{path}'")
+    require(card.format == FORMAT, f"'{path}': format", card.format, f"{FORMAT}, as this version reads")
+    require(card.track in PANELS, f"'{path}': track", card.track, f"one of {', '.join(PANELS)}")
+    require(card.side in PANELS[card.track], f"'{path}': side", card.side, "pursuer or evader")
+    benchmark = benchmark_of(card)
+    for what, found in benchmark.digests.items():
+        bound = f"{found[:12]}..., as of this version; judge the agent again"
+        require(card.digests.get(what) == found, f"'{path}': digest of the {what}", card.digests.get(what), bound)
+    games, seeds = len(benchmark.arenas), [*range(ROUNDS)]
+    whole = list(card.opponents) == list(benchmark.panel) and all(
+        [one.seed for one in rounds] == seeds
+        and all(len(column) == games for one in rounds for column in (one.outcomes, one.steps, one.crashed))
+        and all(outcome in [*Outcome] for one in rounds for outcome in one.outcomes)
+        for rounds in card.opponents.values()
+    )
+    require(whole, f"'{path}': opponents", "some", f"{ROUNDS} rounds of {games} games against each of the panel")
+    follows = benchmark.score(card.opponents)
+    require(card.score == follows, f"'{path}': score", asdict(card.score), f"{asdict(follows)}, as its games say")
+    return card
+
+
+def benchmark_of(card: SuiteCard) -> Benchmark:
+    """Return the track and side of a card."""
+    return Benchmark(card.track, Role[card.side.upper()])
+
+
+def verify(
+    path: Path, file: str | None, python: str | None, every: bool, report: Report = lambda done, total: None
+) -> SuiteCard:
+    """Play rounds of a card again: one against each opponent, drawn at random, or every one.
+
+    Args:
+        file: of an agent from outside, if not where the card says.
+
+    Raises:
+        InvalidInput: as `load_card`; for another agent than the card's, and where a game does not come out.
+    """
+    card = load_card(path)
+    benchmark, name = benchmark_of(card), file or card.agent
+    require(file_of(name)[1] == card.sha256, f"'{path}': SHA-256 of the agent", card.sha256, f"that of '{name}'")
+    agent, done = benchmark.find(name, python), 0
+    sample = [*range(ROUNDS)] if every else [secrets.randbelow(ROUNDS)]
+    for opponent, rounds in card.opponents.items():
+        for seed in sample:
+            again, said = benchmark.play(agent, opponent, seed), rounds[seed]
+            where = f"'{path}': seed {seed} against '{opponent}'"
+            for column in ("outcomes", "steps", "crashed"):
+                both = zip(benchmark.arenas, getattr(said, column), getattr(again, column), strict=True)
+                for arena, given, found in both:
+                    require(given == found, f"{where} in {arena}: {column}", given, f"{found}, played again")
+            made = "" if card.made_with == environment() else f"; the card was made with {card.made_with}"
+            require(said.course == again.course, f"{where}: course", said.course, f"{again.course}, played again{made}")
+            done += len(benchmark.arenas)
+            report(done, len(card.opponents) * len(sample) * len(benchmark.arenas))
+    return card

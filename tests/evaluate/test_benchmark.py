@@ -1,0 +1,179 @@
+"""The benchmark: its cards come out bit for bit or are refused; an agent from outside costs itself its own games."""
+
+import json
+import re
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from apollonius.agents import entrant
+from apollonius.arenas.charting import charted
+from apollonius.arenas.file import find_game
+from apollonius.evaluate import benchmark, suite_card
+from apollonius.evaluate.benchmark import FORFEIT, Benchmark
+from apollonius.evaluate.suite_card import judge, load_card, verify
+from apollonius.game.types import Role
+from apollonius.io.errors import InvalidInput
+
+ARENAS = "fences-00", "fences-01", "floors-00"
+STEPS = 60
+GOOD = """
+def act(seen, slots, steps, arenas):
+    assert seen.shape == (len(slots), 12) and (arenas == slots).all()
+    return (steps % 9).astype("int32")
+"""
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Three arenas, short games, two opponents."""
+    game = charted(replace(find_game(",".join([f"suite-v2/{ARENAS[0]}", *ARENAS[1:]])), max_steps=STEPS))
+    monkeypatch.setattr(Benchmark, "game", game)
+    monkeypatch.setattr(Benchmark, "arenas", ARENAS)
+    panel = {"pursuer": ("pure-pursuit", "random"), "evader": ("still", "random")}
+    for module in (benchmark, suite_card):
+        monkeypatch.setattr(module, "PANELS", {"full": panel})
+
+
+@pytest.fixture
+def card(tmp_path):
+    path = tmp_path / "card.json"
+    path.write_text(json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept"))))
+    return path
+
+
+def entered(tmp_path, code, role=Role.PURSUER):
+    """An agent from outside, and the benchmark that it enters."""
+    path = tmp_path / "mine.py"
+    path.write_text(code)
+    one = Benchmark("full", role)
+    return one, one.find(str(path))
+
+
+def test_a_card_comes_out_again(card):
+    found = verify(card, None, None, every=True)
+    assert found.score.against in ("still", "random")
+    assert -1 <= found.score.worst_tenth <= found.score.worth <= 1
+
+
+@pytest.mark.parametrize(
+    ("change", "naming"),
+    [
+        (lambda data: data["score"].update(worth=0.99), "score"),
+        (lambda data: data["opponents"]["still"][0]["outcomes"].__setitem__(0, 99), "opponents"),
+        (lambda data: data["opponents"]["still"].pop(), "opponents"),
+        (lambda data: data["digests"].update(panel="0" * 64), "digest of the panel"),
+        (lambda data: data.update(sha256="0" * 64), "SHA-256 of the agent"),
+        (lambda data: data["opponents"]["still"][1]["steps"].__setitem__(2, 1), "floors-00: steps"),
+        (lambda data: data["opponents"]["random"][0].update(course="0" * 16), "course"),
+        (lambda data: data.update(track="none"), "track"),
+    ],
+)
+def test_a_tampered_card_is_refused(card, change, naming):
+    data = json.loads(card.read_text())
+    change(data)
+    card.write_text(json.dumps(data))
+    with pytest.raises(InvalidInput, match=naming):
+        verify(card, None, None, every=True)
+
+
+def test_an_outcome_that_was_not_is_refused_though_the_score_follows(card):
+    data = json.loads(card.read_text())
+    data["opponents"]["still"][0]["outcomes"][0] = 3 if data["opponents"]["still"][0]["outcomes"][0] != 3 else 2
+    one = Benchmark("full", Role.PURSUER)
+    found = suite_card.from_dict(suite_card.SuiteCard, data, "it")
+    data["score"] = asdict(one.score(found.opponents))
+    card.write_text(json.dumps(data))
+    load_card(card)
+    with pytest.raises(InvalidInput, match="fences-00: outcomes"):
+        verify(card, None, None, every=True)
+
+
+def test_an_agent_from_outside_plays_whole_games_bit_for_bit(tmp_path):
+    one, agent = entered(tmp_path, GOOD)
+    first, again = (one.play(agent, "random", 1) for _ in range(2))
+    assert first == again
+    assert FORFEIT not in first.outcomes
+    assert agent.policy.process.decisions >= 2 * sum(first.steps)
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("import time\ndef act(*_): time.sleep(100)", "no answer"),
+        ("def act(*_): raise ZeroDivisionError('mine')", "ZeroDivisionError: mine"),
+        ("import os\ndef act(*_): os._exit(3)", "status 3"),
+        ("def act(*_): return 'garbage'", "Error"),
+        ("def act(seen, *_): return [1] * (len(seen) + 7)", "Error"),
+        ("def act(seen, *_): return seen[:, 0]", "Cannot cast"),
+        ("import os\ndef act(*_):\n    for one in range(3, 9):\n        try: os.write(one, b'x' * 5000)\n"
+         "        except OSError: pass", "too long|status|Error"),
+        ("def act(*_): return bytearray(1 << 34)", "MemoryError"),
+    ],
+)  # fmt: skip
+def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(tmp_path, monkeypatch, code, reason):
+    monkeypatch.setattr(entrant, "DECISION_SECONDS", 0.3)
+    one, agent = entered(tmp_path, code)
+    played = one.play(agent, "still", 0)
+    assert played.outcomes == (FORFEIT,) * 3
+    assert re.search(reason, agent.policy.process.reason)
+    assert one.score({"still": [played]}).worth == -1
+    healthy = one.play(one.find("intercept"), "still", 0)
+    assert FORFEIT not in healthy.outcomes
+
+
+def test_an_impossible_action_costs_that_game_alone(tmp_path):
+    one, agent = entered(tmp_path, "def act(seen, slots, *_): return (slots == 1).astype('int32') * 17")
+    played = one.play(agent, "still", 0)
+    assert [outcome == FORFEIT for outcome in played.outcomes] == [False, True, False]
+
+
+def test_levels_that_are_no_numbers_cost_the_game(tmp_path):
+    code = (
+        "import numpy as np\nACTIONS, OBSERVATION = 'continuous', 'egocentric'\n"
+        "def act(seen, slots, *_): return np.where(slots[:, None] == 2, np.nan, np.zeros((len(slots), 2), 'float32'))"
+    )
+    one, agent = entered(tmp_path, code, Role.EVADER)
+    assert [outcome == FORFEIT for outcome in one.play(agent, "random", 0).outcomes] == [False, False, True]
+
+
+def test_an_agent_sees_no_files_and_breaks_none(tmp_path):
+    victim = tmp_path / "card.json"
+    victim.write_text("precious")
+    attack = (
+        "import os, socket\nfailed = []\n"
+        f"for crime in (lambda: open({str(victim)!r}).read(), lambda: open({str(victim)!r}, 'w'),\n"
+        f"              lambda: os.remove({str(victim)!r}), lambda: open('here', 'w'),\n"
+        "              lambda: os.kill(os.getppid(), 9), lambda: socket.create_connection(('127.0.0.1', 9), 1)):\n"
+        "    try: crime()\n    except PermissionError: failed.append(crime)\n"
+        "def act(seen, *_): return [0 if len(failed) == 6 and 'APOLLONIUS' not in os.environ else 17] * len(seen)"
+    )
+    one, agent = entered(tmp_path, attack)
+    if not agent.policy.process.is_isolated:
+        pytest.skip("this system has no Landlock")
+    assert FORFEIT not in one.play(agent, "still", 0).outcomes
+    assert victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "code", ["def nothing(): pass", "OBSERVATION = 'all'\ndef act(*_): return 0", "syntax error", "raise SystemExit(0)"]
+)
+def test_an_agent_that_does_not_start_is_refused_in_a_line(tmp_path, code):
+    with pytest.raises(InvalidInput, match=r"mine\.py"):
+        entered(tmp_path, code)
+
+
+def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
+    outcomes = (1, 2, 3, 4, 5, 6, 7, FORFEIT)
+    one = benchmark.Round(0, outcomes, (1,) * 8, (0,) * 8, "")
+    pursuer = Benchmark("full", Role.PURSUER)._worths(one)
+    assert pursuer.tolist() == [1, -1, 1, -1, 1, 0, -1, -1]
+    assert Benchmark("full", Role.EVADER)._worths(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]
+
+
+def test_the_cards_of_the_leaderboard_follow_from_their_games(monkeypatch):
+    monkeypatch.undo()
+    for path in (Path(__file__).parents[2] / "benchmarks" / "leaderboard").glob("*.json"):
+        assert path.stat().st_size < 100_000
+        load_card(path)
