@@ -38,7 +38,7 @@ def main() -> None:
     isolated = _shut_in([sys.prefix, sys.base_prefix, *about["readable"]])
     load = _load_python if about["suffix"] == ".py" else _load_onnx
     act, said = load(content, about)
-    answers.write(json.dumps(said | {"isolated": isolated}).encode() + b"\n")
+    answers.write(json.JSONEncoder().encode(said | {"isolated": isolated}).encode() + b"\n")
     answers.flush()
     import numpy as np
 
