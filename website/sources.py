@@ -52,6 +52,20 @@ def cards() -> str:
     return "\n## Play in each\n\n" + "\n".join(play.format(name, about_game(name)) for name in game_names()) + "\n"
 
 
+def leaderboard() -> str:
+    """Return MyST source: a row for each card of the benchmark, the best of each track and side first."""
+    cards = [json.loads(path.read_text()) for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json")]
+    rows = ["| track | side | agent | worth | worst against | worst tenth | crashes | forfeits | us a decision |"]
+    rows.append("|---|---|---|---|---|---|---|---|---|")
+    for card in sorted(cards, key=lambda card: (card["track"], card["side"], -card["score"]["worth"])):
+        score, (low, high) = card["score"], card["score"]["interval"]
+        cells = [card["track"], card["side"], f"`{card['agent']}`", f"{score['worth']:+.2f} [{low:+.2f}, {high:+.2f}]"]
+        cells += [f"`{score['against']}`", f"{score['worst_tenth']:+.2f}", f"{score['crashes']:.1%}"]
+        cells += [f"{score['forfeits']:.1%}", f"{card['decision_us']:.0f}"]
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n## The cards\n\n" + "\n".join(rows) + "\n"
+
+
 def documents() -> dict[str, Path]:
     """Return the files behind the site's pages, by the pages' names; generated pages have none."""
     docs = REPOSITORY / "docs"
@@ -72,6 +86,8 @@ def write_sources(folder: Path) -> None:
             text = f"# The licence\n\n```text\n{text}```\n"
         if name == "reference/arenas.md":
             text += cards()
+        if name == "benchmarks/leaderboard.md":
+            text += leaderboard()
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         if name.startswith("tutorials/") and path.stem != "index":
             (folder / name).with_suffix(".ipynb").write_text(notebook(text))
