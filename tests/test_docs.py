@@ -67,6 +67,9 @@ def asked(words, monkeypatch):
         case ["make", target]:
             assert re.search(rf"^{target}:", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
             return None
+        case ["python3", "-m", "pip", "install", *where, "rosbags"]:
+            assert all((REPOSITORY / folder / "setup.py").exists() for folder in where)
+            return None
         case ["pip", "install", what]:
             project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
             extra = re.fullmatch(r"\.\[(.*)\]", what)
@@ -177,6 +180,7 @@ ELSEWHERE = {
     "reproduce": "tests/reproduce/test_reproduce.py",
     "exploit": "tests/exploit/test_exploit.py",
     "simulate": "tests/simulate and tests/cli/test_cli.py",
+    "replay": "tests/ros2 and tests/export/test_bag.py",
 }
 """Commands that a walk leaves out, and where they are run."""
 

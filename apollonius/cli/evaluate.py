@@ -4,6 +4,7 @@ import argparse
 
 from apollonius.cli.options import (
     add_match_options,
+    add_vary,
     answer,
     check_records,
     finish,
@@ -12,16 +13,13 @@ from apollonius.cli.options import (
     requested_match,
     write_replays,
 )
-from apollonius.cli.values import new_file, varied
+from apollonius.cli.values import new_file
 from apollonius.io.errors import require
 
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
-    parser.add_argument(
-        "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",
-        help="play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs",
-    )  # fmt: skip
+    add_vary(parser)
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
     )

@@ -14,6 +14,7 @@ from apollonius.cli.play import add_play
 from apollonius.cli.players import add_players
 from apollonius.cli.pursuers import add_pursuers
 from apollonius.cli.regret import add_regret
+from apollonius.cli.replay import add_replay
 from apollonius.cli.reproduce import add_reproduce
 from apollonius.cli.runs import add_runs
 from apollonius.cli.show import add_report, add_show
@@ -56,6 +57,7 @@ COMMANDS = {
     "Arenas and robots of your own": {
         "arena": (add_arena, "list arenas, check one of your own, or draw a random one", "check office --out a.png"),
         "export": (add_export, "write a player as C or ONNX, which need no JAX", "P_any --to c --out player.c"),
+        "replay": (add_replay, "ask an agent again in the states that a robot recorded", "--bag bags/pursuer-1"),
     },
     "The paper": {
         "reproduce": (add_reproduce, "train, evaluate and draw all that the paper shows", "--budget quick"),

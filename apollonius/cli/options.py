@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable, workers
+from apollonius.cli.values import agent_of, count, known_game, new_folder, require_writable, varied, workers
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
@@ -66,6 +66,13 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     add_game_options(parser)
     add_json(parser)
     add_record_options(parser, "write K games as replays, lost ones first")
+
+
+def add_vary(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",
+        help="play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs",
+    )  # fmt: skip
 
 
 def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:

@@ -117,16 +117,28 @@ def play_varied(
     Raises:
         InvalidInput: as `with_numbers` and `Match.of_names`, before anything is played, and as `play_match`.
     """
-    fields = [one.field for one in variations]
-    require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")
-    grid = itertools.product(*(one.values for one in variations))
-    rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
-    matches = [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
+    matches = varied_matches(game, names, variations, games, seed, starts)
     for role in Role:
         policies = alike([match.players[role].policy for match in matches])
         matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
     results = play_matches(matches, report=report)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
+
+
+def varied_matches(
+    game: Game,
+    names: BySide[str],
+    variations: Sequence[Variation],
+    games: int,
+    seed: int = 0,
+    starts: str | None = None,
+) -> list[Match]:
+    """Return the matches of `play_varied`, in the order of its results; arguments and errors as there."""
+    fields = [one.field for one in variations]
+    require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")
+    grid = itertools.product(*(one.values for one in variations))
+    rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
+    return [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
 
 
 def _with_policy(match: Match, role: Role, policy: AbstractPolicy) -> Match:

@@ -3,9 +3,11 @@
 import functools
 import operator
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
@@ -107,6 +109,20 @@ def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array,
     return outcome, ROLES.map(
         lambda role: tuple(robot.status(was) for robot, was in zip(events[role], status[role], strict=True))
     )
+
+
+@jax.jit
+def statuses_along(game: Judged, states: GameState) -> Statuses | None:
+    """Return the statuses of all robots along states that follow each other, whatever moved the robots."""
+
+    def one(status: Statuses | None, step: tuple[GameState, GameState]) -> tuple[Statuses | None, Statuses | None]:
+        before, after = (replace(state, status=status) for state in step)
+        found = judge(game, before, after)[1]
+        return found, found
+
+    first = jax.tree.map(lambda leaf: leaf[0], states.status)
+    pairs = jax.tree.map(lambda leaf: leaf[:-1], states), jax.tree.map(lambda leaf: leaf[1:], states)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, jax.lax.scan(one, first, pairs)[1])
 
 
 def fates(outcome: Int[Array, ""], before: Statuses | None, after: Statuses | None) -> BySide[tuple[Fate, ...]]:

@@ -85,6 +85,7 @@ EXTRAS = {
     "ray": {"ray": "ray"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},
+    "bag": {"rosbags": "rosbags"},
 }  # fmt: skip
 """Modules of each extra, and what pip calls them."""
 

@@ -15,6 +15,7 @@ from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
+from apollonius.game.judge import statuses_along
 from apollonius.game.types import NUM_ACTIONS, GameState, Outcome, RobotState, Role
 from apollonius.game.validation import MAX_SIZE
 from apollonius.io.document import parse_json, read_bytes, to_json, write_atomically
@@ -136,7 +137,7 @@ class Replay:
         pursuers = len(self.game.bodies.pursuer)
         states = jax.vmap(as_state, (0, 0, None))(jnp.asarray(self.states), jnp.arange(len(self.states)), pursuers)
         if self.game.teams:
-            status = self._again()[0].status
+            status = statuses_along(self.game, states)
             states = jax.vmap(lambda state, status: replace(state, status=status))(states, status)
         return Trajectory(states, jnp.asarray(self.actions), jnp.asarray(int(self.outcome)))
 

@@ -83,9 +83,9 @@ class References:
         controls: acceleration [m/s^2] and turn rate [rad/s] now in force; new ones replace them after the latency.
     """
 
-    v: Float[np.ndarray, "games 2"]
-    turn_rate: Float[np.ndarray, "games 2"] = field(init=False)
-    controls: Float[np.ndarray, "games 2 2"] = field(init=False)
+    v: Float[np.ndarray, "games robots"]
+    turn_rate: Float[np.ndarray, "games robots"] = field(init=False)
+    controls: Float[np.ndarray, "games robots 2"] = field(init=False)
 
     def __post_init__(self) -> None:
         self.turn_rate, self.controls = np.zeros_like(self.v), np.zeros((*self.v.shape, 2))
@@ -93,20 +93,22 @@ class References:
     def follow(
         self,
         drive: Drive,
-        chosen: Float[np.ndarray, "games 2 2"],
-        limits: Float[np.ndarray, "2 2"],
+        chosen: Float[np.ndarray, "games robots 2"],
+        limits: Float[np.ndarray, "robots 2"],
         steps: int,
         h: float,
-    ) -> Float[np.ndarray, "games steps 4"]:
-        """Return the wheel speeds [rad/s] asked for over one step of the game: pursuer's left and right, then evader's.
+        turn_acceleration: Float[np.ndarray, " robots"] | None = None,
+    ) -> Float[np.ndarray, "games steps wheels"]:
+        """Return the wheel speeds [rad/s] asked for over one step of the game: left and right of each robot in turn.
 
         Args:
-            chosen: acceleration [m/s^2] and turn rate [rad/s] of both sides.
+            chosen: acceleration [m/s^2] and turn rate [rad/s] of all robots.
             limits: lowest and highest speed [m/s] of each.
             steps, h: of the physics in one step of the game, and their duration [s].
+            turn_acceleration: of each robot [rad/s^2], where it is not the drive's.
         """
-        asked = np.empty((len(self.v), steps, 2, 2))
-        reach = drive.turn_acceleration * h
+        asked = np.empty((len(self.v), steps, *self.v.shape[1:], 2))
+        reach = (drive.turn_acceleration if turn_acceleration is None else turn_acceleration) * h
         for step in range(steps):
             if step * h >= drive.latency - 1e-9:
                 self.controls = chosen
@@ -114,4 +116,4 @@ class References:
             self.turn_rate = self.turn_rate + np.clip(self.controls[..., 1] - self.turn_rate, -reach, reach)
             asked[:, step] = drive.wheel_speeds(self.v, self.turn_rate)
         self.controls = chosen
-        return asked.reshape(len(asked), steps, 4)
+        return asked.reshape(len(asked), steps, -1)

@@ -8,17 +8,17 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float, Float64
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.types import Real, Role
 from apollonius.io.errors import require, require_extra
 from apollonius.simulate.drive import Drive
 
-SIDES = tuple(role.name.lower() for role in Role)
 WHEELS = ("left", "right")
 SHELL = 0.01
 """How much smaller the shell that obstacles push back is than the body that the referee measures [m]."""
@@ -31,18 +31,29 @@ _ABOVE = 0.06
 """How far the middle of the chassis is above the axle [m]."""
 
 
+def robots_of(game: Game) -> dict[str, Unicycle]:
+    """Return the bodies of the pursuers and then of the evaders by their names: `pursuer`, `pursuer 2` and so on."""
+    return {
+        f"{role.name.lower()} {number + 1}".removesuffix(" 1"): body
+        for role in Role
+        for number, body in enumerate(game.bodies[role])
+    }
+
+
 def mjcf(game: Game, drive: Drive, step: float) -> str:
     """Return the model as text, for a physics of steps of `step` [s].
 
     Walls stand outside the arena's bounds. Discs are cylinders; a polygon is its edges, since MuJoCo would fill a
-    hollow one. Robots do not touch each other: whether the evader is caught is for the referee to say.
+    hollow one; a map is boxes of its cells. Robots do not touch each other: whether the evader is caught is for the
+    referee to say.
 
     Raises:
-        InvalidInput: for an arena with an occupancy map, and for a robot that is not driven by two wheels.
+        InvalidInput: for an obstacle of another kind, and for a robot that is not driven by two wheels.
     """
-    bound = "discs and polygons, the only ones that robots with bodies know"
-    game.arena.require_only((Disc, Polygon), bound)
-    for side, body in zip(SIDES, (game.pursuer, game.evader), strict=True):
+    bound = "discs, polygons and maps, the only ones that robots with bodies know"
+    game.arena.require_only((Disc, Polygon, OccupancyMap), bound)
+    robots = robots_of(game)
+    for side, body in robots.items():
         kind, bound = type(body), "Unicycle: a body has two driven wheels; write a drive for other robots"
         require(kind is Unicycle, f"class of the {side}", kind.__name__, bound)
     model = Element("mujoco", model="pursuit-evasion")
@@ -52,7 +63,7 @@ def mjcf(game: Game, drive: Drive, step: float) -> str:
     for number, attributes in enumerate(_obstacles(game.arena)):
         _geom(world, f"obstacle {number}", kind=_OBSTACLE, rgba="0.35 0.35 0.35 1", **attributes)
     actuators = SubElement(model, "actuator")
-    for side, body in zip(SIDES, (game.pursuer, game.evader), strict=True):
+    for side, body in robots.items():
         _add_robot(world, actuators, side, drive, float(body.radius))
     ElementTree.indent(model)
     return ElementTree.tostring(model, encoding="unicode")
@@ -78,6 +89,25 @@ def _obstacles(arena: Arena) -> Iterator[dict[str, Any]]:
         yield {"shape": "cylinder", "size": (float(disc.radius), _HEIGHT / 2), "pos": place}
     for polygon in arena.polygons:
         yield from _edges([(float(x), float(y)) for x, y in polygon.vertices], 1e-3)
+    if (cells := arena.map) is not None:
+        for row, column, rows, columns in rectangles(cells.occupied()):
+            half_x, half_y = columns * float(cells.cell) / 2, rows * float(cells.cell) / 2
+            x, y = float(cells.x + column * cells.cell) + half_x, float(cells.y + row * cells.cell) + half_y
+            yield {"shape": "box", "size": (half_x, half_y, _HEIGHT / 2), "pos": (x, y, _HEIGHT / 2)}
+
+
+def rectangles(cells: Bool[np.ndarray, "rows columns"]) -> Iterator[tuple[int, int, int, int]]:
+    """Yield first row, first column, rows and columns of rectangles that cover each of these cells once."""
+    left = cells.copy()
+    while left.any():
+        row, column = map(int, np.unravel_index(left.argmax(), left.shape))
+        beside, above = left[row, column:], left[row:, column]
+        columns = len(beside) if beside.all() else int(beside.argmin())
+        rows = len(above) if above.all() else int(above.argmin())
+        full = left[row : row + rows, column : column + columns].all(axis=1)
+        rows = rows if full.all() else int(full.argmin())
+        left[row : row + rows, column : column + columns] = False
+        yield row, column, rows, columns
 
 
 def _edges(corners: list[tuple[float, float]], half_thickness: float) -> Iterator[dict[str, Any]]:
@@ -100,7 +130,7 @@ def _add_robot(world: Element, actuators: Element, side: str, drive: Drive, radi
     SubElement(body, "freejoint", name=side)
     _geom(
         body, f"{side} chassis", "cylinder", size=(drive.chassis_radius, 0.1), pos=(-drive.mass_behind, 0, _ABOVE),
-        mass=drive.mass - 2 * drive.wheel_mass, rgba=_COLOURS[side],
+        mass=drive.mass - 2 * drive.wheel_mass, rgba=_COLOURS[side.split()[0]],
     )  # fmt: skip
     if radius > 2 * SHELL:
         size = (radius - SHELL, 0.1)
@@ -150,19 +180,20 @@ class Physics:
         dt = float(game.dt)
         require(drive.latency <= dt, "latency", drive.latency, f"at most one step of the game, {dt:g} s")
         self.drive = drive
+        self.robots = tuple(robots_of(game))
         self.steps = int(np.ceil(dt / LONGEST_STEP - 1e-6))
         self.step = dt / self.steps
         self.model = self._mujoco.MjModel.from_xml_string(mjcf(game, drive, self.step))
         self._data = self._mujoco.MjData(self.model)
         self._rollout = rollout.Rollout(nthread=1)
 
-    def place(self, rows: Float[np.ndarray, "games 8"]) -> Float64[np.ndarray, "games numbers"]:
+    def place(self, rows: Float[np.ndarray, "games columns"]) -> Float64[np.ndarray, "games numbers"]:
         """Return states in which the robots stand, or roll, where rows of x, y, v and heading say."""
         data, kind = self._data, self._mujoco.mjtState.mjSTATE_FULLPHYSICS
         states = np.empty((len(rows), self._mujoco.mj_stateSize(self.model, kind)))
-        for row, state in zip(rows.astype(float).reshape(-1, 2, 4), states, strict=True):
+        for row, state in zip(rows.astype(float).reshape(len(rows), -1, 4), states, strict=True):
             self._mujoco.mj_resetData(self.model, data)
-            for side, (x, y, v, heading) in zip(SIDES, row, strict=True):
+            for side, (x, y, v, heading) in zip(self.robots, row, strict=True):
                 joint = data.joint(side)
                 joint.qpos[:] = [x, y, self.drive.wheel_radius, cos(heading / 2), 0, 0, sin(heading / 2)]
                 joint.qvel[:2] = v * cos(heading), v * sin(heading)
@@ -175,17 +206,17 @@ class Physics:
         return states
 
     def advance(
-        self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps 4"]
+        self, states: Float64[np.ndarray, "games numbers"], wheel_speeds: Float[np.ndarray, "games steps wheels"]
     ) -> Float64[np.ndarray, "games numbers"]:
         """Return the states after a step of the physics for each of the wheel speeds asked for [rad/s]."""
         moved, _ = self._rollout.rollout(self.model, self._data, states, wheel_speeds)
         return moved[:, -1]
 
-    def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games 8"]:
-        """Return the game's view of states: x, y, forward speed and heading of pursuer and evader."""
+    def measure(self, states: Float64[np.ndarray, "games numbers"]) -> Float64[np.ndarray, "games columns"]:
+        """Return the game's view of states: x, y, forward speed and heading of pursuers, then evaders."""
         positions, speeds = np.split(states[:, 1 : 1 + self.model.nq + self.model.nv], [self.model.nq], axis=1)
         columns = []
-        for side in SIDES:
+        for side in self.robots:
             joint = self.model.joint(side)
             x, y, _, w, i, j, k = positions[:, joint.qposadr[0] : joint.qposadr[0] + 7].T
             heading = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))

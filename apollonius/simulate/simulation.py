@@ -1,6 +1,8 @@
 """Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,11 +13,12 @@ from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.by_side import BySide
+from apollonius.game.drive import Drives, respond
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
-from apollonius.game.types import GameState, Outcome
+from apollonius.game.types import ROLES, Action, GameState, Outcome, Role
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout
 from apollonius.play.playout import Report, Results
@@ -33,20 +36,22 @@ class Simulated:
     Attributes:
         results: how the games ended.
         index: which game each step belongs to; the steps of a game are in order.
-        states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuer, then evader.
-        actions: of both sides in each step, as in a `Replay`.
+        states: before each step, x [m], y [m], v [m/s], heading [rad] of pursuers, then evaders.
+        actions: of all robots in each step, as in a `Replay`.
         after: the states that each step led to.
     """
 
     results: Results
     index: Int[np.ndarray, " steps"]
-    states: Float32[np.ndarray, "steps 8"]
-    actions: Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]
-    after: Float32[np.ndarray, "steps 8"]
+    states: Float32[np.ndarray, "steps columns"]
+    actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
+    after: Float32[np.ndarray, "steps columns"]
 
     def course(
         self, game: int
-    ) -> tuple[Float32[np.ndarray, "rows 8"], Int[np.ndarray, "steps 2"] | Float32[np.ndarray, "steps 2 2"]]:
+    ) -> tuple[
+        Float32[np.ndarray, "rows columns"], Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
+    ]:
         own = self.index == game
         return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
 
@@ -57,9 +62,10 @@ def simulate(
 ) -> Simulated:  # fmt: skip
     """Play each of the given starts to its end with bodies; the players draw the same random bits as in `play_out`.
 
-    Players see the bodies' exact states, once in every step of the game. A step is judged as in the game, from where
-    the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the game
-    is how the robots move and nothing else.
+    Players see the bodies' states through the sensors of the game, once in every step. Its drives' lag comes before the
+    latency of the bodies' own; of two turn accelerations the smaller one holds. A step is judged as in the game, from
+    where the bodies' axles are at its two ends and with the radii of the game's robots, so that what differs from the
+    game is how the robots move and nothing else. A robot that is out of play brakes.
 
     Args:
         starts: initial states, leaves `[games]`.
@@ -69,30 +75,60 @@ def simulate(
     Raises:
         InvalidInput: as `Physics`.
     """
-    game.require_two("a simulation")
-    physics = Physics(game, drive)
-    limits = np.array([[body.v_min, body.v_max] for body in (game.pursuer, game.evader)], float)
+    physics, bodies_of = Physics(game, drive), [body for side in game.bodies for body in side]
+    strongest = np.array([body.u1_max for body in bodies_of], float)
+    limits = np.array([[body.v_min, body.v_max] for body in bodies_of], float)
+    turning = np.array([_turn_acceleration(game, drive, role) for role in Role for _ in game.bodies[role]])
     rows = as_rows(starts)
-    bodies, references = physics.place(rows), References(rows[:, [2, 6]].astype(float))
+    bodies, references = physics.place(rows), References(rows[:, 2::4].astype(float))
     count = len(rows)
     sides = rollout.begin(game, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1))).sides
     outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
+    known = jax.device_get((starts.status, Games(starts, sides).sightings))
     log: list[tuple[np.ndarray, ...]] = []
     alive = np.arange(count)
     while alive.size:
-        actions, controls, sides = _choose(game, players, sides, rows, length, key)
-        asked = references.follow(drive, np.asarray(controls, float), limits, physics.steps, physics.step)
+        state = _states(rows, length, known[0], len(game.bodies.pursuer))
+        actions, controls, sides = _choose(game, players, sides, state, key)
+        gone = ~np.stack([active for side in state.active for active in side], axis=1)
+        braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
+        halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
+        asked_of = np.where(gone[..., None], halted, np.asarray(controls, float))
+        asked = references.follow(drive, asked_of, limits, physics.steps, physics.step, turning)
         bodies[alive] = physics.advance(bodies[alive], asked[alive])
         before, rows = rows, rows.copy()
         rows[alive] = physics.measure(bodies[alive])
         length[alive] += 1
-        outcome[alive] = np.asarray(_judge(game, before, rows, length))[alive]
+        ended, status = _judge(game, state, _states(rows, length, known[0], len(game.bodies.pursuer)))
+        outcome[alive] = np.asarray(ended)[alive]
+        known = _updated(known, jax.device_get((status, Games(state, sides).sightings)), alive)
         taken = (before, np.asarray(actions), rows)
         log.append((alive, *(part[alive] for part in taken)))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
     index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
-    return Simulated(Results(jnp.asarray(outcome), jnp.asarray(length)), index, states, actions, after)
+    status, sightings = jax.device_put(known)
+    results = Results(jnp.asarray(outcome), jnp.asarray(length), status=status, sightings=sightings)
+    return Simulated(results, index, states, actions, after)
+
+
+def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
+    """Return how fast the turn rate of one side's robots can change [rad/s^2]."""
+    slow = game.drives and game.drives[role]
+    if not slow or slow.turn_time is None:
+        return drive.turn_acceleration
+    return min(drive.turn_acceleration, float(game.bodies[role][0].u2_max) / max(float(slow.turn_time), 1e-6))
+
+
+def _updated(before: Any, after: Any, games: np.ndarray) -> Any:
+    """Return arrays with what came after in some of the games."""
+
+    def one(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        made = np.array(old)
+        made[games] = new[games]
+        return made
+
+    return jax.tree.map(one, before, after)
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
@@ -108,30 +144,41 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
     return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)
 
 
+@partial(jax.jit, static_argnames="pursuers")
+def _states(
+    rows: Float32[Array, "games columns"], length: Int[Array, " games"], status: Any, pursuers: int
+) -> GameState:
+    def one(row: Float32[Array, " columns"], steps: Int[Array, ""], status: Any) -> GameState:
+        return replace(as_state(row, steps, pursuers), status=status)
+
+    return jax.vmap(one)(rows, length, status)
+
+
 @jax.jit
 def _choose(
-    game: Game,
-    players: BySide[Pool],
-    sides: BySide[SideState],
-    rows: Float32[Array, "games 8"],
-    length: Int[Array, " games"],
-    key: PRNGKeyArray,
-) -> tuple[Int[Array, "games 2"] | Float[Array, "games 2 2"], Float[Array, "games 2 2"], BySide[SideState]]:
-    """Return the actions of both sides, their controls (u1 [m/s^2], u2 [rad/s]), and the sides after choosing them."""
-    state, bits = jax.vmap(as_state)(rows, length), random_bits_of(key, jnp.arange(rows.shape[0]), length)
+    game: Game, players: BySide[Pool], sides: BySide[SideState], state: GameState, key: PRNGKeyArray
+) -> tuple[Array, Float[Array, "games robots 2"], BySide[SideState]]:
+    """Return all robots' actions, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, and the sides after."""
+    bits = random_bits_of(key, jnp.arange(len(state.steps)), state.steps)
     games, moves = step_games(game, players, Games(state, sides), bits)
-    actions = moves.sides.map(lambda side: side.action)
-    controls = [jax.vmap(body.controls)(act) for body, act in zip((game.pursuer, game.evader), actions, strict=True)]
-    stacked = jnp.stack([jnp.stack(pair, axis=-1) for pair in controls], axis=1)
-    return jax.vmap(stack_actions)(*actions), stacked, games.sides
+    late = game.drives and Drives(*game.drives.map(lambda drive: drive and replace(drive, turn_time=None)))
+
+    def of_each(role: Role) -> tuple[Array, ...]:
+        action, robots = moves.sides[role].action, len(game.bodies[role])
+        return (action,) if robots == 1 else tuple(action[:, robot] for robot in range(robots))
+
+    def held(drives: Any, actions: BySide[tuple[Action, ...]]) -> Float[Array, "robots 2"]:
+        made = ROLES.map(lambda role: respond(late, role, drives[role], game.bodies[role], actions[role], game.dt)[0])
+        return jnp.stack([jnp.stack(controls) for side in made for controls in side])
+
+    actions = ROLES.map(of_each)
+    controls = jax.vmap(held)(sides.map(lambda side: side.drives), actions)
+    return jax.vmap(lambda *all_: stack_actions(*all_))(*actions.pursuer, *actions.evader), controls, games.sides
 
 
 @jax.jit
-def _judge(
-    game: Game, before: Float32[Array, "games 8"], after: Float32[Array, "games 8"], length: Int[Array, " games"]
-) -> Int[Array, " games"]:
-    state = jax.vmap(as_state)
-    return jax.vmap(judge, in_axes=(None, 0, 0))(game, state(before, length - 1), state(after, length))[0]
+def _judge(game: Game, before: GameState, after: GameState) -> tuple[Int[Array, " games"], Any]:
+    return jax.vmap(judge, in_axes=(None, 0, 0))(game, before, after)
 
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {

@@ -20,6 +20,7 @@ from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import Physics, mjcf
 from tests.car import Car
 from tests.simulate.test_drive import IDEAL
+from tests.test_extending import WALL, WithCapsules
 
 pytest.importorskip("mujoco")
 PAPER = make_game("paper")
@@ -122,14 +123,18 @@ def on_a_map():
     ("game", "drive", "refusal"),
     [
         (PAPER, Drive(latency=0.2), r"latency = 0\.2"),
-        (on_a_map(), Drive(), r"obstacles = OccupancyMap .* discs and polygons"),
+        (
+            replace(PAPER, arena=WithCapsules(capsules=(WALL,))),
+            Drive(),
+            r"obstacles = Capsule .* discs, polygons and maps",
+        ),
         (
             replace(PAPER, pursuer=Car()),
             Drive(),
             r"class of the pursuer = Car .* Unicycle: a body has two driven wheels",
         ),
     ],
-    ids=["latency", "map", "car"],
+    ids=["latency", "capsule", "car"],
 )
 def test_what_no_body_can_do_is_refused(game, drive, refusal):
     with pytest.raises(InvalidInput, match=refusal):

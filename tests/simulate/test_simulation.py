@@ -10,14 +10,19 @@ import pytest
 from apollonius.agents.classical import Still, Uniform
 from apollonius.agents.policy import AbstractContinuous
 from apollonius.agents.pool import solo
-from apollonius.evaluate.match import begin, play_games
+from apollonius.arenas.file import find_game
+from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.game.by_side import BySide
+from apollonius.game.drive import Drive as Slow
+from apollonius.game.drive import Drives
 from apollonius.game.presets import make_game
-from apollonius.game.types import Outcome
+from apollonius.game.sensing import Sensing, Sensors
+from apollonius.game.types import Outcome, RobotStatus
 from apollonius.observe.paper import PAPER
 from apollonius.play.replay import as_state, load_replay, save_replay
 from apollonius.simulate.drive import Drive
-from apollonius.simulate.simulation import compare, record_course, simulate
+from apollonius.simulate.physics import rectangles
+from apollonius.simulate.simulation import compare, record_course, simulate, simulate_match
 from tests.matches import a_match
 from tests.simulate.test_drive import IDEAL
 
@@ -116,3 +121,52 @@ def test_both_plays_are_counted_and_compared(simulated):
     assert rate.bodies == timeouts.mean()
     assert rate.difference == pytest.approx(rate.bodies - rate.rules)
     assert rate.interval[0] <= rate.difference <= rate.interval[1]
+
+
+def played(game, count=4):
+    """Games between rules with bodies."""
+    match = Match.of_names(game, "intercept", "flee-aware", count)
+    return match, simulate_match(match, Drive())
+
+
+def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
+    match, found = played(replace(find_game("team-3v2"), max_steps=150))
+    assert found.states.shape[1] == 20
+    assert found.actions.shape[1] == 5
+    for index in range(4):
+        replay = record_course(found, match, index)
+        in_play = replay.in_play()
+        status = [np.asarray(one)[index] for side in found.results.status for one in side]
+        assert in_play[-1].tolist() == [one == RobotStatus.ACTIVE for one in status]
+        for robot in range(5):
+            out, v = np.flatnonzero(~in_play[:, robot]), replay.states[:, 4 * robot + 2]
+            if len(out) > 45:
+                assert abs(v[-1]) < max(0.05, abs(v[out[0]]) / 4)
+
+
+def test_bodies_stop_at_the_cells_of_a_map():
+    cells = np.zeros((6, 9), bool)
+    cells[1:4, 2:5], cells[3, 7] = True, True
+    covered = np.zeros(cells.shape, int)
+    blocks = list(rectangles(cells))
+    for row, column, rows, columns in blocks:
+        covered[row : row + rows, column : column + columns] += 1
+    assert np.array_equal(covered, cells)
+    assert len(blocks) == 2
+
+
+def test_sensors_and_drives_of_the_game_count_for_bodies_too():
+    game = replace(GAME, max_steps=20)
+    slow = replace(game, drives=Drives(Slow(lag=5.0, turn_time=2.0), None))
+    start, key = begun(2.0, 2.0, 0.0, 0.0, 8.0, 8.0, 0.0, 0.0), jax.random.key(0)
+    players = BySide(solo(FullSpeedInACurve()), solo(Still()))
+    quick, late = (simulate(one, players, start, key, IDEAL).course(0)[0] for one in (game, slow))
+    assert late[5, 2] == pytest.approx(0, abs=0.005)
+    assert quick[5, 2] == pytest.approx(0.15, abs=0.01)
+    assert late[-1, 2] == pytest.approx(quick[-6, 2], abs=0.01)
+    turned = np.diff(late[:, 3])
+    assert turned[6] == pytest.approx(0.4 * 0.1 * 0.1 * 1.5, rel=0.2)  # 0.4 rad/s^2 in its second step
+    blind = replace(game, sensors=Sensing(Sensors(range=0.0), None))
+    seen = simulate(blind, BySide(solo(Uniform()), solo(Still())), start, key, IDEAL).results.sightings
+    assert int(seen.pursuer.first[0]) == -1
+    assert seen.evader is None

@@ -1,0 +1,110 @@
+"""A run that a robot recorded, and the agent asked again in each of its states."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from apollonius.arenas.record import from_dict
+from apollonius.export.parity import TOLERANCE
+from apollonius.export.player import find_exportable
+from apollonius.game.game import Game
+from apollonius.game.types import Role
+from apollonius.io.document import parse_json
+from apollonius.io.errors import InvalidInput, require, require_extra
+
+
+@dataclass(frozen=True)
+class Bag:
+    """What a bag of the ROS 2 node holds.
+
+    Attributes:
+        player, side: of the export.
+        record: of its game.
+        decisions: as the node published them.
+    """
+
+    player: str
+    side: Role
+    record: dict[str, Any]
+    decisions: list[dict[str, Any]]
+
+    @property
+    def game(self) -> Game:
+        """Return the exported game; raises InvalidInput where a map that it names is not here."""
+        return from_dict(Game, self.record, "the bag's game; give --game")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A step in which the agent acts otherwise: time since the first [s], controls u1 [m/s^2] and u2 [rad/s]."""
+
+    time: float
+    step: int
+    then: tuple[float, float]
+    now: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Again:
+    """The answers of an agent in recorded states: how many there are, and how many other steps braked."""
+
+    player: str
+    asked: int
+    braked: int
+    differences: tuple[Difference, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def load_bag(folder: Path) -> Bag:
+    """Return what a bag holds.
+
+    Raises:
+        InvalidInput: where `rosbags` is not installed, and for a folder that is no bag of the node.
+    """
+    require_extra("bag", "reading a bag")
+    from rosbags.highlevel import AnyReader, AnyReaderError  # pyright: ignore[reportMissingImports]
+    from rosbags.rosbag2.errors import ReaderError  # pyright: ignore[reportMissingImports]
+
+    said: dict[str, list[Any]] = {"export": [], "decisions": []}
+    try:
+        with AnyReader([folder]) as reader:
+            for connection, _, raw in reader.messages([one for one in reader.connections if one.topic in said]):
+                text = reader.deserialize(raw, connection.msgtype).data
+                said[connection.topic].append(parse_json(text.encode(), f"'{folder}' is no bag of the ROS 2 node"))
+    except (AnyReaderError, ReaderError, OSError) as error:
+        raise InvalidInput(f"'{folder}' is no bag of the ROS 2 node: {error}") from error
+    (export,) = said["export"] or [{}]
+    known = {"player", "side", "game"} <= set(export) and said["decisions"]
+    require(known, f"'{folder}': topics", "others", "export and decisions, as the ROS 2 node writes them")
+    return Bag(export["player"], Role[export["side"].upper()], export["game"], said["decisions"])
+
+
+def ask_again(bag: Bag, name: str, game: Game) -> Again:
+    """Return where an agent, with its memory since the game began, acts otherwise than was recorded.
+
+    Raises:
+        InvalidInput: as `find_exportable`, and for a game of other numbers of robots.
+    """
+    player = find_exportable(name, bag.side, game)
+    asked = [one for one in bag.decisions if not one["trouble"]]
+    decide, memory, differences = jax.jit(player.decide), player.policy.memory, list[Difference]()
+    body = player.game.bodies[player.role][0]
+    largest = np.maximum(np.array([body.u1_max, body.u2_max], np.float32), 1e-6)
+    for one in asked:
+        states = np.array(one["states"], np.float32)
+        require(len(states) == player.robots, "robots in the bag", len(states), f"{player.robots}, as in {game.size}")
+        memory = player.policy.memory if one["step"] == 0 else memory
+        active = jnp.asarray(one["active"]) if player.robots > 2 else None
+        made = decide(player.policy, player.game, jnp.asarray(states), active, memory, jnp.uint32(one["bits"]))
+        memory, now = made["memory"], np.asarray(made["controls"])
+        if (np.abs(now - np.array(one["controls"])) > TOLERANCE * largest).any():
+            since = one["time"] - bag.decisions[0]["time"]
+            u1, u2 = map(float, now)
+            differences.append(Difference(since, one["step"], tuple(one["controls"]), (u1, u2)))
+    return Again(name, len(asked), len(bag.decisions) - len(asked), tuple(differences))
