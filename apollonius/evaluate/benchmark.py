@@ -114,10 +114,15 @@ class Benchmark:
     @cached_property
     def game(self) -> Game:
         """The game in all arenas, with their charts."""
+        return charted(self.rules)
+
+    @cached_property
+    def rules(self) -> Game:
+        """The game in all arenas, without charts, which take half a minute to draw."""
         game = find_game(f"{SUITE}/{PART}")
         if self.track == "lidar":
             game = replace(game, sensors=make_game("lidar").sensors)
-        return charted(in_teams(game, 2, 1) if self.track == "team" else game)
+        return in_teams(game, 2, 1) if self.track == "team" else game
 
     @property
     def arenas(self) -> tuple[str, ...]:

@@ -172,6 +172,7 @@ def test_worths_are_wins_less_losses_and_the_time_limit_is_the_evaders():
     assert Benchmark("full", Role.EVADER)._worths(one).tolist() == [-1, 1, -1, 1, -1, 0, 1, -1]
 
 
+@pytest.mark.slow
 def test_the_cards_of_the_leaderboard_follow_from_their_games(monkeypatch):
     monkeypatch.undo()
     for path in (Path(__file__).parents[2] / "benchmarks" / "leaderboard").glob("*.json"):
