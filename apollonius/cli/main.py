@@ -23,6 +23,7 @@ from apollonius.cli.slice import add_slice
 from apollonius.cli.solve import add_solve
 from apollonius.cli.suite import add_suite
 from apollonius.cli.tournament import add_tournament
+from apollonius.cli.track import add_track
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
 from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown
@@ -33,6 +34,7 @@ COMMANDS = {
     "Learn": {
         "train": (add_train, "train a pursuer and an evader, then judge them", "--preset standard --out runs/mine"),
         "resume": (add_resume, "go on with training runs that were stopped", "runs/mine"),
+        "track": (add_track, "send a run's metrics to TensorBoard, W&B, MLflow or trackio", "runs/mine --to wandb"),
         "runs": (add_runs, "list training runs: state, share done, last evaluation, machine", "runs/sweep"),
     },
     "Judge": {

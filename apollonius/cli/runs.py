@@ -1,11 +1,15 @@
-"""`apollonius runs`: the training runs below a folder, and how far they are."""
+"""`apollonius runs`: the training runs below a folder, how far they are, and the training of several as jobs."""
 
 import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from apollonius.cli.options import add_json, answer
+from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.values import runs_folder
+from apollonius.io.interrupts import go_on
+from apollonius.io.jobs import Job
+from apollonius.io.workers import run_jobs
 
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
@@ -24,4 +28,45 @@ def run_runs(options: argparse.Namespace) -> int:
     found = [progress_of(run) for run in runs_below(folder)]
     facts = [asdict(run) | {"folder": str(run.folder)} for run in found]
     answer(options, {"runs": facts}, runs_table(found, folder))
+    return 0
+
+
+def train_and_judge(folder: Path, should_stop: Callable[[], bool]) -> bool:
+    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
+    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
+    from apollonius.learn.config import DISTILLATION
+    from apollonius.learn.folder import load_config
+    from apollonius.learn.run import train
+
+    config = load_config(folder / "config.toml")
+    finished = train(folder, should_stop)
+    if finished and config.stages != DISTILLATION:
+        evaluate_run(folder, config.game, JUDGED_GAMES, lambda match, result: None)
+    return finished
+
+
+def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -> int:
+    """Train and judge runs at or below a folder as jobs, and list how they ended."""
+    from apollonius.cli.terminal import runs_table
+    from apollonius.learn.progress import progress_of, runs_below
+
+    display, on = options.display, options.on or "processes"
+    ended: list[str] = []
+
+    def tell(line: str) -> None:
+        ended.append(line)
+        display.tell(line)
+        display.report(len(ended), len(runs))
+
+    go_on(f"go on with: {command('resume', folder, '--on', on)}")
+    display.begin(f"training {len(runs)} runs, on {on}")
+    jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
+    try:
+        finished = run_jobs(jobs, tell, on, folder / "slurm")
+    finally:
+        display.end()
+        print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
+    if not finished:
+        raise KeyboardInterrupt
+    finish(folder, then=command("runs", folder))
     return 0

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
+from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
 from apollonius.cli.values import (
     agent_of,
@@ -18,14 +19,10 @@ from apollonius.cli.values import (
 )
 from apollonius.io.errors import require
 from apollonius.io.interrupts import asked_to_stop, go_on
-from apollonius.io.jobs import Job
 from apollonius.io.limits import SEED
-from apollonius.io.workers import run_jobs
 from apollonius.learn.opponents import SCHEMES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from apollonius.cli.display import Display
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.learn.config import RunConfig
@@ -77,6 +74,7 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         "--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED), or of the runs of a sweep"
     )
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
+    add_tracker(parser, "--track", "send the metrics of one run to a tracker meanwhile")
     parser.set_defaults(run=run_train)
 
 
@@ -108,11 +106,15 @@ def run_train(options: argparse.Namespace) -> int:
     if values and folder.exists():
         is_new = options.force or not any(folder.iterdir())
         require(is_new, "--out", folder, "a new folder, as this one is not empty; choose another or force it")
+    several = bool(values or options.on)
+    require(
+        options.track is None or not several, "--track", options.track, "left out here; apollonius track sends runs"
+    )
     for name, one in configs.items():
         create_run(one, folder / name, force=options.force)
-    if values or options.on:
-        return _train_all([folder / name for name in configs], folder, options)
-    return _train_and_judge(config, folder, options.display)
+    if several:
+        return train_all([folder / name for name in configs], folder, options)
+    return _train_and_judge(config, folder, options.display, options.track)
 
 
 def run_resume(options: argparse.Namespace) -> int:
@@ -124,50 +126,7 @@ def run_resume(options: argparse.Namespace) -> int:
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
         return _train_and_judge(load_config(folder / "config.toml"), folder, options.display)
-    return _train_all(
-        [run for run in runs if not is_finished(run) or not (run / EVALUATION).is_file()], folder, options
-    )
-
-
-def train_and_judge(folder: Path, should_stop: "Callable[[], bool]") -> bool:
-    """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
-    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
-    from apollonius.learn.config import DISTILLATION
-    from apollonius.learn.folder import load_config
-    from apollonius.learn.run import train
-
-    config = load_config(folder / "config.toml")
-    finished = train(folder, should_stop)
-    if finished and config.stages != DISTILLATION:
-        evaluate_run(folder, config.game, JUDGED_GAMES, lambda match, result: None)
-    return finished
-
-
-def _train_all(runs: "Sequence[Path]", folder: Path, options: argparse.Namespace) -> int:
-    """Train and judge runs at or below a folder as jobs, and list how they ended."""
-    from apollonius.cli.terminal import runs_table
-    from apollonius.learn.progress import progress_of, runs_below
-
-    display, on = options.display, options.on or "processes"
-    ended: list[str] = []
-
-    def tell(line: str) -> None:
-        ended.append(line)
-        display.tell(line)
-        display.report(len(ended), len(runs))
-
-    go_on(f"go on with: {command('resume', folder, '--on', on)}")
-    display.begin(f"training {len(runs)} runs, on {on}")
-    jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
-    try:
-        finished = run_jobs(jobs, tell, on, folder / "slurm")
-    finally:
-        display.end()
-        print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
-    if not finished:
-        raise KeyboardInterrupt
-    finish(folder, then=command("runs", folder))
-    return 0
+    return train_all([run for run in runs if not is_finished(run) or not (run / EVALUATION).is_file()], folder, options)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -203,7 +162,7 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> int:
+def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", tracker: str | None = None) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.cli.terminal import training_notes
@@ -213,6 +172,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
         display.note({"stage": line.stage} | training_notes(line))
+        track(line)
 
     run = Run(config, folder, report)
     distils = config.stages == "distillation"
@@ -221,7 +181,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display") -> i
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     display.begin("training", compiles=True)
-    with asked_to_stop() as run.should_stop:
+    with tracked(tracker, config, folder, display) as track, asked_to_stop() as run.should_stop:
         finished = run.execute()
     if not finished:
         raise KeyboardInterrupt

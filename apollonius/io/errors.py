@@ -83,6 +83,7 @@ EXTRAS = {
     "video": {"imageio_ffmpeg": "imageio-ffmpeg"},
     "slurm": {"submitit": "submitit"},
     "ray": {"ray": "ray"},
+    "track": {"tensorboardX": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"},
     "export": {"jax2onnx": "jax2onnx", "onnxruntime": "onnxruntime"},
     "sim": {"mujoco": "mujoco"},
     "bag": {"rosbags": "rosbags"},

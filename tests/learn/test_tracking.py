@@ -1,0 +1,117 @@
+"""Trackers have the records of metrics.jsonl: TensorBoard's files are read back, others write down what they are sent."""
+
+import sys
+from types import ModuleType
+
+import pytest
+
+from apollonius.cli.main import main
+from apollonius.learn.folder import create_run
+from apollonius.learn.metrics import load_metrics
+from apollonius.learn.run import Run
+from tests.learn.tiny import RUN
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A finished run of both stages."""
+    folder = tmp_path_factory.mktemp("run") / "tiny"
+    create_run(RUN, folder)
+    assert Run(RUN, folder).execute()
+    return folder
+
+
+def check(found, run):
+    """The numbers that a tracker has are those of the metrics, at the env steps of both stages."""
+    lines = load_metrics(run / "metrics.jsonl")
+    first, last = lines[0], lines[-1]
+    before = max(line.env_steps for line in lines if line.stage == first.stage)
+    assert found[f"{first.stage}/pursuer_return", first.env_steps] == pytest.approx(first.pursuer_return)
+    step = before + last.env_steps
+    assert found["self-play/loss/evader", step] == pytest.approx(last.losses["evader"])
+    assert found["self-play/updates", step] == last.updates
+    greedy = last.evaluation.outcomes["captured"] / sum(last.evaluation.outcomes.values())
+    assert found["self-play/greedy/captured", step] == pytest.approx(greedy, rel=1e-6)
+    returns = [key for key in found if key[0].endswith("pursuer_return")]
+    assert len(returns) == len(lines)
+
+
+def test_tensorboards_files_have_every_record(run, capsys):
+    pytest.importorskip("tensorboardX")
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    assert main(["track", str(run), "--to", "tensorboard"]) == 0
+    events = accumulator.EventAccumulator(str(run / "tensorboard"), size_guidance={"scalars": 0})
+    events.Reload()
+    found = {(tag, event.step): event.value for tag in events.Tags()["scalars"] for event in events.Scalars(tag)}
+    check(found, run)
+    assert main(["track", str(run), "--to", "tensorboard"]) == 2
+    assert "remove" in capsys.readouterr().err
+
+
+class Recorder:
+    """Stands for a library: it keeps what it is told."""
+
+    def __init__(self):
+        self.found, self.opened, self.closed = {}, [], False
+
+    def log(self, values, step):
+        self.found |= {(name, step): value for name, value in values.items()}
+
+    log_metrics = log
+
+    def finish(self):
+        self.closed = True
+
+    end_run = finish
+
+    def init(self, **options):
+        self.opened.append(options)
+        return self
+
+    start_run = init
+
+    def set_experiment(self, name):
+        assert name == "apollonius"
+
+    def log_dict(self, config, file):
+        self.opened.append({"config": config})
+
+
+def stand_in(name, monkeypatch):
+    """A module of this name that records."""
+    module, recorder = ModuleType(name), Recorder()
+    for attribute in ("init", "finish", "set_experiment", "start_run", "end_run", "log_dict", "log_metrics"):
+        setattr(module, attribute, getattr(recorder, attribute))
+    monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr("apollonius.cli.track.find_spec", lambda module: module)
+    return recorder
+
+
+@pytest.mark.parametrize("name", ["wandb", "mlflow", "trackio"])
+def test_other_trackers_are_sent_every_record_and_closed(run, monkeypatch, name):
+    recorder = stand_in(name, monkeypatch)
+    assert main(["track", str(run), "--to", name]) == 0
+    check(recorder.found, run)
+    assert recorder.closed
+    names = [options.get("name") or options.get("run_name") for options in recorder.opened]
+    assert run.name in names
+    assert any(options.get("config", {}).get("seed") == RUN.seed for options in recorder.opened)
+
+
+def test_a_tracker_that_refuses_is_told_in_a_line(run, monkeypatch, capsys):
+    def refuse(**options):
+        raise RuntimeError("no key")
+
+    stand_in("wandb", monkeypatch)
+    monkeypatch.setattr(sys.modules["wandb"], "init", refuse)
+    assert main(["track", str(run), "--to", "wandb"]) == 2
+    assert capsys.readouterr().err == "apollonius track: wandb refuses the run (no key): see its own settings.\n"
+
+
+@pytest.mark.parametrize("words", [["train", "--track"], ["track", "RUN", "--to"]])
+def test_a_missing_library_is_refused_with_its_command(run, monkeypatch, capsys, words):
+    monkeypatch.setattr("apollonius.cli.track.find_spec", lambda module: None)
+    with pytest.raises(SystemExit) as ended:
+        main([*(str(run) if word == "RUN" else word for word in words), "tensorboard"])
+    assert ended.value.code == 2
+    assert "pip install tensorboardX" in capsys.readouterr().err
