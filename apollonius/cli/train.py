@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
 from apollonius.cli.runs import train_all
 from apollonius.cli.solve import solved_game
+from apollonius.cli.track import add_tracker, tracked
 from apollonius.cli.values import (
     agent_of,
     count,

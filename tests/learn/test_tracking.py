@@ -1,4 +1,4 @@
-"""Trackers have the records of metrics.jsonl: TensorBoard's files are read back, others write down what they are sent."""
+"""Trackers have the records of metrics.jsonl: TensorBoard files are read back, stand-ins keep what they are sent."""
 
 import sys
 from types import ModuleType
