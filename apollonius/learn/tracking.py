@@ -74,7 +74,7 @@ class Tracker:
 
     def __init__(self, to: str, folder: Path, config: RunConfig) -> None:
         written = to == "tensorboard" and any(folder.glob("tensorboard/events.*"))
-        require(not written, "--to", to, f"another tracker, or remove '{folder / 'tensorboard'}', which is there")
+        require(not written, "tracker", to, f"another tracker, or remove '{folder / 'tensorboard'}', which is there")
         self._before, self._stage, self._steps = 0, "", 0
         try:
             self._log, self.close = TRACKERS[to](folder, folder.resolve().name, to_dict(config))
