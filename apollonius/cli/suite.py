@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from apollonius.cli.options import AGENT, add_json, answer, command, finish
-from apollonius.cli.values import existing_file, known_agent, named, new_file
+from apollonius.cli.values import existing_file, known_entrant, new_file
 from apollonius.evaluate.names import ENTRANTS, PANELS
 from apollonius.io.errors import require
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def add_suite(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     judged = actions.add_parser("judge", help="play all games of the benchmark and write a card")
-    judged.add_argument("agent", type=_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
+    judged.add_argument("agent", type=known_entrant, metavar="AGENT", help=f"{AGENT}; or a .py or .onnx file")
     judged.add_argument("--side", choices=("pursuer", "evader"), help="of an agent from outside, or that plays either")
     judged.add_argument("--track", choices=PANELS, default="full", help="the benchmark's part (default: %(default)s)")
     judged.add_argument(
@@ -25,7 +25,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged.set_defaults(run=run_judge)
     checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")
     checked.add_argument("card", type=existing_file, metavar="CARD")
-    checked.add_argument("--agent", type=_entrant, metavar="FILE", help="of an agent that is not where the card says")
+    checked.add_argument("--agent", type=known_entrant, metavar="FILE", help="of an agent that lies elsewhere")
     checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")
     checked.set_defaults(run=run_verify)
     for action in (judged, checked):
@@ -74,10 +74,6 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
     )
     facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
     answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))
-
-
-def _entrant(text: str) -> str:
-    return str(existing_file(text)) if named(text).endswith(ENTRANTS) else known_agent(text)
 
 
 def _path(python: Path | None) -> str | None:

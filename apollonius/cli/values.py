@@ -17,6 +17,7 @@ from typing import Any
 
 from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
+from apollonius.evaluate.names import ENTRANTS
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, missing, nearest, require, shown, unknown_name
 from apollonius.io.limits import GAME_FILES, SEED, TRAININGS, Counted
@@ -77,8 +78,7 @@ def seeds(text: str) -> tuple[int, ...]:
     found: dict[int, None] = {}
     for part in text.split(","):
         first, dash, last = part.partition("-")
-        low = _count(SEED, first)
-        high = _count(SEED, last) if dash else low
+        low, high = _count(SEED, first), _count(SEED, last if dash else first)
         if not low <= high < low + TRAININGS.most:
             raise unfit(text, f"seeds as 0-9 or 0,3,7, at most {TRAININGS.most:,}")
         found |= dict.fromkeys(range(low, high + 1))
@@ -129,6 +129,11 @@ def named(text: str) -> str:
 def known_agent(text: str) -> str:
     """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     return _known_agent(None, text)
+
+
+def known_entrant(text: str) -> str:
+    """Return a player's name or file, or the file of an agent from outside."""
+    return str(existing_file(text)) if named(text).endswith(ENTRANTS) else known_agent(text)
 
 
 def agent_of(side: str) -> Callable[[str], str]:

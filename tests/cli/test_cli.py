@@ -440,7 +440,7 @@ def test_bad_input_never_costs_an_old_run(capsys, words, naming):
 
 def test_train_makes_a_run_and_judges_it_and_force_replaces_it(tiny, capsys, monkeypatch):
     """Only a run's own files are replaced."""
-    monkeypatch.setattr("apollonius.cli.train._JUDGED_GAMES", 200)
+    monkeypatch.setattr("apollonius.evaluate.pairings.JUDGED_GAMES", 200)
     arguments = ["train", "--config", tiny, "--stage", "fixed-target", "--seed", "7", "--out", "run"]
     assert run_main(*arguments) == 0
     printed = capsys.readouterr()
@@ -518,16 +518,16 @@ def test_a_drive_of_ones_own_turns_as_slowly_as_its_file_says_and_a_bad_one_is_r
 
 
 def test_a_full_disk_ends_the_training_in_one_line(tiny, capsys, monkeypatch):
-    """The config still finds room; the checkpoint at the end of the stage does not."""
+    """The config and the state still find room; the checkpoint at the end of the stage does not."""
     fsync, written = os.fsync, []
 
-    def fail_after_the_config(number):
+    def fail_after_the_state(number):
         written.append(number)
-        if len(written) > 1:
+        if len(written) > 2:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         fsync(number)
 
-    monkeypatch.setattr(os, "fsync", fail_after_the_config)
+    monkeypatch.setattr(os, "fsync", fail_after_the_state)
     assert run_main("train", "--config", tiny, "--stage", "fixed-target", "--out", "run") == 2
     printed = capsys.readouterr()
     assert printed.out == ""

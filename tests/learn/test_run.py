@@ -76,6 +76,7 @@ def test_a_run_leaves_its_config_metrics_checkpoint_and_agents(uninterrupted):
         "checkpoint.safetensors",
         "config.toml",
         "metrics.jsonl",
+        "state.json",
     ]
     assert sorted(agents(uninterrupted)) == [*CURRICULUM, "P_stage1"]
     assert load_config(uninterrupted / "config.toml") == RUN
