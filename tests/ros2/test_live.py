@@ -89,6 +89,7 @@ def nodes(world, folder):
     world.run(10.0, is_over=lambda: all(one.poll() is not None for one in made))
     for one in made:
         one.kill()
+        one.wait()
 
 
 def braked(velocities):
