@@ -1,4 +1,4 @@
-"""The card of an agent: what it came to in the benchmark, and all that it takes to play its games again.
+"""The card of an agent: its score in the benchmark, and everything needed to play its games again.
 
 The outcomes of all games are in it, and a digest of every action and reward in them, so that a round that is played
 again comes out bit for bit or is refused.
@@ -24,7 +24,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class SuiteCard:
-    """An agent, what it came to, and all that it takes to play it again."""
+    """An agent, its score, and everything needed to play its games again."""
 
     agent: str
     sha256: str

@@ -19,7 +19,7 @@ from apollonius.io.errors import InvalidInput, require, require_extra
 
 @dataclass(frozen=True)
 class Bag:
-    """What a bag of the ROS 2 node holds.
+    """A bag that the ROS 2 node recorded.
 
     Attributes:
         player, side: of the export.
@@ -62,7 +62,7 @@ class Again:
 
 
 def load_bag(folder: Path) -> Bag:
-    """Return what a bag holds.
+    """Read a bag.
 
     Raises:
         InvalidInput: where `rosbags` is not installed, and for a folder that is no bag of the node.

@@ -1,4 +1,4 @@
-"""Where independent jobs run: in processes of this machine, as a Slurm array, or on a Ray cluster.
+"""Workers for independent jobs: processes on this machine, a Slurm array, or a Ray cluster.
 
 All machines must see the same folders: a job whose worker is lost is resumed on another one from its files.
 """
@@ -145,4 +145,4 @@ def _run_on_ray(job: Job) -> str:
 
 
 WORKERS: dict[str, Workers] = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}
-"""Where jobs can run."""
+"""All kinds of workers, by name."""

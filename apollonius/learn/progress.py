@@ -1,4 +1,4 @@
-"""How far a training run is: who trains it and how that ended, the share that is done, and its last evaluation."""
+"""The progress of a training run: its last process, the share of the training that is done, its last evaluation."""
 
 import os
 import platform
@@ -24,14 +24,14 @@ class State:
     """The last process that trained a run."""
 
     state: Literal["waiting", "running", "stopped", "finished", "failed"] = "waiting"
-    """What it does; one that is stopped, or was killed, can be resumed."""
+    """State of the process; a run that was stopped or killed can be resumed."""
     machine: str = ""
     process: int = 0
-    """Its number there."""
+    """Its process ID on that machine."""
     job: str = ""
-    """Its number in Slurm."""
+    """Its Slurm job ID."""
     error: str = ""
-    """Why it failed."""
+    """Reason of a failure."""
 
 
 @contextmanager
@@ -80,7 +80,7 @@ def _was_killed(state: State) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is.
+    """The progress of a run.
 
     Attributes:
         folder: of the run.
@@ -110,7 +110,7 @@ def is_finished(run: Path) -> bool:
 
 
 def progress_of(run: Path) -> Progress:
-    """Return how far a run is; one whose files cannot be read has failed."""
+    """Return the progress of a run; one whose files cannot be read has failed."""
     try:
         state = State()
         if (run / STATE).is_file():

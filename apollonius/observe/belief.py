@@ -39,7 +39,7 @@ _NOBODY = -1.0
 
 
 class Belief(eqx.Module):
-    """Where hidden opponents can be, and when each cell was last seen.
+    """The cells where hidden opponents can be, and the time since each cell was last seen.
 
     Attributes:
         credit: for each cell the distance [m] that an opponent can have moved since it came in, `_most` at most;
