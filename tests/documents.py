@@ -16,6 +16,8 @@ PAGES = tuple(sorted((REPOSITORY / "website" / "pages").glob("*.md")))
 DOCUMENTS = (
     REPOSITORY / "README.md",
     REPOSITORY / "CONTRIBUTING.md",
+    REPOSITORY / "CHANGELOG.md",
+    REPOSITORY / "SECURITY.md",
     *sorted((REPOSITORY / "docs").rglob("*.md")),
     *PAGES,
 )

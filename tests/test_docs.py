@@ -5,7 +5,10 @@ import importlib
 import json
 import re
 import runpy
+import shlex
+import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import jax
@@ -26,8 +29,9 @@ from apollonius.game.presets import TEAM
 from apollonius.io.limits import GAME_FILES
 from apollonius.learn.config import RunConfig
 from apollonius.learn.folder import load_config
-from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, asides, name_of
+from tests.documents import ALL, DOCUMENTS, LANGUAGES, PAGES, REPOSITORY, Block, asides, name_of
 from tests.learn.tiny import RUN
+from website.sources import notebook
 
 DOCS = REPOSITORY / "docs"
 PLACEHOLDERS = {"N": "1", "S": "1", "SIDE": "pursuer", "HOST:PORT": "localhost:1"}
@@ -216,6 +220,17 @@ def with_less(words, options):
     return rest
 
 
+def shortened(block, monkeypatch):
+    """Yield the arguments of each command of a block with less work, and its options as they stand there."""
+    for words in block.commands() if block.language == "sh" else ():
+        with monkeypatch.context() as patch:
+            stop_after_parsing(patch)
+            options = asked(words, patch) or {}
+        arguments = with_less(words, options)
+        if arguments is not None:
+            yield arguments, options
+
+
 WALKED = (
     "README.md",
     "website/pages/index.md",
@@ -262,15 +277,36 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
                 Path(named[1]).write_text(f"max_steps = 30\n{block.code}")
             if block.language == "python":
                 exec(block.code, names)
-            for words in block.commands() if block.language == "sh" else ():
-                with monkeypatch.context() as patch:
-                    stop_after_parsing(patch)
-                    options = asked(words, patch) or {}
-                arguments = with_less(words, options)
-                if arguments is not None:
-                    assert main(arguments) == 0, words
-                    for option in ("out", "plot", "site"):
-                        assert not options.get(option) or Path(options[option]).exists(), words
+            for arguments, options in shortened(block, monkeypatch):
+                assert main(arguments) == 0, arguments
+                for option in ("out", "plot", "site"):
+                    assert not options.get(option) or Path(options[option]).exists(), arguments
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["play", "train", "floor_plan", "own_learner"])
+def test_a_tutorial_runs_as_a_notebook(name, tmp_path, monkeypatch):
+    """In a kernel of Jupyter, with less of everything, as above."""
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    page = DOCS / "tutorials" / f"{name}.md"
+    book = nbformat.reads(notebook(page.read_text()), as_version=4)
+    nbformat.validate(book)
+    Path(tmp_path, "tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
+    for cell in (cell for cell in book.cells if cell.cell_type == "code"):
+        first, _, below = cell.source.partition("\n")
+        if first.startswith("%%sh"):
+            commands = shortened(Block(page, 0, "sh", below), monkeypatch)
+            lines = [shlex.join([sys.executable, "-m", "apollonius", *arguments]) for arguments, _ in commands]
+            cell.source = "\n".join([first, *lines])
+        elif first.startswith("%%writefile"):
+            cell.source = f"{first}\nmax_steps = 30\n{below}"
+        elif "stable_baselines3" in cell.source and not find_spec("stable_baselines3"):
+            cell.source = ""
+        cell.source = cell.source.replace("512, 32, 600", "64, 32, 40").replace("learn(200_000)", "learn(6_000)")
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    nbclient.NotebookClient(book, timeout=500, resources={"metadata": {"path": tmp_path}}).execute()
+    assert all(cell.execution_count for cell in book.cells if cell.cell_type == "code" and cell.source)
 
 
 def run(name):

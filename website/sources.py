@@ -91,16 +91,18 @@ def write_sources(folder: Path) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         if name.startswith("tutorials/") and path.stem != "index":
             (folder / name).with_suffix(".ipynb").write_text(notebook(text))
-            text += f"\n{{download}}`Download this page as a notebook <{path.stem}.ipynb>`.\n"
+            title, _, below = text.partition("\n")
+            text = f"{title}\n\n{{download}}`Download as a notebook <{path.stem}.ipynb>`\n{below}"
         (folder / name).write_text(f"{at_home(text, path)}\n{_contents(name)}")
 
 
 def notebook(text: str) -> str:
     """Return a tutorial as a Jupyter notebook, in which Python, commands and named files are cells to run.
 
-    What waits for a person, `apollonius play`, stays text, and links become their words.
+    What waits for a person, `apollonius play`, stays text, and links become their words. A cell of commands stops where
+    one fails.
     """
-    magic = {"python": "", "sh": "%%sh\n", "toml": "%%writefile {}\n"}
+    magic = {"python": "", "sh": "%%sh -e\n", "toml": "%%writefile {}\n"}
     cells: list[dict[str, object]] = []
     for part in filter(str.strip, _BLOCK.split(text)):
         language, _, code = part.removeprefix("```").removesuffix("```\n").partition("\n")

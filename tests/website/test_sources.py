@@ -1,11 +1,12 @@
 """The documents as the site has them: each belongs to a part, and its links lead to pages."""
 
 import json
+import re
 
 import pytest
 
 from tests.documents import REPOSITORY, blocks
-from website.sources import GENERATED, PARTS, at_home, documents, notebook
+from website.sources import GENERATED, PARTS, at_home, documents, notebook, write_sources
 
 HOME = REPOSITORY / "README.md"
 DOCUMENT = REPOSITORY / "docs" / "how-to" / "jax.md"
@@ -39,11 +40,39 @@ def test_links_are_those_of_the_site(document, link, there):
 @pytest.mark.parametrize("name", ["play", "train", "floor_plan", "own_learner"])
 def test_what_a_tutorial_runs_is_a_cell_of_its_notebook(name):
     path = REPOSITORY / "docs" / "tutorials" / f"{name}.md"
-    cells = json.loads(notebook(path.read_text()))["cells"]
-    run = [cell["source"] for cell in cells if cell["cell_type"] == "code"]
-    shown = [block for block in blocks(path) if "apollonius play" not in block.code]
-    assert [code.partition("\n")[2] if code.startswith("%%") else code for code in run] == [
-        block.code.rstrip("\n") for block in shown
-    ]
-    text = "".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
+    book = json.loads(notebook(path.read_text()))
+    assert (book["nbformat"], book["nbformat_minor"]) == (4, 4), "of which cells have no ids"
+    assert book["metadata"]["kernelspec"]["name"] == "python3"
+    run = [cell for cell in book["cells"] if cell["cell_type"] == "code"]
+    assert all((cell["outputs"], cell["execution_count"], cell["metadata"]) == ([], None, {}) for cell in run)
+    expected = []
+    for block in blocks(path):
+        first = {"python": "", "sh": "%%sh -e\n", "toml": f"%%writefile {block.code.split()[1]}\n"}[block.language]
+        expected += [first + block.code.rstrip("\n")] * ("apollonius play" not in block.code)
+    assert [cell["source"] for cell in run] == expected
+    text = "\n\n".join(cell["source"] for cell in book["cells"] if cell["cell_type"] == "markdown")
+    assert text.startswith("# ")
     assert "](" not in text.replace("](https:", "")
+    left = path.read_text()
+    for code in re.findall(r"^```(?:python|sh|toml)\n.*?^```\n", left, re.MULTILINE | re.DOTALL):
+        left = left.replace(code, "") if "apollonius play" not in code else left
+    assert re.findall(r"\w+", text) == re.findall(r"\w+", re.sub(r"\]\((?!https:)[^)]*\)", "]", left))
+
+
+def test_a_toml_block_without_a_name_is_text():
+    cells = json.loads(
+        notebook("# Page\n\n```toml\nmax_steps = 3\n```\n\nSee [here](a.md), [there](https://b.org).\n")
+    )["cells"]
+    assert [cell["cell_type"] for cell in cells] == ["markdown"] * 3
+    assert "".join(cell["source"] for cell in cells).endswith("See here, [there](https://b.org).")
+
+
+def test_a_tutorial_offers_its_notebook_below_its_title(tmp_path):
+    write_sources(tmp_path / "sources")
+    tutorials = tmp_path / "sources" / "tutorials"
+    books = {path.stem for path in tutorials.glob("*.ipynb")}
+    assert books == {path.stem for path in tutorials.glob("*.md")} - {"index"}
+    for name in books:
+        title, _, offer, *_ = (tutorials / f"{name}.md").read_text().splitlines()
+        assert title.startswith("# ")
+        assert f"<{name}.ipynb>" in offer
