@@ -18,7 +18,7 @@ from apollonius.game.types import Role
 from apollonius.io.document import write_atomically
 from apollonius.io.errors import require, require_extra
 from apollonius.play.replay import Replay
-from apollonius.show.canvas import Canvas, draw_reach, draw_robot
+from apollonius.show.canvas import Canvas, draw_robot
 from apollonius.show.fog import fog, in_fog
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 
@@ -83,7 +83,7 @@ class Captioned:
         reach = f"capture within {float(self._replay.game.capture_distance):g} m"
         self._write(draw, right, first, reach, PURSUER, "rm")
         left = right - self._font.getlength(reach) - 6 - _SIGN
-        draw_reach(draw, (left + _SIGN / 2, float(first)), _SIGN / 2, 1)
+        draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
         if self._blind is not None:
             shade = f"shaded: where the {_side_name(self._replay.game, self._blind.other)} can be"
             self._write(draw, right, second, shade, (PURSUER, EVADER)[self._blind.other], "rm")
@@ -91,7 +91,7 @@ class Captioned:
         names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
         for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):
             draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
-            begins, side = MARGIN + _SIGN + 6, _side_name(self._replay.game, role)
+            begins, side = MARGIN + _SIGN + 10, _side_name(self._replay.game, role)
             self._write(draw, begins, row, self._fit(f"{side} {name}", end - begins - MARGIN), colour)
 
     def _write(

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from math import cos, hypot, pi, sin
+from math import cos, pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,10 +21,8 @@ SIZE = 480
 """Pixels of the picture's longer side."""
 _FINER = 2
 """Pixels are drawn this many times finer, then averaged."""
-_SMALLEST = 0.014
+_SMALLEST = 0.018
 """Least radius of a robot's sign, as a share of the arena's longer side."""
-_DASH = 0.02
-"""Length of the evader's dashes, and of the gaps between them, as a share of the arena's longer side."""
 _SHADE = 64
 """Share of the colour in a shade, of 255."""
 _CORNERS = 96
@@ -58,11 +56,10 @@ def _circle(disc: Disc) -> list[Point]:
 
 
 class Canvas:
-    """The arena of a game, on which its robots leave trails as they move.
+    """The arena of a game, on which its robots leave trails as they move, with the signs of the page (`draw.js`).
 
-    A pursuer is a full disc with a solid trail, and around it the reach of a capture is dotted; an evader is a ring
-    with a dashed trail, so that they differ without colours. Robots of a team have their numbers, and one that is
-    out of play is a cross.
+    A pursuer is an arrowhead in a ring, the reach of a capture; an evader is a disc with a nose, so that they differ
+    without colours. Rings are starts. Robots of a team have their numbers, and one that is out of play is a cross.
     """
 
     def __init__(self, game: Game) -> None:
@@ -87,7 +84,6 @@ class Canvas:
             draw.polygon([self._pixel(x, y) for x, y in corners], fill, outline, 2 * _FINER)
         self._here: list[Sequence[float]] = []
         self._active: Sequence[bool] = ()
-        self._driven = [0.0] * len(self._robots)
 
     def move(self, robots: Sequence[float], active: Sequence[bool]) -> None:
         """Move all robots; from the second time on each leaves a piece of trail.
@@ -97,13 +93,13 @@ class Canvas:
             active: for each robot, whether it is in play.
         """
         here = [robots[first : first + 4] for first in range(0, 4 * len(self._robots), 4)]
-        draw = ImageDraw.Draw(self._trails)
-        for index, (before, after) in enumerate(zip(self._here, here, strict=False)):
-            role = self._robots[index][0]
-            self._driven[index] += hypot(after[0] - before[0], after[1] - before[1])
-            if not role or self._driven[index] // (_DASH * self._length) % 2 == 0:
-                ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
-                draw.line(ends, fill=_COLOURS[role], width=2 * _FINER, joint="curve")
+        draw, begins = ImageDraw.Draw(self._trails), not self._here
+        for (role, _, radius), before, after in zip(self._robots, self._here or here, here, strict=True):
+            if begins:
+                start = self._pixel(after[0], after[1])
+                draw.circle(start, radius / 2 * self.scale * _FINER, outline=_COLOURS[role], width=_FINER)
+            ends = [self._pixel(before[0], before[1]), self._pixel(after[0], after[1])]
+            draw.line(ends, fill=_COLOURS[role], width=2 * _FINER, joint="curve")
         self._here, self._active = here, active
 
     def picture(self, fog: tuple[Bool[np.ndarray, "rows columns"], Role] | None = None) -> Image.Image:
@@ -120,17 +116,25 @@ class Canvas:
         return picture.reduce(_FINER)
 
     def _draw_robots(self, draw: ImageDraw.ImageDraw) -> None:
-        finer, robots = self.scale * _FINER, list(zip(self._active, self._robots, self._here, strict=False))
-        for active, (role, _, radius), (x, y, *_) in robots:
+        finer = self.scale * _FINER
+        for active, (role, mark, radius), (x, y, _, heading) in zip(
+            self._active, self._robots, self._here, strict=False
+        ):
+            centre = self._pixel(x, y)
             if not active:
-                _draw_cross(draw, self._pixel(x, y), radius * finer, _COLOURS[role])
-            elif role == Role.PURSUER:
-                draw_reach(draw, self._pixel(x, y), self._reach * finer, _FINER)
-        for active, (role, mark, radius), (x, y, _, heading) in robots:
-            if active:
-                nose = self._pixel(x + 2 * radius * cos(heading), y + 2 * radius * sin(heading))
-                draw.line([self._pixel(x, y), nose], fill=_COLOURS[role], width=3 * _FINER)
-                draw_robot(draw, self._pixel(x, y), radius * finer, role, mark)
+                _draw_cross(draw, centre, radius * finer, _COLOURS[role])
+                continue
+            if role == Role.PURSUER:
+                draw.circle(centre, self._reach * finer, outline=PURSUER, width=_FINER)
+            draw_robot(draw, centre, radius * finer, role, heading)
+            if mark:
+                self._draw_mark(draw, mark, centre, radius * finer, _COLOURS[role])
+
+    def _draw_mark(self, draw: ImageDraw.ImageDraw, mark: str, centre: Point, radius: float, colour: str) -> None:
+        """Draw a number beside a robot, on the side of the arena's middle."""
+        size, away = self._trails.size, 2.4 * radius
+        x, y = (at + (away if at < side / 2 else -away) for at, side in zip(centre, size, strict=True))
+        draw.text((x, y), mark, fill=colour, font=ImageFont.load_default(round(2.2 * radius)), anchor="mm")
 
     def _shade(self, picture: Image.Image, cells: Bool[np.ndarray, "rows columns"], role: Role) -> None:
         side = round(self._length * self.scale) * _FINER
@@ -154,28 +158,28 @@ _COLOURS = (PURSUER, EVADER)
 """By role."""
 
 
-def draw_robot(draw: ImageDraw.ImageDraw, centre: Point, radius: float, role: Role, mark: str = "") -> None:
-    """Draw the sign of a pursuer, a full disc, or of an evader, a ring, and its mark inside; in pixels."""
+_ARROWHEAD = ((1.4, 0.0), (1.2, 2.4), (0.4, pi), (1.2, -2.4))
+"""Its corners: distance from the middle in radii, angle to the heading [rad]."""
+
+
+def draw_robot(draw: ImageDraw.ImageDraw, centre: Point, radius: float, role: Role, heading: float = 0.0) -> None:
+    """Draw the sign of a pursuer, an arrowhead, or of an evader, a disc with a nose; in pixels."""
+
+    def ahead(length: float, angle: float = 0.0) -> Point:
+        x, y = cos(heading + angle), sin(heading + angle)
+        return centre[0] + length * radius * x, centre[1] - length * radius * y
+
     if role == Role.PURSUER:
-        draw.circle(centre, radius, fill=PURSUER)
+        draw.polygon([ahead(*corner) for corner in _ARROWHEAD], fill=PURSUER)
     else:
-        draw.circle(centre, radius, fill=PAPER, outline=EVADER, width=round((0.3 if mark else 0.6) * radius))
-    if mark:
-        font = ImageFont.load_default(round(1.4 * radius))
-        draw.text(centre, mark, fill=EVADER if role else PAPER, font=font, anchor="mm")
-
-
-def draw_reach(draw: ImageDraw.ImageDraw, centre: Point, radius: float, width: int) -> None:
-    """Draw the reach of a capture, dotted; in pixels."""
-    box = (centre[0] - radius, centre[1] - radius, centre[0] + radius, centre[1] + radius)
-    for angle in range(0, 360, 30):
-        draw.arc(box, angle, angle + 15, fill=PURSUER, width=width)
+        draw.circle(centre, 0.8 * radius, fill=EVADER)
+        draw.line([centre, ahead(1.7)], fill=EVADER, width=round(0.4 * radius))
 
 
 def _draw_cross(draw: ImageDraw.ImageDraw, centre: Point, radius: float, colour: str) -> None:
-    (x, y), reach = centre, 0.8 * radius
+    x, y = centre
     for sign in (-1, 1):
-        ends = [(x - reach, y - sign * reach), (x + reach, y + sign * reach)]
+        ends = [(x - radius, y - sign * radius), (x + radius, y + sign * radius)]
         draw.line(ends, fill=colour, width=round(0.4 * radius))
 
 
