@@ -14,7 +14,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from apollonius.arenas.survey import clearances_at, connected, places
+from apollonius.arenas.map_file import connected
+from apollonius.arenas.survey import clearances_at, places
 from apollonius.game.game import Game
 from apollonius.io.errors import require
 

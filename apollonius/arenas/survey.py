@@ -6,9 +6,9 @@ from pathlib import Path
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
 
-from apollonius.arenas.map_file import unknown_read_as_free
+from apollonius.arenas.map_file import connected, unknown_read_as_free
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 
@@ -17,6 +17,8 @@ _CELLS = 500
 """Cells along the arena's longer side."""
 _LEAST_PART = 1e-4
 """Parts of the free space smaller than this share of the arena are specks of the grid."""
+_SPECK = 4
+"""Cells of the largest obstacle of a map that may be noise."""
 _LEAST_ROOM = 0.02
 """Least share of the arena on which a robot can start."""
 
@@ -87,15 +89,23 @@ def survey(game: Game) -> Survey:
 
 
 def map_notes(arena: Arena) -> list[str]:
-    """Return a note where the unknown cells of a map's file are read as free."""
-    path = Path(arena.map.file) if arena.map else None
-    share = unknown_read_as_free(path) if path and path.is_file() else 0.0
-    if not share:
+    """Return notes on a map's file: unknown cells that are read as free, and specks, which robots run round."""
+    if arena.map is None or not (path := Path(arena.map.file)).is_file():
         return []
-    return [
-        f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
-        f"'{path}' if no robot should go there."
-    ]
+    notes: list[str] = []
+    if share := unknown_read_as_free(path):
+        notes.append(
+            f"unknown cells of the map, grey 205, are read as free, on {share:.1%} of it: set free_thresh to 0.196 in "
+            f"'{path}' if no robot should go there."
+        )
+    parts, _ = connected(arena.map.occupied())
+    if specks := np.sum(np.bincount(parts.ravel())[1:] <= _SPECK):
+        area = (_SPECK + 0.5) * float(arena.map.cell) ** 2
+        notes.append(
+            f"specks on the map, of at most {_SPECK} cells: {specks}, and robots run round each; set least_obstacle to "
+            f"{area:.2g} m^2 in '{path}' if they are noise."
+        )
+    return notes
 
 
 def places(arena: Arena) -> tuple[Grid, Grid, float]:
@@ -116,16 +126,6 @@ def clearances_at(arena: Arena, x: Grid, y: Grid) -> Grid:
     """Return the clearances [m] of points."""
     every = jax.jit(jax.vmap(jax.vmap(arena.clearance)))
     return np.asarray(every(x.astype(np.float32), y.astype(np.float32)), float)
-
-
-def connected(
-    cells: Bool[np.ndarray, "rows columns"], corners: bool = True
-) -> tuple[Int[np.ndarray, "rows columns"], int]:
-    """Number the connected parts of a grid from 1, and count them; cells also touch at `corners` or not."""
-    numbered = np.zeros(cells.shape, np.int32)
-    structure = np.ones((3, 3)) if corners else None
-    count = int(label(cells, structure=structure, output=numbered))  # pyright: ignore[reportArgumentType]
-    return numbered, count
 
 
 def _parts(free: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "rows columns"]:
