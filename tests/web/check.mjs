@@ -125,7 +125,7 @@ const answers = {
   },
   read: (texts) => texts.map((text) => tried(() => file.readGame(text))),
   survey: (text) => survey(file.readGame(text)),
-  links: (fragments) => fragments.map((fragment) => tried(() => file.fromFragment(fragment))),
+  links: (fragments) => Promise.all(fragments.map((fragment) => file.fromGameLink(fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
   moves() {
     const made = plan.withWall(file.gameFrom({ arena: { x_max: 9, y_max: 7 } }), [1, 1], [6, 1]);
     const wall = { kind: "polygons", index: 0 };
@@ -139,4 +139,5 @@ const answers = {
     };
   },
 };
-console.log(JSON.stringify(Object.fromEntries(Object.entries(asked).map(([name, question]) => [name, answers[name](question)]))));
+const found = Object.entries(asked).map(async ([name, question]) => [name, await answers[name](question)]);
+console.log(JSON.stringify(Object.fromEntries(await Promise.all(found))));

@@ -138,10 +138,10 @@ def test_a_person_who_lasts_has_won(desk):
     assert desk.match("outcome") in ("ongoing", "captured"), "here a shield brakes before the wall"
     page.click("#again")
     desk.end_after(3)
-    assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! Your best so far."
+    assert page.inner_text("#message") == "You survived for 0.3\u00a0s. You win! New under Games: this level, endless."
     assert page.inner_text("#evader-score") == "1"
     page.click("#menu")
-    assert "won, 0.3 s" in page.inner_text("#levels li:first-child")
+    assert page.inner_text("#levels li:first-child").endswith("won\nEndless")
     phase = page.evaluate(
         """() => {
           document.getElementById("games").close();
@@ -152,6 +152,24 @@ def test_a_person_who_lasts_has_won(desk):
     assert phase == "loading", "keys are the game's at once when the list closes"
     playwright.expect(page.locator("#goal")).to_have_text(re.compile("^2. You are blue: survive 40"), timeout=30_000)
     assert page.url.endswith("?level=2")
+
+
+def test_an_endless_level_counts_how_long_a_person_lasts(desk):
+    page = desk.open("?level=1&endless=1")
+    assert page.inner_text("#goal") == "1. You are blue: survive as long as you can"
+    for steps, best in ((5, " Your best so far."), (3, ""), (6, " Your best so far.")):
+        desk.end_after(steps)
+        assert page.inner_text("#clock") == f"0.{steps}"
+        assert page.inner_text("#message") == f"You survived for 0.{steps}\u00a0s. You win!{best}"
+        page.click("#again")
+    said = page.evaluate(
+        """async () => {
+          const { describeEnd } = await import("./words.js");
+          return describeEnd({ ...apollonius.page.match, winner: "pursuer", outcome: "captured", seconds: 9 }, "evader", true);
+        }"""
+    )
+    assert said == "Red caught you after 9.0\u00a0s."
+    assert page.url.endswith("?level=1&endless=1")
 
 
 def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
@@ -206,7 +224,7 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     assert (tmp_path / "apollonius.webm").read_bytes().startswith(b"\x1aE\xdf\xa3"), "Matroska's first bytes"
     link = page.evaluate("navigator.clipboard.readText()").removeprefix(desk.address)
     page = desk.open(link)
-    assert page.inner_text("#goal") == "Red knows any arena; blue a person"
+    assert page.inner_text("#goal") == "Red: knows any arena. Blue: a person"
     desk.play(9)
     assert desk.match("replay().states") == ended
     for damaged in (link[:-20], link[:30] + "A" * 9, "#replay=", link + "A" * 20_000):

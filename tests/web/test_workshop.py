@@ -3,6 +3,7 @@
 import base64
 import itertools
 import json
+import zlib
 
 import numpy as np
 import pytest
@@ -172,7 +173,8 @@ def test_fingers_draw_on_a_phone(phone, tmp_path):
 
 
 def as_link(text):
-    return f"#game={base64.urlsafe_b64encode(text.encode()).decode().rstrip('=')}"
+    packed = zlib.compress(text.encode(), wbits=-zlib.MAX_WBITS)
+    return f"#game={base64.urlsafe_b64encode(packed).decode().rstrip('=')}"
 
 
 def test_a_hostile_link_runs_nothing_and_is_refused_in_a_line(desk):

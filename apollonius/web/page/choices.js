@@ -4,7 +4,7 @@
 import { MOST_ROBOTS } from "./calls.js";
 import { drawGround, scaled } from "./draw.js";
 import { EVADER, PURSUER, ROLES, countsOf, other, partsOf, teamName } from "./game.js";
-import { LEVELS, bestOf, levelOf } from "./levels.js";
+import { LEVELS, bestOf, endless, levelOf } from "./levels.js";
 import { DIFFICULTIES, ruleNames } from "./players.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
 
@@ -128,7 +128,7 @@ export class Choices {
     if ("level" in values && !level) missing.unshift("level");
     const name = missing.find((one) => one in values);
     const said = name ? `There is no ${name} "${values[name].slice(0, 60)}": Start plays another game, or choose under Games.` : null;
-    return [level ? asChoice(level) : this.read(), said];
+    return [level ? asChoice(values.endless && level.side === EVADER ? endless(level) : level) : this.read(), said];
   }
 }
 
@@ -140,7 +140,7 @@ export function asChoice(level) {
 
 /** Return a choice as the query of an address. */
 export function asQuery({ level, ...choice }) {
-  return `?${new URLSearchParams(level ? { level: level.number } : choice)}`;
+  return `?${new URLSearchParams(level ? { level: level.number, ...(level.isEndless && { endless: 1 }) } : choice)}`;
 }
 
 /** Buttons for all levels, with their arenas and what has been reached in each. */
@@ -151,14 +151,24 @@ export function levelButtons(games, colours, current, onChoice) {
     Object.assign(picture, { width: PICTURE, height: PICTURE, ariaHidden: "true" });
     drawGround(scaled(picture, arena), arena, colours);
     const best = bestOf(level);
-    const reached = best === null ? "" : `; ✓ won, ${best.toFixed(1)} s`;
+    const isFlight = level.side === EVADER;
+    const reached = best === null ? "" : `; ✓ won${isFlight ? "" : `, ${best.toFixed(1)} s`}`;
     button.textContent = `${level.number}. ${level.name}`;
-    about.textContent = `${level.side === EVADER ? "flee" : "hunt"}, ${level.difficulty}${reached}`;
+    about.textContent = `${isFlight ? "flee" : "hunt"}, ${level.difficulty}${reached}`;
     button.prepend(picture);
     button.append(about);
     if (level === current) button.setAttribute("aria-current", "true");
     button.addEventListener("click", () => onChoice(level));
     item.append(button);
+    if (isFlight && best !== null) item.append(endlessButton(endless(level), onChoice));
     return item;
   });
+}
+
+function endlessButton(level, onChoice) {
+  const best = bestOf(level);
+  const button = document.createElement("button");
+  button.textContent = `Endless${best === null ? "" : `: ${best.toFixed(1)} s so far`}`;
+  button.addEventListener("click", () => onChoice(level));
+  return button;
 }

@@ -6,7 +6,7 @@ import { given } from "./programs.js";
 import { drawStart, makeRandom } from "./starts.js";
 
 const MARK = "#game=";
-const LONGEST = 100_000; // characters of a link's game, decoded
+const LONGEST = 20_000; // characters of a link
 
 /** The game of a JSON text. Throws an Error in one line. */
 export function readGame(text) {
@@ -27,34 +27,40 @@ export function writeGame(game, indent = 2) {
   return JSON.stringify({ ...game, arena: map ? { ...arena, map: map.file } : arena }, null, indent);
 }
 
-/** Return the fragment of a link to a game: its JSON in base64url. Games on maps are too large for links. */
-export function asFragment(game) {
-  if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
-  const bytes = new TextEncoder().encode(writeGame(game, 0));
-  return MARK + asLetters(bytes);
-}
+/** Put bytes through a compressing or decompressing stream. */
+const through = (stream, bytes) => new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer();
 
-/** Return bytes in base64url. */
-export function asLetters(bytes) {
+/** Return a mark and the JSON after it as the fragment of a link: compressed, in base64url. Throws an Error where it is too long. */
+export async function asFragment(mark, json) {
+  const bytes = new Uint8Array(await through(new CompressionStream("deflate-raw"), json));
   const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
-  return letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  if (letters.length > LONGEST) throw new Error("this game is too long for a link: save it");
+  return mark + letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
-/** Return the bytes of base64url. Throws where it is damaged. */
-export const fromLetters = (letters) => Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
-
-/** The game of a link's fragment, or null where it has none. Throws an Error in one line. */
-export function fromFragment(fragment) {
-  if (!fragment.startsWith(MARK)) return null;
-  const letters = fragment.slice(MARK.length);
-  if (letters.length > (4 / 3) * LONGEST) throw new Error("it is too long");
-  let text;
+/** Return the JSON after a mark in a link's fragment, or null where there is no such mark. Throws an Error in one line. */
+export async function fromFragment(mark, fragment) {
+  if (!fragment.startsWith(mark)) return null;
+  const letters = fragment.slice(mark.length).replaceAll("-", "+").replaceAll("_", "/");
+  if (letters.length > LONGEST) throw new Error("it is too long");
   try {
-    text = new TextDecoder("utf-8", { fatal: true }).decode(fromLetters(letters));
+    const bytes = Uint8Array.from(atob(letters), (letter) => letter.charCodeAt(0));
+    return new TextDecoder("utf-8", { fatal: true }).decode(await through(new DecompressionStream("deflate-raw"), bytes));
   } catch {
     throw new Error("it is damaged; copy the whole link");
   }
-  return readGame(text);
+}
+
+/** Return the fragment of a link to a game. Games on maps are too large for links. */
+export async function asGameLink(game) {
+  if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
+  return asFragment(MARK, writeGame(game, 0));
+}
+
+/** The game of a link's fragment, or null where it has none. Throws an Error in one line. */
+export async function fromGameLink(fragment) {
+  const text = await fromFragment(MARK, fragment);
+  return text && readGame(text);
 }
 
 const MAX_TURN = 2; // in one step [rad]

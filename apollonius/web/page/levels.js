@@ -27,6 +27,8 @@ export const LEVELS = [
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
 
+const ENDLESS = 600; // [s]
+
 /** The level of a number in an address, or null. */
 export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 
@@ -34,6 +36,9 @@ export const levelOf = (number) => LEVELS[Number(number) - 1] ?? null;
 export function levelWonBy({ choice, match }, me) {
   return me && choice?.level && match?.isOver && match.winner === me ? (LEVELS[choice.level.number] ?? null) : null;
 }
+
+/** Return a level of an evader in which it plays for as long as it lasts, and not only up to a limit. */
+export const endless = (level) => ({ ...level, name: `${level.name}, endless`, seconds: ENDLESS, isEndless: true });
 
 /** Return a game with another time limit [s]. */
 export const lasting = (game, seconds) => ({ ...game, max_steps: Math.round(seconds / game.dt) });
@@ -55,15 +60,16 @@ function read() {
   }
 }
 
-/** Return the time [s] of the fastest win of a level, or null. */
+/** Return the time [s] of the fastest win of a level, of an endless one the longest game, or null. */
 export function bestOf({ name }) {
   const seconds = read()[name];
   return Number.isFinite(seconds) ? seconds : null;
 }
 
-/** Keep the time of a win if it is the fastest of a level; returns whether it is. */
-export function keepWin(level, seconds) {
-  if (seconds >= (bestOf(level) ?? Infinity)) return false;
+/** Keep the time of a game if it is the best of a level; returns whether it is. */
+export function keepBest(level, seconds) {
+  const best = bestOf(level);
+  if (best !== null && (level.isEndless ? seconds <= best : seconds >= best)) return false;
   try {
     localStorage.setItem(KEY, JSON.stringify({ ...read(), [level.name]: seconds }));
   } catch {

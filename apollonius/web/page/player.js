@@ -33,7 +33,9 @@ function showPhase(message) {
   element("learning").hidden = share < 0;
   if (!match) return;
   if (share >= 0) showShare(share);
-  element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me);
+  const { arena } = match.game;
+  document.body.style.setProperty("--aspect", (arena.x_max - arena.x_min) / (arena.y_max - arena.y_min));
+  element("goal").textContent = (choice.level ? `${choice.level.number}. ` : "") + describeGoal(match, me, choice.level?.isEndless);
   for (const role of [PURSUER, EVADER]) {
     element(`${role}-name`).textContent = wordsOf(match.players[role]);
     element(`${role}-score`).textContent = match.score[role];
@@ -56,6 +58,7 @@ const actions = {
     page.pause();
     element("levels").replaceChildren(...levelButtons(page.catalogue.games, stage.colours, page.choice?.level ?? null, (level) => choose(asChoice(level))));
     document.activeElement?.blur(); // so that Space and arrows are the game's again when the menu closes
+    element("games").append(element("how"));
     element("games").showModal();
   },
   play() {
@@ -167,7 +170,10 @@ function wire() {
   globalThis.addEventListener("blur", () => steering.release());
   globalThis.addEventListener("hashchange", () => location.reload());
   document.addEventListener("visibilitychange", () => document.hidden && page.pause());
-  element("games").addEventListener("close", () => document.activeElement?.blur());
+  element("games").addEventListener("close", () => {
+    document.body.append(element("how")); // beside the arena, where there is space for it
+    document.activeElement?.blur();
+  });
   element("choices").addEventListener("submit", (event) => {
     event.preventDefault();
     actions.play();
@@ -203,7 +209,7 @@ async function main() {
   wire();
   leadOut();
   requestAnimationFrame(frame);
-  let [linked, unplayable] = workshop.offerLinked(location.hash);
+  let [linked, unplayable] = await workshop.offerLinked(location.hash);
   const [choice, unknown] = choices.fromAddress(location.search, linked);
   try {
     const watched = await fromReplayLink(location.hash);

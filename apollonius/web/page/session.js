@@ -2,9 +2,9 @@
 
 import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
-import { ACTIONS, ROLES, countsOf, isActive, other } from "./game.js";
+import { ACTIONS, EVADER, ROLES, countsOf, isActive, other } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
-import { keepWin, lasting, levelWonBy } from "./levels.js";
+import { keepBest, lasting, levelWonBy } from "./levels.js";
 import { Match } from "./match.js";
 import { findTeam, shielded } from "./players.js";
 import { YOU, bare, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
@@ -160,7 +160,7 @@ export class Session {
   #finish() {
     const { match, me, choice } = this;
     const who = me && { role: me, number: 0 };
-    this.isBest = choice.level && match.winner === me && keepWin(choice.level, match.seconds);
+    this.isBest = choice.level && (choice.level.isEndless || match.winner === me) && keepBest(choice.level, match.seconds);
     this.ending = new SlowReplay(match);
     this.ending.play(Infinity, performance.now() / 1000);
     const hasLost = me && match.winner !== me;
@@ -171,10 +171,11 @@ export class Session {
 
   /** Say how the game ended, and show it again from where it was lost, if that is known and no other moment is held. */
   #tell(lostAt, loss) {
-    const { match, me, isBest } = this;
+    const { match, me, isBest, choice } = this;
     this.lostAt = lostAt;
     if (lostAt !== null && !this.seen && !this.ending.isFilmed) this.ending.play(lostAt, performance.now() / 1000);
-    this.enter("over", [describeEnd(match, me), loss, isBest && "Your best so far."].filter(Boolean).join(" "));
+    const best = isBest && (me === EVADER && !choice.level.isEndless ? "New under Games: this level, endless." : "Your best so far.");
+    this.enter("over", [describeEnd(match, me, choice.level?.isEndless), loss, best].filter(Boolean).join(" "));
   }
 
   /** Begin to look for the moment when a game was lost; where nobody can take the person's place, nothing is said. */

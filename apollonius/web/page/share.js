@@ -1,37 +1,27 @@
 // What a person can show to others of a game that is over: a picture with its trails, and a link that plays it again.
 
 import { HOLD, PURSUER, ROLES, isContinuous } from "./game.js";
-import { asLetters, fromLetters, gameFrom } from "./gamefile.js";
+import { asFragment, fromFragment, gameFrom } from "./gamefile.js";
 import { Match, asRow } from "./match.js";
 import { YOU, inWords } from "./words.js";
 
 const MARK = "#replay=";
-const LONGEST = 20_000; // characters of a link
 const CARD = { width: 1200, height: 630, margin: 40 }; // [pixels], as pages that show links cut pictures
 const FILM = { side: 480, rate: 15 }; // the longer side [pixels], frames in a second
 const NUMBERS = 4; // of a robot in a row of a replay
-
-/** Put bytes through a compressing or decompressing stream. */
-const through = (stream, bytes) => new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer();
 
 /** Return the fragment of a link to a finished game: its rules, its start, and what all robots did. */
 export async function asReplayLink(match) {
   const { game, pursuer, evader, actions, outcome } = match.replay();
   if (game.arena.map) throw new Error("a game on a map is too large for a link: save the replay");
-  const said = JSON.stringify({ game, pursuer, evader, actions, outcome, start: asRow(match.start) });
-  const bytes = new Uint8Array(await through(new CompressionStream("deflate-raw"), said));
-  const letters = asLetters(bytes);
-  if (letters.length > LONGEST) throw new Error("this game is too long for a link: save the replay");
-  return MARK + letters;
+  return asFragment(MARK, JSON.stringify({ game, pursuer, evader, actions, outcome, start: asRow(match.start) }));
 }
 
 /** Return the match that a link's fragment plays again, or null where it has none. Throws an Error in one line. */
 export async function fromReplayLink(fragment) {
-  if (!fragment.startsWith(MARK)) return null;
   try {
-    if (fragment.length > LONGEST + MARK.length) throw new Error("too long");
-    const bytes = fromLetters(fragment.slice(MARK.length));
-    return again(JSON.parse(new TextDecoder().decode(await through(new DecompressionStream("deflate-raw"), bytes))));
+    const text = await fromFragment(MARK, fragment);
+    return text === null ? null : again(JSON.parse(text));
   } catch {
     throw new Error("The link's game cannot be played again; copy the whole link");
   }

@@ -22,7 +22,7 @@ export class Stage {
   /** Draw a session as it is at a time [s]. Robots are drawn one step late, between the last two states, to move smoothly. */
   show(session, now) {
     const { element, colours } = this;
-    const { phase, time, ending, people } = session;
+    const { phase, time, ending, people, choice } = session;
     const match = session.seen ?? session.match;
     const replayed = ending && !session.seen ? ending.at(now) : match.states.length - 1;
     const isReplaying = replayed < match.states.length - 1;
@@ -40,7 +40,7 @@ export class Stage {
       layers,
     });
     if (ending) this.#showEnding(session, now);
-    element("clock").textContent = Math.max(0, match.secondsLeft).toFixed(1);
+    element("clock").textContent = (choice.level?.isEndless ? match.seconds : Math.max(0, match.secondsLeft)).toFixed(1);
     if (phase === "playing") for (const role of people) this.#press(role, people.length === 2);
   }
 

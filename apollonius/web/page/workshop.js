@@ -2,7 +2,7 @@
 
 import { Editor, TOOLS } from "./editor.js";
 import { saveAs } from "./files.js";
-import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
+import { DEFAULT, asGameLink, fromGameLink, gameFrom, readGame, writeGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
 import { survey } from "./survey.js";
 
@@ -71,9 +71,9 @@ export class Workshop {
   }
 
   /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
-  offerLinked(fragment) {
+  async offerLinked(fragment) {
     try {
-      const game = fromFragment(fragment);
+      const game = await fromGameLink(fragment);
       if (game) this.#offer(game);
       return [game && DRAWN, null];
     } catch (error) {
@@ -194,7 +194,7 @@ export class Workshop {
   }
 
   async #share() {
-    const link = new URL(asFragment(this.game), location.href.split("#")[0].split("?")[0]).href;
+    const link = new URL(await asGameLink(this.game), location.href.split("#")[0].split("?")[0]).href;
     history.replaceState(null, "", new URL(link).hash);
     await navigator.clipboard?.writeText(link).catch(() => null);
     this.#say("The link to this arena is copied, and in the address bar.");
