@@ -165,7 +165,8 @@ def test_an_endless_level_counts_how_long_a_person_lasts(desk):
     said = page.evaluate(
         """async () => {
           const { describeEnd } = await import("./words.js");
-          return describeEnd({ ...apollonius.page.match, winner: "pursuer", outcome: "captured", seconds: 9 }, "evader", true);
+          const lost = { winner: "pursuer", outcome: "captured", seconds: 9 };
+          return describeEnd({ ...apollonius.page.match, ...lost }, "evader", true);
         }"""
     )
     assert said == "Red caught you after 9.0\u00a0s."
