@@ -15,7 +15,7 @@ from apollonius.show.style import draw_rate
 
 def draw_tournament(tournament: Tournament, path: Path) -> None:
     """Save two panels: the pursuers' win rates, and Elo ratings with 95 % intervals."""
-    height = max(3.4, 1.6 + 0.24 * (len(tournament.pursuers) + len(tournament.evaders)))
+    height = max(3.6, 1.6 + 0.24 * (len(tournament.pursuers) + len(tournament.evaders)))
     with style.picture(path, columns=2, width=4.8, height=height) as (table, elo):
         _draw_win_rates(table, tournament)
         _draw_ratings(elo, tournament)
