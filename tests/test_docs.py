@@ -279,17 +279,18 @@ def test_a_reader_who_follows_a_document_gets_to_its_end(name, tmp_path, monkeyp
     Path("tiny.toml").write_text(tomli_w.dumps(to_dict(RUN)))
     names = {}
     for block in (block for block in ALL if name_of(block.document) == name):
+        solves = re.search(r"solve_|solve game|regret", block.code)  # which takes longer to run than to compile well
+        jax.config.update("jax_disable_most_optimizations", not solves)
         with jax.numpy_dtype_promotion("standard"):  # which optax needs
             if named := re.match(r"# (\S+\.toml)\n", block.code):
                 Path(named[1]).write_text(f"max_steps = 30\n{block.code}")
             if block.language == "python":
                 exec(block.code, names)
             for arguments, options in shortened(block, monkeypatch):
-                solves = arguments[0] in ("solve", "regret")  # which take longer to run than to compile well
-                jax.config.update("jax_disable_most_optimizations", not solves)
                 assert main(arguments) == 0, arguments
                 for option in ("out", "plot", "site"):
                     assert not options.get(option) or Path(options[option]).exists(), arguments
+    jax.config.update("jax_disable_most_optimizations", True)
 
 
 @pytest.mark.slow
