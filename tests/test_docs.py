@@ -199,7 +199,7 @@ def with_less(words, options):
     """A command that takes seconds instead of minutes or hours; None for one that is run elsewhere."""
     program, *rest = words[3:] if words[0] == "uvx" else words
     what = rest[0] if program == "apollonius" else program
-    if what in ELSEWHERE or (what == "play" and not options["site"]) or "runs/reproduce-quick" in words:
+    if what in ELSEWHERE or (what == "play" and not options["site"]) or "runs/speeds" in words:
         return None
     if "onnx" in words and not find_spec("jax2onnx"):
         return None
