@@ -82,11 +82,20 @@ class Search(AbstractWayfinder):
         return jnp.full((), -1, jnp.int32)
 
     def weigh(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Float[Array, "9"], Memory]:
-        chart, opponent = chart_of(seen), seen.opponent
-        if seen.belief is None:
-            return self.values(seen), memory
-        own, unseen = seen.own.state, seen.belief.ravel()
-        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), unseen.shape)
+        shares = jax.random.uniform(jax.random.fold_in(jax.random.key(bits), _PLACES), (COARSE**2,))
+        return (self.values(seen), memory) if seen.belief is None else self.look_on(seen, memory, shares)
+
+    def look_on(
+        self, seen: View, memory: Int[Array, ""], shares: Float[Array, " coarse"]
+    ) -> tuple[Float[Array, "9"], Int[Array, ""]]:
+        """Return the values of the actions, and the cell that it drives to.
+
+        Args:
+            shares: random numbers from 0 to 1, by which places are drawn.
+        """
+        chart, opponent, own = chart_of(seen), seen.opponent, seen.own.state
+        assert seen.belief is not None, "it searches"
+        unseen = seen.belief.ravel()
         drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
         stays = (memory >= 0) & (unseen[memory] >= 0) & (chart.lengths_from(own.x, own.y).ravel()[memory] > _AT_HAND)
         cell, found = jnp.where(stays, memory, drawn), is_found(seen)

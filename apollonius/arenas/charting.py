@@ -82,7 +82,7 @@ def _drawn(arena: Arena, radius: float) -> _Leaves:
     corners = np.linspace(0, side, SIDE + 1, dtype=np.float32)
     field = clearances(arena, jnp.asarray(x + corners), jnp.asarray(y + corners))
     lengths, visible = paths(field, jnp.asarray(side, jnp.float32), jnp.asarray(radius, jnp.float32))
-    links = entries(np.asarray(field), np.asarray(visible))
+    links = entries(field, visible)
     return *map(np.asarray, (field, lengths, visible, links)), *np.array([x, y, side], np.float32)[:, None]
 
 

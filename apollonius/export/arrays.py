@@ -1,24 +1,19 @@
-"""Primitives of JAX that are loops: joining, folding along axes, products of matrices; and parts by an index."""
+"""Primitives of JAX that are loops: joining, folding along axes, products of matrices."""
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from math import prod
 from typing import Any
 
-import jax
 import numpy as np
 
 from apollonius.export.block import Block, Index, Value, moved, scalar
 from apollonius.export.elementwise import Params, Rule
-from apollonius.export.scalars import apply, converted, number, plus
+from apollonius.export.indexing import part
+from apollonius.export.scalars import apply, converted, number
 
 _WORTH_A_TEST = 8
 """Length of the inner loop of a product from which on a factor of 0 is looked for."""
-
-
-def part(value: Value, shape: tuple[int, ...], starts: Sequence[str]) -> Value:
-    """Return the part of an array that begins at some index."""
-    return moved(value, shape, range(len(shape)), starts)
 
 
 def _joined(block: Block, pieces: Sequence[Value], axis: int, out: Any) -> Value:
@@ -150,62 +145,6 @@ def _dot(block: Block, operands: list[Value], params: Params, out: Any) -> Value
     return target
 
 
-def _within(block: Block, text: str, kind: str, most: int) -> str:
-    """Return a start index between 0 and the last one with room behind it."""
-    if most <= 0:
-        return "0"
-    if text.isdigit():
-        return str(min(int(text), most))
-    start = block.let("int32", converted(text, kind, "int32"))
-    return block.let("int32", f"{start} < 0 ? 0 : {start} > {most} ? {most} : {start}")
-
-
-def _starts(block: Block, starts: Sequence[Value], shape: Sequence[int], sizes: Sequence[int]) -> list[str]:
-    three = zip(starts, shape, sizes, strict=True)
-    return [_within(block, start.first, start.kind, length - size) for start, length, size in three]
-
-
-def _dynamic_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value, *starts = operands
-    return part(block.stored(value), out.shape, _starts(block, starts, value.shape, out.shape))
-
-
-def _dynamic_update_slice(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value, update, *starts = operands
-    target = block.array(value.kind, value.shape)
-    block.copy(value, target)
-    block.copy(update, part(target, update.shape, _starts(block, starts, value.shape, update.shape)))
-    return target
-
-
-def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
-    value, indices = map(block.stored, operands)
-    numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
-    fills = params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP
-    target = block.array(str(out.dtype), out.shape)
-    with block.loops(out.shape) as index:
-        batch = [step for axis, step in enumerate(index) if axis not in numbers.offset_dims]
-        offsets = iter([index[axis] for axis in numbers.offset_dims])
-        gone = {*numbers.collapsed_slice_dims, *numbers.operand_batching_dims}
-        there = ["0" if axis in gone else next(offsets) for axis in range(len(value.shape))]
-        for axis, place in zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True):
-            there[axis] = batch[place]
-        known = list[str]()
-        for component, axis in enumerate(numbers.start_index_map):
-            most = value.shape[axis] - sizes[axis]
-            start = converted(indices.read((*batch, str(component))), indices.kind, "int32")
-            if fills:
-                start = block.let("int32", start)
-                known.append(f"{start} >= 0 && {start} <= {most}")
-            there[axis] = plus(there[axis], _within(block, start, "int32", most))
-        element = value.read(tuple(there))
-        if fills:
-            filler = number(np.asarray(params["fill_value"]).astype(value.kind).item(), value.kind)
-            element = f"({' && '.join(known)} ? {element} : {filler})"
-        block.put(f"{target.read(index)} = {element};")
-    return target
-
-
 _OPERATIONS = {"sum": "add", "prod": "mul", "max": "max", "min": "min", "and": "and", "or": "or", "xor": "xor"}
 
 FOLDS: dict[str, Rule] = {
@@ -218,11 +157,5 @@ FOLDS: dict[str, Rule] = {
 }
 """Primitives that read each element of an operand once, by name."""
 
-OTHERS: dict[str, Rule] = {
-    "pad": _pad,
-    "dot_general": _dot,
-    "dynamic_slice": _dynamic_slice,
-    "dynamic_update_slice": _dynamic_update_slice,
-    "gather": _gather,
-}
-"""Those that read some more than once, or not at all."""
+OTHERS: dict[str, Rule] = {"pad": _pad, "dot_general": _dot}
+"""Those that read some more than once."""

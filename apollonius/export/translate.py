@@ -17,11 +17,12 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxprs_in_params
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from apollonius.export.arrays import FOLDS, OTHERS, part
+from apollonius.export.arrays import FOLDS, OTHERS
 from apollonius.export.block import Block, Value, buffer_of, placed, scalar
 from apollonius.export.c import Program, words
 from apollonius.export.control import CONTROL
 from apollonius.export.elementwise import COMPUTED, VIEWS
+from apollonius.export.indexing import INDEXED, part
 from apollonius.export.record import Leaf, Record, record_of
 from apollonius.export.scalars import TYPES, number
 from apollonius.io.errors import InvalidInput
@@ -31,7 +32,7 @@ CALLED = {
     **{"custom_jvp_call": "call_jaxpr", "custom_vjp_call": "call_jaxpr", "custom_vmap_call": "call"},
 }
 """Primitives that call a function, and the parameter that is this function."""
-RULES = COMPUTED | VIEWS | FOLDS | OTHERS
+RULES = COMPUTED | VIEWS | FOLDS | OTHERS | INDEXED
 """All others but control flow, by name."""
 _READS_ONCE = {*COMPUTED, *FOLDS, "squeeze", "transpose", "expand_dims"}
 """Those that read each element of an operand once, if it is of their result's size or they fold it."""

@@ -4,10 +4,12 @@ A chart is drawn once (`apollonius.arenas.charting`). Players read it, and the r
 rule does.
 """
 
+import functools
+import operator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt16, UInt32
 
 from apollonius.game.obstacle import between_nodes, bilinear
@@ -19,7 +21,10 @@ COARSE = 40
 """Cells of the coarse grid along the longer side, between whose middles path lengths are known."""
 COARSE_BITS = 11
 """Bits of the number of a coarse cell."""
-STEPS = tuple((right, up) for up in range(-2, 3) for right in range(-2, 3) if (right, up) != (0, 0))
+_STEP = 2
+"""Longest step between coarse cells, in columns and in rows."""
+_ALONG = range(-_STEP, _STEP + 1)
+STEPS = tuple((right, up) for up in _ALONG for right in _ALONG if (right, up) != (0, 0))
 """Steps, in columns and rows, between coarse cells of which one can be entered from the other."""
 NO_PATH = 2**16 - 1
 """Length of a missing path [cm]."""
@@ -46,7 +51,7 @@ class Chart(eqx.Module):
         x, y: the lower left corners [m].
         side: lengths of the sides [m].
         links: for each coarse cell the steps by which a robot can come into it, a bit for each of `STEPS`; a point
-            belongs to the coarse cell with the shortest path to it. None in the page.
+            belongs to the coarse cell with the shortest path to it. None in exports.
         member: index of the arena.
     """
 
@@ -158,17 +163,24 @@ def _between(middle: Scalar, share: Scalar) -> tuple[Int[Array, ""], Scalar]:
     return before.astype(jnp.int32), jnp.clip(share * COARSE - 0.5 - before, 0.0, 1.0)
 
 
-def entries(field: np.ndarray, visible: np.ndarray) -> UInt32[np.ndarray, "coarse_rows coarse_columns"]:
+@jax.jit
+def entries(
+    field: Float[Array, "corners corners"], visible: UInt16[Array, "cells cells"]
+) -> UInt32[Array, "coarse_rows coarse_columns"]:
     """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie side by side."""
-    coarse = visible.astype(np.int32) & (2**COARSE_BITS - 1)
-    is_free = np.max([field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]], axis=0) > 0
-    links = np.zeros(COARSE**2, np.uint32)
+    coarse = visible.astype(jnp.int32) & (2**COARSE_BITS - 1)
+    corners = field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]
+    is_free = functools.reduce(jnp.maximum, corners) > 0
+    entered = jnp.zeros((len(STEPS) + 1, COARSE**2), bool)
     for right, up in ((1, 0), (0, 1), (1, 1), (-1, 1)):
         columns = slice(max(0, -right), SIDE - max(0, right)), slice(max(0, right), SIDE + min(0, right))
         both = is_free[: SIDE - up, columns[0]] & is_free[up:, columns[1]]
-        pair = coarse[: SIDE - up, columns[0]][both], coarse[up:, columns[1]][both]
+        pair = coarse[: SIDE - up, columns[0]], coarse[up:, columns[1]]
         for start, end in (pair, pair[::-1]):
-            for bit, (across, upwards) in enumerate(STEPS):
-                is_step = (end % COARSE - start % COARSE == across) & (end // COARSE - start // COARSE == upwards)
-                links[end[is_step]] |= np.uint32(1 << bit)
-    return links.reshape(COARSE, COARSE)
+            across, upwards = end % COARSE - start % COARSE, end // COARSE - start // COARSE
+            is_step = both & (jnp.abs(across) <= _STEP) & (jnp.abs(upwards) <= _STEP)
+            step = jnp.where(is_step, (upwards + _STEP) * (2 * _STEP + 1) + across + _STEP, 0)
+            entered = entered.at[step, end].max(is_step)
+    middle = len(STEPS) // 2
+    bits = [entered[step + (step >= middle)].astype(jnp.uint32) << step for step in range(len(STEPS))]
+    return functools.reduce(operator.or_, bits).reshape(COARSE, COARSE)

@@ -10,15 +10,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from apollonius.agents.searching import Search
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.by_side import BySide
-from apollonius.game.chart import Chart
+from apollonius.game.chart import Chart, entries
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.teams import Teams
-from apollonius.game.types import GameState, RobotState, Scalar
-from apollonius.web.handed import AnyBackup, Field, Floor, Robots
+from apollonius.game.types import GameState, RobotState, Role, Scalar
+from apollonius.observe import tracking
+from apollonius.observe.view import look
+from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots
 from apollonius.web.site import ROBOTS
 
 UNITS = 64
@@ -123,6 +127,39 @@ def clearance_after(
     return jax.lax.cond(is_enough, lambda: least, lambda: backup.clearance_after(robot, levels))
 
 
+def search(
+    robots: Robots,
+    floor: Floor,
+    field: Field,
+    chart: Chart,
+    capture_distance: Scalar,
+    dt: Scalar,
+    known: Known,
+    shares: Float[Array, " coarse"],
+) -> dict[str, Any]:
+    """Return what the first robot knows after a look at its one opponent, and the values of its actions as it searches.
+
+    Args:
+        known: before it; of a negative age where the game begins.
+        shares: random numbers from 0 to 1.
+    """
+    seen, role = robots.seen(floor.arena(field, chart), capture_distance), Role.PURSUER
+    own, other = seen.own, seen.opponents[0]
+    sensors = Sensing(pursuer=Sensors(line_of_sight=True))
+    game = Game(own.body, other.body, seen.arena, capture_distance, dt, jnp.ones((), jnp.int32), sensors=sensors)
+    state = GameState.of_two(own.state, other.state, jnp.zeros((), jnp.int32))
+    first = tracking.begin(game, state, role)
+    assert first is not None, "it has sensors"
+    before = jax.tree.map(lambda new, old: jnp.where(known.age < 0, new, old), first, known.track(first))
+    track = tracking.follow(game, before, state, role, jnp.uint32(0))
+    view = look(game, tracking.believed(game, track, state, role), role)
+    values, cell = Search(dt).look_on(view, jnp.where(known.age < 0, -1, known.cell), shares)
+    assert track is not None, "it has sensors"
+    assert track.belief is not None, "it has a chart"
+    last, age = track.opponents[0], track.ages[0]
+    return {"known": Known(last, age, track.belief.credit, track.belief.unseen, cell), "values": values}
+
+
 def chart(
     floor: Floor, field: Field, corners: Float[Array, "2 corners"], side: Scalar, radius: Scalar
 ) -> dict[str, Chart]:
@@ -136,9 +173,8 @@ def chart(
     found = clearances(floor.arena(field), corners[0], corners[1])
     lengths, visible = paths(found, side, radius)
     x, y = corners[:, :1]
-    return {
-        "chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], member=jnp.zeros((), jnp.int32))
-    }
+    links, member = entries(found, visible)[None], jnp.zeros((), jnp.int32)
+    return {"chart": Chart(found[None], lengths[None], visible[None], x, y, side[None], links, member)}
 
 
 def cell_weights(chart: Chart, x: Scalar, y: Scalar) -> dict[str, Array]:

@@ -1,6 +1,7 @@
 """Games as the page writes them: the numbers of robots, obstacles and cells are data."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -16,6 +17,8 @@ from apollonius.game.obstacle import AbstractObstacle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Edge, Edges
 from apollonius.game.types import Real, RobotState, RobotStatus, Scalar
+from apollonius.observe.belief import Belief
+from apollonius.observe.tracking import Track
 from apollonius.observe.view import Robot, View
 from apollonius.web.site import ROBOTS
 
@@ -73,6 +76,10 @@ class Cells(OccupancyMap):
 
     def _if_there(self, clearance: Callable[[], Scalar]) -> Scalar:
         return jax.lax.cond(self.columns > 0, clearance, lambda: jnp.asarray(jnp.inf, jnp.float32))
+
+    def hides(self, here: RobotState, there: RobotState) -> Bool[Array, ""]:
+        no = jnp.zeros((), bool)
+        return jax.lax.cond(self.columns > 0, lambda: OccupancyMap.hides(self, here, there), lambda: no)
 
 
 class Drawn(Arena):
@@ -138,6 +145,25 @@ class Robots(eqx.Module):
 
         own, *mates = side(False)
         return View(arena, own, tuple(mates), side(True), capture_distance)
+
+
+class Known(eqx.Module):
+    """What a robot with a line of sight knows of its one opponent: the last sighting, its age [s], and the belief.
+
+    Attributes:
+        credit, unseen: as of `apollonius.observe.belief.Belief`.
+        cell: that it searches (`apollonius.agents.searching.Search`).
+    """
+
+    last: RobotState
+    age: Scalar
+    credit: Float[Array, "rows columns"]
+    unseen: Float[Array, "rows columns"]
+    cell: Int[Array, ""]
+
+    def track(self, first: Track) -> Track:
+        """Return it in the place of what is known at first."""
+        return replace(first, opponents=(self.last,), ages=(self.age,), belief=Belief(self.credit, self.unseen))
 
 
 def at(values: Any, number: int | Int[Array, ""]) -> Any:

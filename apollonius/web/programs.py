@@ -32,9 +32,10 @@ from apollonius.web.functions import (
     clearance_along,
     move,
     network,
+    search,
     step,
 )
-from apollonius.web.handed import Field, Floor, Robots
+from apollonius.web.handed import Field, Floor, Known, Robots
 from apollonius.web.site import READS, ROBOTS
 
 T = TypeVar("T")
@@ -116,6 +117,7 @@ def page_programs() -> Iterator[Program]:
     yield _made(chart, floor, field, shapes["corners"], real, real)
     yield _made(cell_weights, drawn, real, real)
     yield _made(network, shapes["weights"], shapes["sizes"], whole, shapes["inputs"])
+    yield _made(search, robots, floor, field, drawn, real, real, shapes["known"], shapes["shares"])
     for name in READS:
         yield _made(_observation(name), robots, floor, field, drawn, real, name=f"see_{name}")
     for name, player in _RULES.items():
@@ -138,13 +140,16 @@ def _examples() -> dict[str, Any]:
     body, robot = Body(*[number] * len(fields(Body))), RobotState(number, number, number, number)
     disc, edge = Disc(number, number, number), Edge(number, number, number, number, whole())
     lengths, visible = jnp.zeros((1, COARSE**2, COARSE**2), jnp.uint16), jnp.zeros((1, SIDE, SIDE), jnp.uint16)
+    links = jnp.zeros((1, COARSE, COARSE), jnp.uint32)
     return {
         "body": body,
         "robot": robot,
         "robots": Robots(several(many, body), several(many, robot), whole(many)),
         "floor": Floor(real(4), disc, several(MOST_DISCS, disc), several(MOST_EDGES, edge), real(3), whole(4)),
         "field": real(_ENDLESS),
-        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), member=whole()),
+        "chart": Chart(real(1, SIDE + 1, SIDE + 1), lengths, visible, real(1), real(1), real(1), links, whole()),
+        "known": Known(robot, number, real(COARSE, COARSE), real(COARSE, COARSE), whole()),
+        "shares": real(COARSE**2),
         "corners": real(2, SIDE + 1),
         "levels": real(many, 2),
         "weights": real(_ENDLESS),

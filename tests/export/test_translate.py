@@ -89,11 +89,21 @@ def arrays(a, k):
             a[jnp.array([2, 0]), jnp.array([1, 3])],
         ],
         "whole": [jnp.arange(3).at[k].get(mode="fill"), jnp.arange(3, dtype=jnp.uint8).at[k].get(mode="fill")],
+        "written": [
+            a.at[k].set(7.0),
+            a.at[:, k].set(row[:3], mode="clip"),
+            a.at[jnp.array([2, 0, 2]), jnp.array([1, 3, 1])].add(row[:3]),
+            a.at[jnp.array([0, k])].multiply(tall[:, :4]),
+            a.at[jnp.array([[1], [k]]), jnp.array([0, 2])].max(5.0),
+            a.at[1, jnp.array([3, 0])].min(tall[0, :2]),
+            jnp.zeros((2, 3), bool).at[jnp.array([0, 1, k]), jnp.array([2, 0, 1])].max(row[:3] > -9),
+        ],
         "sliced": [lax.dynamic_slice(a, (k, k), (2, 3)), lax.dynamic_update_slice(a, row[None, :2], (k, 1))],
         "split": jnp.split(a, 2, axis=1),
         "constant": a + np.arange(12, dtype=np.float32).reshape(3, 4) ** 2,
         "counted": [lax.iota(jnp.float32, 5), jnp.arange(4)[None] + jnp.arange(3)[:, None]],
         "rows": jax.vmap(lambda line, at: line[at])(a, jnp.array([0, 3, 2])),
+        "each": jax.vmap(lambda line, at: line.at[at].add(1))(a, jnp.array([0, 3, 2])),
     }
 
 
