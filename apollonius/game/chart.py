@@ -170,17 +170,22 @@ def entries(
     """Return `Chart.links`: from which coarse cells one is entered, as free cells of the field lie side by side."""
     coarse = visible.astype(jnp.int32) & (2**COARSE_BITS - 1)
     corners = field[1:, 1:], field[1:, :-1], field[:-1, 1:], field[:-1, :-1]
-    is_free = functools.reduce(jnp.maximum, corners) > 0
-    entered = jnp.zeros((len(STEPS) + 1, COARSE**2), bool)
-    for right, up in ((1, 0), (0, 1), (1, 1), (-1, 1)):
-        columns = slice(max(0, -right), SIDE - max(0, right)), slice(max(0, right), SIDE + min(0, right))
-        both = is_free[: SIDE - up, columns[0]] & is_free[up:, columns[1]]
-        pair = coarse[: SIDE - up, columns[0]], coarse[up:, columns[1]]
-        for start, end in (pair, pair[::-1]):
-            across, upwards = end % COARSE - start % COARSE, end // COARSE - start // COARSE
-            is_step = both & (jnp.abs(across) <= _STEP) & (jnp.abs(upwards) <= _STEP)
-            step = jnp.where(is_step, (upwards + _STEP) * (2 * _STEP + 1) + across + _STEP, 0)
-            entered = entered.at[step, end].max(is_step)
+    cells = jnp.where(functools.reduce(jnp.maximum, corners) > 0, coarse, -1)  # -1: not free
+
+    def one_row(entered: Bool[Array, "steps coarse"], rows: tuple[Array, Array]) -> tuple[Array, None]:
+        here, above = rows
+        beside = jnp.concatenate([here[:-1], here, here[:-1], here[1:]])
+        other = jnp.concatenate([here[1:], above, above[1:], above[:-1]])
+        start, end = jnp.concatenate([beside, other]), jnp.concatenate([other, beside])
+        across, upwards = end % COARSE - start % COARSE, end // COARSE - start // COARSE
+        is_near = (jnp.abs(across) <= _STEP) & (jnp.abs(upwards) <= _STEP)
+        is_step = (start >= 0) & (end >= 0) & is_near
+        step = jnp.where(is_step, (upwards + _STEP) * (2 * _STEP + 1) + across + _STEP, 0)
+        return entered.at[step, end].max(is_step), None
+
+    above = jnp.pad(cells[1:], ((0, 1), (0, 0)), constant_values=-1)
+    nothing = jnp.zeros((len(STEPS) + 1, COARSE**2), bool)
+    entered, _ = jax.lax.scan(one_row, nothing, (cells, above))
     middle = len(STEPS) // 2
     bits = [entered[step + (step >= middle)].astype(jnp.uint32) << step for step in range(len(STEPS))]
     return functools.reduce(operator.or_, bits).reshape(COARSE, COARSE)

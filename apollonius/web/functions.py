@@ -157,7 +157,7 @@ def search(
     assert track is not None, "it has sensors"
     assert track.belief is not None, "it has a chart"
     last, age = track.opponents[0], track.ages[0]
-    return {"known": Known(last, age, track.belief.credit, track.belief.unseen, cell), "values": values}
+    return {"after": Known(last, age, track.belief.credit, track.belief.unseen, cell), "values": values}
 
 
 def chart(

@@ -4,8 +4,8 @@ import { pathToFileURL } from "node:url";
 
 const { page, ...asked } = JSON.parse(readFileSync(0, "utf8"));
 const load = (name) => import(pathToFileURL(`${page}/${name}.js`));
-const [game, calls, players, { Match }, hindsight, file, plan, { survey }] = await Promise.all(
-  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey"].map(load),
+const [game, calls, players, { Match }, hindsight, file, plan, { survey }, fog] = await Promise.all(
+  ["game", "calls", "players", "match", "hindsight", "gamefile", "plan", "survey", "fog"].map(load),
 );
 
 /** What all robots have in a row, as either side has it. */
@@ -85,6 +85,21 @@ const answers = {
     const fitting = Object.entries(calls.CLASSICAL[role]).filter(([name]) => calls.fits(name, rules, game.countsOf(rules)[0]));
     const room = ([, state, who]) => game.ACTIONS.map((action) => calls.clearanceAfter(rules, game.bodyOf(rules, who), game.robotOf(state, who), action));
     return { seen: each(observations.map((name) => [name, (...one) => calls.observe(name, ...one)])), values: each(fitting), clearances: seen.map(room) };
+  },
+  /** In fog, after each state of a game: the age of one side's last sighting, and the cells where the other side can be. */
+  knowledge({ game: rules, role, rows }) {
+    const states = rows.map((row) => asState(rules, row));
+    const cells = ({ credit }) => [...credit.keys()].filter((cell) => credit[cell] >= 0);
+    const known = (_, index) => fog.knowledge(fog.inFog(rules), states.slice(0, index + 1), role);
+    return states.map(known).map((found) => ({ age: found.age, last: [found.last.x, found.last.y], cells: cells(found) }));
+  },
+  /** What a pursuer in fog does in each of some states of a game, beside what it would do that sees its last sighting. */
+  searches({ game: rules, rows }) {
+    const states = rows.map((row) => asState(rules, row));
+    const seen = [];
+    const player = fog.bySight((_, { evader }) => seen.push(evader[0].x) && [game.HOLD], (values) => [values.indexOf(Math.max(...values))]);
+    const acts = states.map((state, index) => player(fog.inFog(rules), state, { role: "pursuer", number: 0 }, states.slice(0, index + 1))[0]);
+    return { acts, seen };
   },
   /** The replay of a match. */
   match(sides) {

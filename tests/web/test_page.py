@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from dataclasses import replace
 from importlib.util import find_spec
 
 import jax
@@ -18,6 +19,7 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.view import look
 from apollonius.play.replay import as_state, load_replay
+from apollonius.show.fog import fog
 from apollonius.web.programs import player_program
 from apollonius.web.wasm import digest, sources, write_player
 from tests.documents import REPOSITORY
@@ -171,6 +173,37 @@ def test_an_endless_level_counts_how_long_a_person_lasts(desk):
     )
     assert said == "Red caught you after 9.0\u00a0s."
     assert page.url.endswith("?level=1&endless=1")
+
+
+def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows_the_same_fog(desk, tmp_path):
+    page = desk.open("?level=11")
+    assert page.inner_text("#goal") == "11. You are blue (walls hide you both): survive 60\u00a0s"
+    drawn = """async (number) => {
+      const { fogOf } = await import("./fog.js");
+      const match = apollonius.page.match.from(number);
+      const fog = fogOf({ ...match, isOver: false }, "evader", { ink: "black" });
+      return [fog.isHidden, fog.cells.flatMap((colour, cell) => (colour ? [cell] : []))];
+    }"""
+    red = """() => {
+      const { width, height } = document.getElementById("canvas");
+      const { data } = document.getElementById("canvas").getContext("2d").getImageData(0, 0, width, height);
+      return data.some((_, at) => at % 4 === 0 && data[at] > 150 && data[at + 1] < 100 && data[at + 2] < 100);
+    }"""
+    desk.play(0.5)
+    is_hidden, shaded = page.evaluate(drawn, desk.match("states.length") - 1)
+    assert is_hidden
+    assert shaded
+    assert not page.evaluate(red)
+    page.evaluate("apollonius.page.match.game.max_steps = 12")
+    desk.let_pass(4)
+    assert desk.match("outcome") == "no_result"
+    assert page.evaluate(red), "a game that is over is shown as it was"
+    replay = saved(page, tmp_path / "game.json")
+    swapped = replace(replay, game=replace(replay.game, sensors=replace(replay.game.sensors, pursuer=None)))
+    cells = fog(swapped)
+    for number in range(1, len(cells)):
+        _, shaded = page.evaluate(drawn, number)
+        assert len(set(shaded) ^ set(np.flatnonzero(cells[number]))) <= 2
 
 
 def test_a_capture_is_shown_from_the_moment_it_was_lost(desk):
@@ -350,7 +383,7 @@ def test_why_shows_every_robot_in_play(desk):
           const { game, state, players } = apollonius.page.match;
           state.pursuer[0].status = "hit_obstacle";
           const values = (who) => players[who.role][who.number].values(game, state, who);
-          const { leads, robots } = known(game, state, ["values", "brakes", "regions"], values);
+          const { leads, robots } = known(game, [state], ["values", "brakes", "regions"], values);
           apollonius.page.match.step();
           return { robots, leads: [...leads].filter((lead) => !Number.isNaN(lead)) };
         }"""

@@ -21,19 +21,22 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
 from apollonius.catalogue import find_player
+from apollonius.evaluate.match import Match, begin
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle, action_levels
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import PRESETS, make_game
+from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.starts import Starts
 from apollonius.game.teams import Teams
 from apollonius.game.types import NUM_ACTIONS, ROLES, Outcome, RobotStatus, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.observe import tracking
 from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
-from apollonius.play.replay import as_rows, as_state, load_replay, play_actions
+from apollonius.play.replay import as_rows, as_state, load_replay, play_actions, trace
 from apollonius.web.site import PAGE, READS
 
 GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.json"))
@@ -243,6 +246,46 @@ def smooth(tmp_path):
     network = jax.tree.map(lambda leaf: 2 * leaf, make_actor("encoded", width=16, depth=2, key=jax.random.key(6)))
     save_agent(describe(network, Role.PURSUER, {}, {}), tmp_path / "smooth.safetensors")
     return tmp_path / "smooth.safetensors"
+
+
+@pytest.fixture(scope="module")
+def foggy():
+    """A game in which either side has only its line of sight, and one of its courses."""
+    sees = Sensors(line_of_sight=True)
+    game = charted(replace(find_game("office"), sensors=Sensing(sees, sees)))
+    match = Match.of_names(game, "shielded:search", "shielded:flee-aware", 1, seed=2)
+    return game, trace(game, match.pools, *begin(match), index=0).states
+
+
+@pytest.mark.parametrize("role", Role)
+def test_in_fog_a_side_knows_what_it_knows_in_the_package(foggy, role):
+    game, states = foggy
+    record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
+    found = ask(knowledge={"game": record, "role": role.name.lower(), "rows": as_rows(states).tolist()})
+
+    def follow(track, state):
+        track = tracking.follow(game, track, state, role, jnp.uint32(0))
+        return track, (track.ages[0], track.opponents[0], track.belief.credit)
+
+    first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
+    _, (ages, last, credit) = jax.jit(lambda first, states: jax.lax.scan(follow, first, states))(first, states)
+    np.testing.assert_allclose([one["age"] for one in found], ages, rtol=1e-5)
+    np.testing.assert_allclose([one["last"] for one in found], np.stack([last.x, last.y], 1), atol=1e-4)
+    assert len(set(np.asarray(ages) == 0)) == 2, "the other side is in sight at times"
+    can_be = np.asarray(credit).reshape(len(credit), -1) >= 0
+    for one, cells in zip(found, can_be, strict=True):
+        assert len(set(one["cells"]) ^ set(np.flatnonzero(cells))) <= 2
+    assert can_be.any(axis=1).all()
+    assert not can_be.all(axis=1).any()
+
+
+def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(foggy):
+    game, states = foggy
+    record = to_dict(replace(game, arena=replace(game.arena, chart=None), sensors=None))
+    found = ask(searches={"game": record, "rows": as_rows(states).tolist()})
+    ages = [one["age"] for one in ask(knowledge={"game": record, "role": "pursuer", "rows": as_rows(states).tolist()})]
+    assert len(found["seen"]) == sum(age <= 1.05 for age in ages)
+    assert len({act for act, age in zip(found["acts"], ages, strict=True) if age > 1.05}) > 1
 
 
 @pytest.mark.parametrize("name", ["smooth", slow("plain"), slow("P_pool")])

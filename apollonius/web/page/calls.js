@@ -9,7 +9,7 @@ export const MOST_ROBOTS = given.robots().status.length / 2; // of a side
 const FINE = Math.sqrt(given.chart().visible.length); // cells of a chart's clearances along the arena's longer side
 export const CELLS = Math.sqrt(Math.sqrt(given.chart().lengths.length)); // cells along it between which paths are known
 const MARGIN = 1e-3; // clearance [m] that the shield wants
-const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own"]; // what reads a chart
+const CHARTED = ["egocentric", "team", "voronoi_pursuit", "encirclement", "own", "search"]; // what reads a chart
 const BODY = Object.keys(given.body());
 const ROBOT = ["x", "y", "v", "heading"];
 const fields = new WeakMap(); // addresses of maps' fields
@@ -149,6 +149,25 @@ export function observe(name, game, state, who) {
 function valued(rule, game, state, who) {
   writeView(rule, game, state, who);
   return [...run[rule](game.capture_distance, game.dt)];
+}
+
+/**
+ * What a robot knows of its one opponent after a look at a state, and the values of its actions as it searches.
+ *
+ * @param before what it knew before, or null at the beginning of a game
+ * @returns {known, last, age [s], credit, values}: all that it knows; of it the last sighting, its age, and in which cells of the
+ *   chart the opponent can be, where 0 or more
+ */
+export function search(game, state, who, before) {
+  writeView("search", game, state, who);
+  const into = given.known();
+  if (before) for (const key of Object.keys(into)) into[key].set(before.known[key]);
+  else into.age[0] = -1;
+  given.shares().set(Array.from({ length: CELLS ** 2 }, Math.random));
+  const found = run.search(game.capture_distance, game.dt);
+  const known = Object.fromEntries(Object.entries(found.after()).map(([key, values]) => [key, values.slice()]));
+  const last = Object.fromEntries(ROBOT.map((key) => [key, known[`last_${key}`][0]]));
+  return { known, last, age: known.age[0], credit: known.credit, values: [...found.values()] };
 }
 
 const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];

@@ -1,11 +1,13 @@
 // A match under way on a canvas, from above: the arena, trails, robots. Lengths are in metres, y points up.
 
 import { clearanceAlong } from "./calls.js";
+import { drawCells } from "./fog.js";
 import { PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf, wrapAngle } from "./game.js";
 
 const ROBOT = 0.16; // least radius that a robot is drawn with [m]
 const SMALLEST = 0.018; // least radius, as a share of the arena, so that robots are found in large arenas
 const MARGIN = 0.25; // around the walls [m]
+const FOG = 0.3; // how opaque it is
 const MOST_PIXELS = 2048; // along a side of a map's picture; of a larger map some cells are left out
 const mapPictures = new WeakMap();
 
@@ -93,6 +95,15 @@ function drawTrail(context, points, colour) {
   circle(context, ...points[0], 0.08).stroke();
 }
 
+/** A dashed ring where a robot was seen last. */
+function drawSighting(context, { x, y }, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 0.03;
+  context.setLineDash([0.08, 0.1]);
+  circle(context, x, y, 2 * ROBOT).stroke();
+  context.setLineDash([]);
+}
+
 /** Draw the occupied cells of a map. */
 function drawMap(context, map, colour) {
   const picture = mapPictures.get(map);
@@ -136,14 +147,15 @@ export function drawGround(context, arena, colours, beneath = null) {
  * @param scene {game, states, now, colours}: the rules, the states of the game so far with their trails, the state to
  *   draw the robots at, {paper, ink, obstacle, pursuer, evader}; and if wanted: `steered`, robots {role, number} with a ring
  *   and their way to rest, `layers`, {beneath, above}: what draws on the bare ground, and between trails and robots. Team mates
- *   have their numbers, and a robot that is out of play is a cross
+ *   have their numbers, and a robot that is out of play is a cross. In `fog` (`fogOf`) the rival is seen where it is in sight
  */
-export function draw(canvas, { game, states, now, colours, steered = [], layers = null }) {
+export function draw(canvas, { game, states, now, colours, steered = [], layers = null, fog = null }) {
   const { arena } = game;
   const context = begin(canvas, arena);
-  drawGround(context, arena, colours, layers?.beneath);
-  const robots = robotsOf(now, ROLES);
-  for (const who of robots) {
+  drawGround(context, arena, colours, fog ? () => drawCells(context, arena, FOG, fog.cells) : layers?.beneath);
+  const robots = robotsOf(now, ROLES).filter(({ role }) => !(fog?.isHidden && role === fog.rival));
+  if (fog?.last) drawSighting(context, fog.last, colours[fog.rival]);
+  for (const who of robots.filter(({ role }) => role !== fog?.rival)) {
     const trail = states.map((state) => robotOf(state, who)).map(({ x, y }) => [x, y]);
     drawTrail(context, trail, colours[who.role]);
   }

@@ -1,6 +1,7 @@
 // Levels: challenges over arenas, each harder than the one before, and two of teams. What a person has won is stored in
 // this browser alone.
 
+import { inFog } from "./fog.js";
 import { EVADER, PURSUER } from "./game.js";
 
 /** The shares of one training [%] after each of which the page has its pursuer. */
@@ -10,7 +11,8 @@ export const learner = (share) => `learner-${share}`;
 
 /**
  * In their order: what it is called, whom a person plays, against whom, how hard, where, for how long [s]; in the first one
- * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one unless they are bare.
+ * the person starts with open floor ahead, and a shield brakes for the robot; opponents have one unless they are bare; in
+ * fog nobody sees through walls.
  */
 export const LEVELS = [
   { name: "Open floor", side: EVADER, against: "P_any", difficulty: "gentle", game: "open", seconds: 20, seed: 3571, isGuarded: true },
@@ -23,6 +25,8 @@ export const LEVELS = [
   { name: "The maze", side: EVADER, against: "P_any", difficulty: "fair", game: "maze", seconds: 60 },
   { name: "Three pillars, sharp", side: EVADER, against: "P_optimal", difficulty: "sharp", game: "paper", seconds: 100 },
   { name: "The warehouse", side: EVADER, against: "P_any", difficulty: "sharp", game: "warehouse", seconds: 100 },
+  { name: "In the fog", side: EVADER, against: "P_any", difficulty: "sharp", game: "blocks", seconds: 60, isFoggy: true },
+  { name: "Hide and seek", side: PURSUER, against: "flee-aware", difficulty: "sharp", game: "office", seconds: 100, isFoggy: true },
   { name: "Lead two others", side: PURSUER, against: "E_any", difficulty: "fair", game: "team-3v1", seconds: 60 },
   { name: "Three hunters", side: EVADER, against: "pure-pursuit", difficulty: "gentle", game: "team-3v1", seconds: 30 },
 ].map((level, index) => ({ seed: index + 1, ...level, number: index + 1 }));
@@ -40,8 +44,11 @@ export function levelWonBy({ choice, match }, me) {
 /** Return a level of an evader in which it plays for as long as it lasts, and not only up to a limit. */
 export const endless = (level) => ({ ...level, name: `${level.name}, endless`, seconds: ENDLESS, isEndless: true });
 
-/** Return a game with another time limit [s]. */
-export const lasting = (game, seconds) => ({ ...game, max_steps: Math.round(seconds / game.dt) });
+/** Return a game with the time limit of a level, and its fog. */
+export function ofLevel(game, { seconds, isFoggy }) {
+  const lasting = { ...game, max_steps: Math.round(seconds / game.dt) };
+  return isFoggy ? inFog(lasting) : lasting;
+}
 
 /** The arenas that only levels have: the paper's without its discs. */
 export const withOpenFloor = (games) => {

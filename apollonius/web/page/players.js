@@ -7,6 +7,7 @@
 
 import { CLASSICAL, canStop, clearanceAfter, fits, observe, readOwn } from "./calls.js";
 import { isOwn, load } from "./files.js";
+import { bySight } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, actionLevels, bodyOf, other, robotOf } from "./game.js";
 import { addresses, given, kept, run } from "./programs.js";
 import { SHIELDED, YOU, bare, inWords } from "./words.js";
@@ -150,7 +151,7 @@ export async function findPlayer(catalogue, name, role, difficulty, steer) {
   const known = bare(name);
   const { player, values } = await findBare(catalogue, known, role);
   const { late } = DIFFICULTIES[difficulty];
-  const seeing = late ? seeingLate(player, late) : player;
+  const seeing = bySight(late ? seeingLate(player, late) : player, byValue);
   const ranked = name === known ? seeing : shielded(seeing);
   const [called, words] = late ? [`${name} (${difficulty})`, `${inWords(name)}, ${difficulty}`] : [name, inWords(name)];
   return { name: called, words, values, act: (...seen) => ranked(...seen)[0] };

@@ -6,7 +6,7 @@
 
 import { LAYOUTS, MODULE } from "./compiled.js";
 
-const KINDS = { float32: Float32Array, int32: Int32Array, uint16: Uint16Array };
+const KINDS = { float32: Float32Array, int32: Int32Array, uint16: Uint16Array, uint32: Uint32Array };
 const PAGE = 2 ** 16; // unit in which memory grows [bytes]
 
 const module = new WebAssembly.Module(Uint8Array.from(atob(MODULE), (letter) => letter.charCodeAt(0)));

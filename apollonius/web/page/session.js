@@ -4,7 +4,7 @@ import { asChoice, asQuery } from "./choices.js";
 import { findGame } from "./files.js";
 import { ACTIONS, EVADER, ROLES, countsOf, isActive, other } from "./game.js";
 import { SlowReplay, hasCrashed, lastBrake, lastChance, standIn } from "./hindsight.js";
-import { keepBest, lasting, levelWonBy } from "./levels.js";
+import { keepBest, levelWonBy, ofLevel } from "./levels.js";
 import { Match } from "./match.js";
 import { findTeam, shielded } from "./players.js";
 import { YOU, bare, describeBrake, describeChance, describeEnd, describeReady } from "./words.js";
@@ -63,7 +63,7 @@ export class Session {
       });
       const [pursuer, evader] = await Promise.all(players);
       if (this.choice !== choice) return;
-      const game = choice.level ? lasting(found, choice.level.seconds) : found;
+      const game = choice.level ? ofLevel(found, choice.level) : found;
       this.match = new Match(game, { pursuer, evader }, choice.seed);
       this.match.decide(); // so that no move waits for the arena's chart
       this.#makeReady();

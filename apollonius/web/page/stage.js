@@ -1,6 +1,7 @@
 // What is shown of a match in every frame: the arena, the clock, the slow replay, the pads' pressed cells.
 
 import { between, draw } from "./draw.js";
+import { fogOf } from "./fog.js";
 import { EVADER, PURSUER, isActive, robotOf } from "./game.js";
 import { known, layersOf } from "./why.js";
 
@@ -30,7 +31,8 @@ export class Stage {
     const [before, after] = states.slice(-2);
     const share = isReplaying ? replayed % 1 : phase === "over" ? 1 : time / match.game.dt;
     const own = people.map((role) => ({ role, number: 0 })).filter((who) => isActive(robotOf(match.state, who)));
-    const layers = this.layers.length && !isReplaying ? layersOf(match, this.#knownOf(match), colours) : null;
+    const fog = fogOf(match, session.me, colours);
+    const layers = this.layers.length && !isReplaying && !fog ? layersOf(match, this.#knownOf(match), colours) : null;
     draw(element("canvas"), {
       game: match.game,
       states: isReplaying ? states.slice(0, -1) : states,
@@ -38,6 +40,7 @@ export class Stage {
       colours,
       steered: match.isOver ? [] : own,
       layers,
+      fog,
     });
     if (ending) this.#showEnding(session, now);
     element("clock").textContent = (choice.level?.isEndless ? match.seconds : Math.max(0, match.secondsLeft)).toFixed(1);
@@ -48,7 +51,7 @@ export class Stage {
   #knownOf({ game, state, states, players }) {
     if (this.known.state !== state || this.known.layers !== this.layers) {
       const values = (who) => robotOf(players, who).values?.(game, state, who, states) ?? null;
-      this.known = { state, layers: this.layers, found: known(game, state, this.layers, values) };
+      this.known = { state, layers: this.layers, found: known(game, states, this.layers, values) };
     }
     return this.known.found;
   }

@@ -3,6 +3,7 @@
 
 import { CELLS, canStop, move, pathsFrom } from "./calls.js";
 import { circle, cross, path } from "./draw.js";
+import { drawCells, isFoggy, knowledge, shades } from "./fog.js";
 import { ACTIONS, EVADER, PURSUER, ROLES, bodyOf, isActive, robotOf, robotsOf } from "./game.js";
 
 const HELD = 1; // for how long actions are held to show where they lead [s]
@@ -10,12 +11,14 @@ const NO_PATH = 655; // what is at least as long is no path [m]
 const [LEAST, MOST] = [0.015, 0.11]; // radii of dots for the worst action and the best
 const CROSS = 0.06; // half of its width
 const FAINT = 0.22; // how opaque regions are
+const DENSE = 0.35; // how opaque a belief is
 
 /** Labels of the layers. */
 export const LAYERS = {
   values: "Values: the larger a dot, the more the agent values that action",
   brakes: "Brakes: crosses mark actions after which the robot could no longer stop in time",
   regions: "Regions: blue where blue arrives first, on the shortest path at full thrust; turns are ignored",
+  belief: "Belief, in fog: red does not know where in the shade blue is",
 };
 
 // ---- what is known
@@ -68,27 +71,33 @@ function scaled(values) {
 }
 
 /**
- * What layers show of a state.
+ * What layers show of the last of some states of a game.
  *
  * @param shown keys of `LAYERS`
  * @param values from a robot in play, {role, number}, to its player's values of the nine actions, or null
- * @returns {robots, leads}: of each robot in play {role, number, ends, values, stops}; what is not shown or not known is null
+ * @returns {robots, leads, belief}: of each robot in play {role, number, ends, values, stops}; who is first at each cell; what
+ *   the pursuer knows in fog; what is not shown or not known is null
  */
-export function known(game, state, shown, values = () => null) {
+export function known(game, states, shown, values = () => null) {
+  const state = states.at(-1);
   const robots = robotsOf(state, ROLES).filter((who) => isActive(robotOf(state, who))).map((who) => ({
     ...who,
     ends: ends(game, bodyOf(game, who), robotOf(state, who)),
     values: shown.includes("values") ? scaled(values(who)) : null,
     stops: shown.includes("brakes") ? stoppable(game, bodyOf(game, who), robotOf(state, who)) : null,
   }));
-  return { robots, leads: shown.includes("regions") ? leads(game, state) : null };
+  const belief = shown.includes("belief") && isFoggy(game, PURSUER) ? knowledge(game, states, PURSUER) : null;
+  return { robots, leads: shown.includes("regions") ? leads(game, state) : null, belief };
 }
 
 // ---- how it is drawn
 
 /** Return functions that draw what is known of a state: on the bare ground, and above the trails. */
-export function layersOf({ game, state }, { leads, robots }, colours) {
-  const beneath = (context) => leads && drawRegions(context, game.arena, leads, colours);
+export function layersOf({ game, state }, { leads, robots, belief }, colours) {
+  const beneath = (context) => {
+    if (leads) drawCells(context, game.arena, FAINT, regionsOf(leads, colours));
+    if (belief) drawCells(context, game.arena, DENSE, shades(belief, colours.ink));
+  };
   const above = (context) => {
     context.save();
     for (const robot of robots) drawActions(context, robotOf(state, robot), robot, colours);
@@ -97,19 +106,13 @@ export function layersOf({ game, state }, { leads, robots }, colours) {
   return { beneath, above };
 }
 
-let picture, painted; // a pixel for each cell, and the leads that it shows
+let painted = {}; // leads, and the colours of cells that show them
 
-function drawRegions(context, arena, leads, colours) {
-  if (painted !== leads) paint(leads, colours);
-  const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
-  const side = Math.max(right - x, top - y);
-  context.save();
-  context.globalAlpha = FAINT;
-  context.beginPath();
-  context.rect(x, y, right - x, top - y);
-  context.clip();
-  context.drawImage(picture, x, y, side, side);
-  context.restore();
+/** Return each cell in the colour of who is first there. */
+function regionsOf(leads, colours) {
+  const colour = (lead) => (Number.isNaN(lead) ? null : colours[lead > 0 ? EVADER : PURSUER]);
+  if (painted.leads !== leads) painted = { leads, cells: Array.from(widened(widened(leads)), colour) };
+  return painted.cells;
 }
 
 /** Return leads where each cell without a path, as beside walls, takes the lead of one next to it. */
@@ -120,19 +123,6 @@ function widened(leads) {
     const [left, right] = [column > 0 ? cell - 1 : cell, column < CELLS - 1 ? cell + 1 : cell];
     const beside = [left, right, cell - CELLS, cell + CELLS].map((other) => leads[other]);
     return beside.find((other) => other !== undefined && !Number.isNaN(other)) ?? lead;
-  });
-}
-
-/** Each cell in the colour of who is first there. */
-function paint(found, colours) {
-  painted = found;
-  picture ??= new OffscreenCanvas(CELLS, CELLS);
-  const context = picture.getContext("2d");
-  context.clearRect(0, 0, CELLS, CELLS);
-  widened(widened(found)).forEach((lead, cell) => {
-    if (Number.isNaN(lead)) return;
-    context.fillStyle = colours[lead > 0 ? EVADER : PURSUER];
-    context.fillRect(cell % CELLS, Math.floor(cell / CELLS), 1, 1);
   });
 }
 

@@ -54,7 +54,8 @@ export function describeGoal({ game, players, start }, me, isEndless = false) {
   }
   const limit = `${Number((game.max_steps * game.dt).toFixed(1))}\u00a0s`;
   const [ours, theirs] = [start[me].length, start[other(me)].length];
-  const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}`;
+  const hidden = game.sensors ? " (walls hide you both)" : "";
+  const you = `You are ${COLOUR[me]}${ours > 1 ? ` 1 of ${ours}` : ""}${hidden}`;
   if (me === EVADER && game.arena.territory) return `${you}: reach the ring within ${limit}`;
   const long = isEndless ? "as long as you can" : `${theirs > 1 ? "for " : ""}${limit}`;
   if (me === EVADER) return `${you}: survive ${theirs > 1 ? `${theirs} reds ` : ""}${long}`;

@@ -1,0 +1,86 @@
+// Fog: robots that see no further than walls and obstacles let them, what they know of their opponents, and how it is drawn.
+
+import { CELLS, search } from "./calls.js";
+import { PURSUER, other } from "./game.js";
+
+const RECENT = 1.05; // age of a sighting up to which a pursuer drives to it [s]
+const NEVER = 900; // age of what was never seen, at least [s]
+const LINE_OF_SIGHT = { line_of_sight: true };
+const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
+
+/** Return a game of two robots in fog. */
+export const inFog = (game) => ({ ...game, sensors: { pursuer: LINE_OF_SIGHT, evader: LINE_OF_SIGHT } });
+
+/** Return whether a side sees no further than obstacles let it. */
+export const isFoggy = (game, role) => Boolean(game.sensors?.[role]);
+
+/** What the robot of a side knows after the last of the states of a game, as `search` returns it. */
+export function knowledge(game, states, role) {
+  const isKnown = (state) => Boolean(memories.get(state)?.[role]);
+  for (let number = states.findLastIndex(isKnown) + 1; number < states.length; number++) {
+    const before = number ? memories.get(states[number - 1])[role] : null;
+    const found = search(game, states[number], { role, number: 0 }, before);
+    memories.set(states[number], { ...memories.get(states[number]), [role]: found });
+  }
+  return memories.get(states.at(-1))[role];
+}
+
+/** Another player in fog: it sees the last sighting, and a pursuer that has none of late searches. */
+export function bySight(player, byValue) {
+  return (game, state, who, states) => {
+    if (!isFoggy(game, who.role)) return player(game, state, who, states);
+    const { last, age, values } = knowledge(game, states, who.role);
+    if (who.role === PURSUER && age > RECENT) return byValue(values);
+    const rival = other(who.role);
+    return player(game, { ...state, [rival]: [{ ...last, status: state[rival][0].status }] }, who, states);
+  };
+}
+
+/** Return the cells in one colour where an opponent can be, as the robot of a side knows. */
+export function shades(known, colour) {
+  if (known.shades?.colour !== colour) known.shades = { colour, cells: Array.from(known.credit, (credit) => (credit < 0 ? null : colour)) };
+  return known.shades.cells;
+}
+
+/**
+ * What a person sees of a match in fog, or null where all is seen.
+ *
+ * @returns {rival, isHidden, last, cells}: the other side, whether its robot is out of sight, where it was seen last, or null, and
+ *   where it can be
+ */
+export function fogOf({ game, states, isOver }, me, colours) {
+  if (!me || isOver || !isFoggy(game, me)) return null;
+  const found = knowledge(game, states, me);
+  const isHidden = found.age > 0;
+  return { rival: other(me), isHidden, last: isHidden && found.age < NEVER ? found.last : null, cells: shades(found, colours.ink) };
+}
+
+/** Draw cells of an arena's chart, from the bottom: each in the colour that it has, if any. */
+export function drawCells(context, arena, opacity, colours) {
+  const { x_min: x, x_max: right, y_min: y, y_max: top } = arena;
+  const cell = Math.max(right - x, top - y) / CELLS;
+  context.save();
+  context.beginPath();
+  context.rect(x, y, right - x, top - y);
+  context.clip();
+  context.globalAlpha = opacity;
+  context.imageSmoothingEnabled = true;
+  context.drawImage(picture(colours), x, y, cell * CELLS, cell * CELLS);
+  context.restore();
+}
+
+const pictures = new WeakMap();
+
+/** A pixel for each cell; the colours of what is drawn again are not painted again. */
+function picture(colours) {
+  if (pictures.has(colours)) return pictures.get(colours);
+  const canvas = new OffscreenCanvas(CELLS, CELLS);
+  const context = canvas.getContext("2d");
+  colours.forEach((colour, cell) => {
+    if (!colour) return;
+    context.fillStyle = colour;
+    context.fillRect(cell % CELLS, Math.floor(cell / CELLS), 1, 1);
+  });
+  pictures.set(colours, canvas);
+  return canvas;
+}
