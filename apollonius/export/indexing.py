@@ -89,7 +89,7 @@ def _gather(block: Block, operands: list[Value], params: Params, out: Any) -> Va
 
 
 def _scatter(operation: str | None) -> Rule:
-    """Return the rule of a scatter that puts updates in, or what an operation makes of them and of what is there."""
+    """Return the rule of a scatter: updates replace elements, or an operation takes both."""
 
     def rule(block: Block, operands: list[Value], params: Params, out: Any) -> Value:
         value, indices, updates = operands[0], *map(block.stored, operands[1:])
