@@ -184,7 +184,7 @@ def _draw_cross(draw: ImageDraw.ImageDraw, centre: Point, radius: float, colour:
 
 
 _GAP = 16
-_LETTERS = 15
+_LETTERS = 22
 """Height of a caption [pixels]."""
 
 
@@ -210,5 +210,5 @@ def save_gallery(games: Mapping[str, Game], path: Path, columns: int = 4) -> Non
     pictures: dict[str, Image.Image] = {}
     for name, game in games.items():
         width, height = game.arena.x_max - game.arena.x_min, game.arena.y_max - game.arena.y_min
-        pictures[f"{name}, {float(width):.3g} x {float(height):.3g} m"] = Canvas(game).picture()
+        pictures[f"{name}\n{float(width):.3g} x {float(height):.3g} m"] = Canvas(game).picture()
     save_side_by_side(pictures, path, columns, size=SIZE // 2)

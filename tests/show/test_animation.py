@@ -118,7 +118,7 @@ def test_pictures_side_by_side_are_whole_and_so_are_their_captions(tmp_path):
         save_side_by_side(pictures, tmp_path / "all.png", columns, 100)
         with Image.open(tmp_path / "all.png") as drawn:
             content = np.asarray(drawn.convert("RGB"))
-        assert content.shape == (4 // columns * 162 + 16, columns * 116 + 16, 3)
+        assert content.shape == (4 // columns * 176 + 16, columns * 116 + 16, 3)
         for colour, (width, height) in zip(known, [*list(sizes.values())[:3], (100, 40)], strict=False):
             places = np.argwhere((content == colour).all(axis=2))
             assert [*np.ptp(places, axis=0) + 1, len(places)] == [height, width, height * width]
