@@ -140,7 +140,7 @@ const answers = {
   },
   read: (texts) => texts.map((text) => tried(() => file.readGame(text))),
   survey: (text) => survey(file.readGame(text)),
-  links: (fragments) => Promise.all(fragments.map((fragment) => file.fromGameLink(fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
+  links: (fragments) => Promise.all(fragments.map((fragment) => file.fromFragment("#game=", fragment).then((answer) => ({ answer }), ({ message }) => ({ complaint: message })))),
   moves() {
     const made = plan.withWall(file.gameFrom({ arena: { x_max: 9, y_max: 7 } }), [1, 1], [6, 1]);
     const wall = { kind: "polygons", index: 0 };

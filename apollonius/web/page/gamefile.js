@@ -5,7 +5,6 @@ import { hasMeetingEdges } from "./plan.js";
 import { given } from "./programs.js";
 import { drawStart, makeRandom } from "./starts.js";
 
-const MARK = "#game=";
 const LONGEST = 20_000; // characters of a link
 
 /** The game of a JSON text. Throws an Error in one line. */
@@ -49,18 +48,6 @@ export async function fromFragment(mark, fragment) {
   } catch {
     throw new Error("it is damaged; copy the whole link");
   }
-}
-
-/** Return the fragment of a link to a game. Games on maps are too large for links. */
-export async function asGameLink(game) {
-  if (game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
-  return asFragment(MARK, writeGame(game, 0));
-}
-
-/** The game of a link's fragment, or null where it has none. Throws an Error in one line. */
-export async function fromGameLink(fragment) {
-  const text = await fromFragment(MARK, fragment);
-  return text && readGame(text);
 }
 
 const MAX_TURN = 2; // in one step [rad]

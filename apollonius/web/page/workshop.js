@@ -2,10 +2,11 @@
 
 import { Editor, TOOLS } from "./editor.js";
 import { saveAs } from "./files.js";
-import { DEFAULT, asGameLink, fromGameLink, gameFrom, readGame, writeGame } from "./gamefile.js";
+import { DEFAULT, asFragment, fromFragment, gameFrom, readGame, writeGame } from "./gamefile.js";
 import { cleared, withSize } from "./plan.js";
 import { survey } from "./survey.js";
 
+const MARK = "#game="; // before a game in a link
 const DRAWN = "drawn"; // what the arena of this page's person is called among the games
 const HINTS = {
   select: "Drag to move, drag a dot to resize.",
@@ -73,9 +74,9 @@ export class Workshop {
   /** Offer the game of a link's fragment, if it has one; returns its name, or null, and what is wrong with it, or null. */
   async offerLinked(fragment) {
     try {
-      const game = await fromGameLink(fragment);
-      if (game) this.#offer(game);
-      return [game && DRAWN, null];
+      const text = await fromFragment(MARK, fragment);
+      if (text !== null) this.#offer(readGame(text));
+      return [text !== null ? DRAWN : null, null];
     } catch (error) {
       return [null, `The arena in this link cannot be played: ${error.message}.`];
     }
@@ -194,7 +195,8 @@ export class Workshop {
   }
 
   async #share() {
-    const link = new URL(await asGameLink(this.game), location.href.split("#")[0].split("?")[0]).href;
+    if (this.game.arena.map) throw new Error("a map is too large for a link: save the game and send its files");
+    const link = new URL(await asFragment(MARK, writeGame(this.game, 0)), location.href.split("#")[0].split("?")[0]).href;
     history.replaceState(null, "", new URL(link).hash);
     await navigator.clipboard?.writeText(link).catch(() => null);
     this.#say("The link to this arena is copied, and in the address bar.");
