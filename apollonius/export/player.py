@@ -111,7 +111,7 @@ def side_of(name: str, given: str | None = None) -> Role:
     sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
     require(given is None or given in named, "side", given, f"{' or '.join(named)}, which '{name}' plays")
-    require(given or len(sides) == 1, "side", None, f"given, since '{name}' plays either: {' or '.join(named)}")
+    require(given or len(sides) == 1, "side", "missing", f"{' or '.join(named)}, as '{name}' plays either")
     return Role[given.upper()] if given else sides[0]
 
 
@@ -125,9 +125,9 @@ def home_of(name: str) -> Game:
     if bare in PLAYERS:
         return make_game("paper")
     header = find_trained(bare)[0].header
-    require(header.game, "game", None, f"given, since '{name}' does not say what it was made for")
+    require(header.game, "game", "missing", f"one arena, since '{name}' does not say what it was made for")
     game = from_dict(Game, header.game, f"'{name}'")
-    require(game.scenario is None, "game", None, f"given, since '{name}' plays in any arena: as office")
+    require(game.scenario is None, "game", "missing", f"one arena, as office, since '{name}' plays in any")
     return game
 
 

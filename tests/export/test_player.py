@@ -259,9 +259,9 @@ def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monke
 
 
 REFUSED = {
-    "still --to c --out a.c": "side = None is not possible: it must be given, since 'still' plays either",
+    "still --to c --out a.c": "side = missing is not possible: it must be pursuer or evader, as 'still' plays either",
     "flee --to c --out a.c --side pursuer": "side = pursuer",
-    "P_any --to c --out a.c": "plays in any arena: as office",
+    "P_any --to c --out a.c": "one arena, as office, since 'P_any' plays in any",
     "P_stage1 --to c --out a.onnx": "a file that ends in .c",
     "P_stage1 --to onnx --out a.onnx --constants": "--constants",
     "shielded:P_stage1 --to onnx --out a.onnx": "one without a shield",

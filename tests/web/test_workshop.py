@@ -138,7 +138,7 @@ def test_an_arena_on_a_map_is_changed_and_played(desk):
     assert len(record["discs"]) == 1
     assert set(record["map"]) == {"file", "sha256"}
     assert record["map"]["file"].endswith("floor.yaml")
-    block, aisle = (page.evaluate(PIXEL, share) for share in (0.56, 0.4))
+    block, aisle = (page.evaluate(PIXEL, share) for share in (0.59, 0.4))
     assert block != aisle
     assert desk.match("game.arena.map.field.length") == 81 * 121
 
