@@ -5,7 +5,7 @@
     python benchmarks/calibration.py P_table.safetensors E_table.safetensors --out calibration.json
 
 A table's estimate of a start is what its player is "sure of" there. The player meets the other table, a search that
-follows it for a second, and the planner that simulates courses of the game against it; the worst of them in a bin says
+follows it for a second, and the planner that simulates courses of the game against it; the worst one in a bin says
 what it keeps.
 """
 
