@@ -89,11 +89,12 @@ def write_sources(folder: Path) -> None:
         if name == "benchmarks/leaderboard.md":
             text += leaderboard()
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        page = at_home(text, path)
         if name.startswith("tutorials/") and path.stem != "index":
             (folder / name).with_suffix(".ipynb").write_text(notebook(text))
-            title, _, below = text.partition("\n")
-            text = f"{title}\n\n{{download}}`Download as a notebook <{path.stem}.ipynb>`\n{below}"
-        (folder / name).write_text(f"{at_home(text, path)}\n{_contents(name)}")
+            title, _, below = page.partition("\n")
+            page = f"{title}\n\n[Download as a notebook]({path.stem}.ipynb)\n{below}"
+        (folder / name).write_text(f"{page}\n{_contents(name)}")
 
 
 def notebook(text: str) -> str:

@@ -75,4 +75,4 @@ def test_a_tutorial_offers_its_notebook_below_its_title(tmp_path):
     for name in books:
         title, _, offer, *_ = (tutorials / f"{name}.md").read_text().splitlines()
         assert title.startswith("# ")
-        assert f"<{name}.ipynb>" in offer
+        assert f"({name}.ipynb)" in offer
