@@ -34,7 +34,7 @@ export function drawGame(canvas, game, states, step, colours, shown = []) {
   const index = Math.min(Math.floor(step), states.length - 1);
   const now = between(states[index], states[Math.min(index + 1, states.length - 1)], step - index);
   const passed = [...states.slice(0, index + 1), now];
-  const layers = layersOf({ game, state: now }, known(game, now, shown), colours);
+  const layers = layersOf({ game, state: now }, known(game, [now], shown), colours);
   draw(canvas, { game, states: passed, now, colours, layers });
 }
 

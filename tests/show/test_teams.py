@@ -45,14 +45,14 @@ def test_frames_have_all_robots_with_their_numbers_and_crosses_for_those_out(rep
     apart = np.hypot(replay.states[-1, 12] - replay.states[-1, 4], replay.states[-1, 13] - replay.states[-1, 5])
     assert said[9:] == ["2", "2", "no result after 1.2 s", f"1 v 1 in play, distance {apart:.2f} m"]
 
-    beside = 0.09  # m; in a disc, and off the arms of a cross
+    beside = 0.09  # m; in an arrowhead
     assert [colour_at(first, 9.75 - beside, 2), colour_at(first, 2 - beside, 5)] == [RED, RED]
     x, y = replay.states[-1, 8:10]
     assert colour_at(last, x, y) == BLUE
     assert WHITE not in (colour_at(last, x + 0.07, y + 0.07), colour_at(last, x - 0.07, y - 0.07))
-    assert colour_at(last, x, y + beside) == WHITE
+    assert colour_at(last, x, y + 0.14) == WHITE, "off the arms of a cross, outside the ring of its start"
     x, y = replay.states[-1, 4:6]
-    assert colour_at(last, x, y + beside) == RED
+    assert colour_at(last, x - beside, y + 0.05) == RED
 
 
 def test_the_page_draws_every_robot_and_says_who_is_left(replay, tmp_path):
