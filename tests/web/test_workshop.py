@@ -87,6 +87,7 @@ def test_an_arena_is_drawn_shared_and_played_to_its_end(desk, tmp_path):
     assert block == [[7, 6], [8.5, 6], [8.5, 9], [7, 9]]
     assert [wall[0][0] for wall in walls] == [1, 4.6]
     page.click("#share")
+    playwright.expect(page.locator("#said")).to_contain_text("is copied")
     link = page.evaluate("location.hash")
     page.click("#clear")
     page.evaluate(DROP, ["arena.json", (tmp_path / "arena.json").read_text()])
