@@ -3,7 +3,7 @@
     make mutants
 
 In a copy of the tree each mutant meets the quick tests of its room and those that import its file, until one fails: a
-lower bound of what all tests would notice. One that survives is printed, to be read. A second call goes on where the
+lower bound of what all tests would notice. One that survives is printed, to be read. A second call resumes where the
 first one stopped.
 """
 
@@ -29,7 +29,7 @@ PYTEST = f"{sys.executable} -m pytest -x -q -n 0 -p no:cacheprovider --timeout 3
 
 
 def sample(number: int, seed: int) -> list[MutationSpec]:
-    """Return mutants of the tree here, one for each of so many places that are drawn evenly from all rooms' lines."""
+    """Return mutants of the tree here, each at a place of its own, drawn evenly from all."""
     with tempfile.TemporaryDirectory() as folder, use_db(f"{folder}/all.sqlite") as found:
         init(sorted(Path(PACKAGE).rglob("*.py")), found, {})
         every = [item.mutations[0] for item in found.work_items]
