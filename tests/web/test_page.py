@@ -26,7 +26,7 @@ from tests.documents import REPOSITORY
 from tests.web.browser import needs_chromium, playwright
 
 pytestmark = needs_chromium
-SPIRAL = "f63105241f97fcc7d034200f0279c7f25cbfc03a294e6820e00f7088ef3323b3"
+SPIRAL = "68ef36e88dd9c4e8f3a096933aeceddbdf95ea94d314e08f2719119930fbfd16"
 """SHA-256 of the C sources of `spiral.wasm`, which `write_player` makes anew."""
 
 
