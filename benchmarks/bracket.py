@@ -36,8 +36,8 @@ def main() -> None:
             axes.plot(nodes, low, "_", nodes, high, "_", color=colour, markersize=9)
         axes.set(title="paper, starts at rest", xlabel="nodes along a wall", ylabel="mean discounted payoff")
         axes.set_xticks(sorted({int(run["grid"].split("x")[0]) for run in runs}))
-        axes.set_ylim(bottom=0)
-        axes.legend()
+        axes.set_ylim(0, 0.4)
+        axes.legend(ncols=2)
 
 
 if __name__ == "__main__":

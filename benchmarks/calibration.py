@@ -75,6 +75,8 @@ def calibrate(player: SaddlePolicy, other: SaddlePolicy, games: dict[str, int], 
     bins = np.digitize(promised[order], EDGES[1:-1])
     rows: list[dict[str, object]] = [{} for _ in EDGES[1:]]
     for name, attacker in attackers(player, other):
+        if not games[name]:
+            continue
         some = order[: games[name]]
         kept = kept_by(player, attacker, jax.tree.map(lambda leaf, some=some: leaf[some], starts), seed)
         for number, row in enumerate(rows):
