@@ -6,6 +6,7 @@ import { PURSUER, other } from "./game.js";
 const RECENT = 1.05; // age of a sighting up to which a pursuer drives to it [s]
 const NEVER = 900; // age of what was never seen, at least [s]
 const LINE_OF_SIGHT = { line_of_sight: true };
+const NOTHING = []; // is shaded where the opponent is in sight
 const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
 
 /** Return a game of two robots in fog. */
@@ -52,7 +53,7 @@ export function fogOf({ game, states, isOver }, me, colours) {
   if (!me || isOver || !isFoggy(game, me)) return null;
   const found = knowledge(game, states, me);
   const isHidden = found.age > 0;
-  return { rival: other(me), isHidden, last: isHidden && found.age < NEVER ? found.last : null, cells: shades(found, colours.ink) };
+  return { rival: other(me), isHidden, last: isHidden && found.age < NEVER ? found.last : null, cells: isHidden ? shades(found, colours.ink) : NOTHING };
 }
 
 /** Draw cells of an arena's chart, from the bottom: each in the colour that it has, if any. */
