@@ -76,7 +76,7 @@ def asked(words, monkeypatch):
         case ["python3", "-m", "pip", "install", *where, "rosbags"]:
             assert all((REPOSITORY / folder / "setup.py").exists() for folder in where)
             return None
-        case ["pip", "install", what]:
+        case ["pip", "install", what] | ["pip", "install", "-e", what]:
             project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
             extra = re.fullmatch(r"\.\[(.*)\]", what)
             assert extra is None or set(extra[1].split(",")) <= set(project["optional-dependencies"])

@@ -38,8 +38,8 @@ class MissedPassage:
     def __str__(self) -> str:
         detour = "know no other way" if np.isinf(self.detour) else f"know a way that is {self.detour:.1f} m longer"
         return (
-            f"the passage at ({self.x:.2f}, {self.y:.2f}) is none to players that read a chart, as P_any and E_any, "
-            f"which {detour}: this arena's chart resolves {self.resolves:.2f} m, so widen it to that."
+            f"the passage at ({self.x:.2f}, {self.y:.2f}) is too narrow for the chart that P_any and E_any go by: they "
+            f"{detour}. This arena's chart resolves {self.resolves:.2f} m, so widen it to that."
         )
 
 

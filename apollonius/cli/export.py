@@ -2,7 +2,7 @@
 
 import argparse
 
-from apollonius.cli.options import command, finish
+from apollonius.cli.options import command, finish, warn
 from apollonius.cli.values import known_agent, known_game, new_file
 from apollonius.io.errors import require
 
@@ -31,6 +31,7 @@ def run_export(options: argparse.Namespace) -> int:
     """Write the files and check them."""
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.arenas.record import to_dict
+    from apollonius.catalogue import find_player
     from apollonius.export.player import find_exportable, home_of, side_of
     from apollonius.export.writing import STATES, write_c, write_onnx
 
@@ -42,6 +43,7 @@ def run_export(options: argparse.Namespace) -> int:
     role = side_of(name, options.side)
     game = game_in_one_arena(options.game, "export") if options.game else home_of(name)
     options.display.begin(f"writing the player and comparing it in {STATES:,} states", compiles=True)
+    warn(options, game, [find_player(name, role, game)])
     player = find_exportable(name, role, game)
     written = write_c(player, out, options.constants) if options.to == "c" else write_onnx(player, out)
     options.display.end()

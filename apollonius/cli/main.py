@@ -78,6 +78,15 @@ class OneLineParser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"= {shown(value)} is not possible: did you mean '{near}'?")
         super()._check_value(action, value)  # pyright: ignore[reportAttributeAccessIssue]
 
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, args: Any = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """Refuse unknown arguments here, where the command is known whose help says more."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return options, unknown
+
     def error(self, message: str) -> NoReturn:
         words = message.removeprefix("argument ").replace(": = ", " = ", 1).removesuffix(".")  # `values.unfit` has "= "
         print(f"{self.prog}: {shown(words, LONGEST_MESSAGE)}; see {self.prog} --help", file=sys.stderr)

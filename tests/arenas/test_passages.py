@@ -48,7 +48,7 @@ def test_a_door_that_the_chart_does_not_have_is_found_with_the_way_round():
         assert 0.9 <= found.resolves <= 1.01
     assert alone.detour == np.inf
     assert 8.0 < beside.detour < 13.0
-    assert "m longer: this arena's chart resolves" in str(beside)
+    assert "m longer. This arena's chart resolves" in str(beside)
     west, east = 20 * COARSE + 5, 20 * COARSE + 35
     assert np.asarray(charted(floor(0.55)).arena.chart.lengths)[0, west, east] == NO_PATH
 
@@ -63,7 +63,7 @@ def test_the_check_of_an_arena_says_what_its_chart_resolves(tmp_path, monkeypatc
     Path("floor.toml").write_text(tomli_w.dumps(to_dict(floor(0.55))))
     assert main(["arena", "check", "floor.toml", "--json"]) == 0
     (note,) = json.loads(capsys.readouterr().out)["notes"]
-    assert note.endswith("know no other way: this arena's chart resolves 1.00 m, so widen it to that.")
+    assert note.endswith("know no other way. This arena's chart resolves 1.00 m, so widen it to that.")
 
 
 def test_players_with_charts_are_warned_of_it_and_others_are_not():
@@ -98,6 +98,7 @@ def test_arenas_that_are_wrong_and_agents_that_have_not_learned_there_are_told_o
         "slice P_stage1 --opponent 5 5",
         "solve safety",
         "play",
+        "export P_pool --to c --out P_pool.c --game paper",
     ],
 )
 def test_every_command_about_one_arena_warns_before_it_works(words, tmp_path, monkeypatch):

@@ -250,6 +250,7 @@ def test_slice_draws_an_agent_that_reads_a_chart(capsys):
 
 
 REFUSED = {
+    "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
     "fly": "fly", "trian": "did you mean 'train'", "train --preset quik": "did you mean 'quick'",
     "evaluate random": "EVADER", "evaluate P_pol still": "did you mean 'P_pool'",
     "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",

@@ -178,6 +178,7 @@ def test_an_endless_level_counts_how_long_a_person_lasts(desk):
 def test_in_fog_the_opponent_is_drawn_where_it_is_in_sight_and_the_package_shows_the_same_fog(desk, tmp_path):
     page = desk.open("?level=11")
     assert page.inner_text("#goal") == "11. You are blue (walls hide you both): survive 60\u00a0s"
+    assert page.inner_text("#message").endswith("Grey is where the other may be")
     drawn = """async (number) => {
       const { fogOf } = await import("./fog.js");
       const match = apollonius.page.match.from(number);

@@ -87,7 +87,7 @@ export class Session {
     this.#beginGame();
     const { me, match, catalogue } = this;
     const isTaught = me && Object.hasOwn(catalogue.files, bare(match.players[other(me)][0].name).split(" ")[0]);
-    this.enter("ready", describeReady(this.people.length, isTaught));
+    this.enter("ready", describeReady(this.people.length, isTaught, Boolean(match.game.sensors)));
   }
 
   /** The one button: start, pause, go on, the next game or level. */

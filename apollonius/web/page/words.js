@@ -92,11 +92,12 @@ export function describeChance({ game }, me, number) {
   return number === null ? `An agent in your place would not ${better} either.` : `At ${asTime(number * game.dt)} an agent in your place would still ${better}.`;
 }
 
-/** Return how a game is started and steered by a number of people, and whether their opponent is a trained network. */
-export function describeReady(people, isTaught) {
+/** Return how a game is started and steered by a number of people, whether their opponent is a trained network, and whether walls hide it. */
+export function describeReady(people, isTaught, isFoggy) {
   const touch = matchMedia("(pointer: coarse)").matches;
   const keys = people === 2 ? "red steers by W A S D, blue by the arrow keys" : "↑ speeds up, ↓ brakes, ← → turn";
   const how = people ? (touch ? "hold the pad to steer" : keys) : "agents play";
-  const whom = isTaught ? ". Your opponent is a neural network that taught itself" : "";
-  return `${touch || self !== top ? "Start" : "Space"} to begin; ${how}${whom}`;
+  const fog = isFoggy ? ". Grey is where the other may be" : "";
+  const whom = isTaught && !isFoggy ? ". Your opponent is a neural network that taught itself" : "";
+  return `${touch || self !== top ? "Start" : "Space"} to begin; ${how}${fog}${whom}`;
 }
