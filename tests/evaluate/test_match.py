@@ -200,15 +200,12 @@ def test_a_match_says_how_well_a_side_saw():
     played = Match.of_names(game, "intercept", "random", 6, seed=2)
     result = play_match(played)
     first, total, steps = [], 0, 0
+    hides = jax.jit(lambda one, other: game.arena.hides(RobotState(*one), RobotState(*other)))
     for index in range(6):
         replay = record_game(played, index)
         pursuers, evaders = (replay.states[:-1, 4 * side : 4 * side + 4] for side in range(2))
         near = np.hypot(*(pursuers - evaders)[:, :2].T) <= 4.0
-        state = lambda row: RobotState(*map(jnp.float32, row))  # noqa: E731
-        hidden = [
-            bool(game.arena.hides(state(one), state(other))) for one, other in zip(pursuers, evaders, strict=True)
-        ]
-        seen = near & ~np.array(hidden)
+        seen = near & ~np.array([hides(one, other) for one, other in zip(pursuers, evaders, strict=True)])
         first += [int(np.argmax(seen))] if seen.any() else []
         total, steps = total + seen.sum(), steps + len(seen)
     assert 0 < len(first) < 6, "in some games it never saw it"
