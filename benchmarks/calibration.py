@@ -11,41 +11,28 @@ what it keeps.
 
 import argparse
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import jax
 import numpy as np
 
-from apollonius.agents.holding import Holding
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
-from apollonius.catalogue import find_player
 from apollonius.evaluate.match import keys_of, starting
 from apollonius.evaluate.statistics import mean_interval
-from apollonius.exploit.attackers import COURSE, DRAWN, FOLLOWED, PLANS_EVERY
-from apollonius.exploit.planner import Planner
+from apollonius.exploit.attack import Attack
+from apollonius.exploit.attackers import Means, attackers_of
 from apollonius.game.by_side import BySide
 from apollonius.game.game import sample_starts
 from apollonius.game.types import GameState, Role
 from apollonius.play.playout import play_out
-from apollonius.solve.players import RolloutSearch, SaddlePolicy
+from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.solving import table_player
 
 EDGES = (-1.0, -0.6, -0.3, -0.1, -0.02, 0.02, 0.1, 0.3, 0.6, 1.0)
 """Ends of the bins of a promise, a discounted payoff."""
 DRAWN_STARTS = 20_000
-
-
-def attackers(player: SaddlePolicy, other: SaddlePolicy) -> Iterator[tuple[str, AbstractPolicy]]:
-    """Yield the attackers of a table's player, by name."""
-    game, role = player.zero_sum_game.game, player.zero_sum_game.role.other
-    steps, every, second = (round(seconds / float(game.dt)) for seconds in (COURSE, PLANS_EVERY, 1.0))
-    yield "table", other
-    yield "search-1", Holding(RolloutSearch(other.zero_sum_game, other.table, player, second), second)
-    followed = tuple(find_player(name, role, game).policy for name in FOLLOWED[role])
-    yield "planner", Planner(game, player, followed, role, DRAWN, steps, every)
 
 
 def chosen(promised: np.ndarray, games: int, seed: int) -> np.ndarray:
@@ -66,19 +53,20 @@ def kept_by(player: SaddlePolicy, attacker: AbstractPolicy, starts: GameState, s
     return np.asarray(zero_sum_game.payoff_of(played.outcome, played.steps * zero_sum_game.game.dt))
 
 
-def calibrate(player: SaddlePolicy, other: SaddlePolicy, games: dict[str, int], seed: int) -> dict[str, object]:
+def calibrate(attack: Attack, means: Means, games: dict[str, int]) -> dict[str, object]:
     """Return, for each bin of the promise, its mean and what the player keeps against each attacker."""
-    game, _ = starting(player.zero_sum_game.game, "moving")
+    player, seed = attack.player.policy, means.seed
+    assert isinstance(player, SaddlePolicy)
+    game, _ = starting(attack.rules, "moving")
     starts = sample_starts(game, jax.random.key(seed), DRAWN_STARTS)
     promised = np.asarray(player.best_value(starts))
     order = chosen(promised, max(games.values()), seed)
     bins = np.digitize(promised[order], EDGES[1:-1])
     rows: list[dict[str, object]] = [{} for _ in EDGES[1:]]
-    for name, attacker in attackers(player, other):
-        if not games[name]:
-            continue
-        some = order[: games[name]]
-        kept = kept_by(player, attacker, jax.tree.map(lambda leaf, some=some: leaf[some], starts), seed)
+    for name, count in games.items():
+        (attacker,) = attackers_of(name, attack, means)
+        some = order[:count]
+        kept = kept_by(player, attacker.policy, jax.tree.map(lambda leaf, some=some: leaf[some], starts), seed)
         for number, row in enumerate(rows):
             here = bins[: len(some)] == number
             if here.sum() > 1:
@@ -103,7 +91,9 @@ def main() -> None:
     game = find_game(options.game)
     tables = BySide(*(table_player(path, game) for path in options.tables))
     games = {"table": options.games, "search-1": options.games, "planner": options.planned}
-    found = {role.name.lower(): calibrate(tables[role], tables[role.other], games, options.seed) for role in Role}
+    games = {name: count for name, count in games.items() if count}
+    means, files = Means(tables, Path(), seed=options.seed), BySide(*options.tables)
+    found = {role.name.lower(): calibrate(Attack(role, str(files[role]), options.game), means, games) for role in Role}
     options.out.write_text(json.dumps(found, indent=1) + "\n")
 
 

@@ -24,11 +24,10 @@ from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.types import NUM_ACTIONS, Action
 from apollonius.io.document import read_bytes, to_json
 from apollonius.io.errors import InvalidInput, require, shown
+from apollonius.io.limits import ENTRANTS
 from apollonius.observe.registry import OBSERVATIONS
 from apollonius.observe.view import View
 
-SUFFIXES = (".py", ".onnx")
-"""Suffixes of the files of agents from outside."""
 DECISION_SECONDS = 0.01
 """Time for a decision [s]: a request has that for each of its rows, or a second if that is more."""
 START_SECONDS = 60.0
@@ -65,7 +64,7 @@ class EntrantProcess:
     """
 
     def __init__(self, path: Path, python: str, game: dict[str, Any], robots: int) -> None:
-        require(path.suffix in SUFFIXES, "entrant", path, f"a file that ends in {' or '.join(SUFFIXES)}")
+        require(path.suffix in ENTRANTS, "entrant", path, f"a file that ends in {' or '.join(ENTRANTS)}")
         self.content = read_bytes(path, "an agent's file", "check the path", _MOST_BYTES)
         self._path, self._python = path, python
         self._sizes = {_STATE: _OF_A_ROBOT * robots} | {name: one.size for name, one in OBSERVATIONS.items()}

@@ -49,15 +49,15 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def _vary(options: argparse.Namespace) -> int:
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.cli.terminal import varied_table
-    from apollonius.evaluate.vary import Variation, play_varied
+    from apollonius.evaluate.vary import Variation, play_varied, varied_matches
     from apollonius.game.by_side import BySide
 
     require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
     variations = [Variation(*one) for one in options.vary]
     options.display.begin("playing a match for each value", compiles=True)
-    report = options.display.report
-    found = play_varied(game, names, variations, options.games, options.seed, options.starts, report)
+    matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
+    found = play_varied(matches, variations, options.display.report)
     if options.out:
         from apollonius.show.matches import draw_varied
 

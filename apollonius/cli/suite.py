@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from apollonius.cli.options import AGENT, add_json, answer, command, finish
 from apollonius.cli.values import existing_file, known_entrant, new_file
-from apollonius.evaluate.names import ENTRANTS, PANELS
+from apollonius.evaluate.names import PANELS
 from apollonius.io.errors import require
+from apollonius.io.limits import ENTRANTS
 
 if TYPE_CHECKING:
     from apollonius.evaluate.suite_card import SuiteCard

@@ -17,10 +17,9 @@ from typing import Any
 
 from apollonius.agents.names import BUILT_IN, FROM_ZOO, SEARCHING, SHIELDED, agents_folders, side_of, zoo_names
 from apollonius.arenas.names import game_names, unknown_game
-from apollonius.evaluate.names import ENTRANTS
 from apollonius.game.names import TEAM
 from apollonius.io.errors import EXTRAS, missing, nearest, require, shown, unknown_name
-from apollonius.io.limits import GAME_FILES, SEED, TRAININGS, Counted
+from apollonius.io.limits import ENTRANTS, GAME_FILES, SEED, TRAININGS, Counted
 
 LARGEST = 1e6
 """Largest real number that is taken: places, speeds and angles of a game are smaller."""

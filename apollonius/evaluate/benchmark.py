@@ -25,7 +25,7 @@ from apollonius.arenas.record import to_dict
 from apollonius.arenas.suite import each_alone, suite_entries
 from apollonius.catalogue import find_player
 from apollonius.evaluate.match import Match, begin
-from apollonius.evaluate.names import ENTRANTS, PANELS, PART, SUITE
+from apollonius.evaluate.names import PANELS, PART, SUITE
 from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.by_side import BySide
@@ -34,6 +34,7 @@ from apollonius.game.outcome import PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
+from apollonius.io.limits import ENTRANTS
 from apollonius.observe.observation import perceive
 from apollonius.play import rollout
 from apollonius.play.playout import AbstractWatcher, Results, play_out

@@ -20,5 +20,3 @@ SUITE, PART = "suite-v2", "held-out"
 """The arenas that are played in."""
 ROUNDS = 2
 """Games in each arena against each opponent."""
-ENTRANTS = (".py", ".onnx")
-"""Suffixes of the files of agents from outside."""

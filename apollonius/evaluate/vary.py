@@ -97,34 +97,6 @@ def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
     return varied
 
 
-def play_varied(
-    game: Game,
-    names: BySide[str],
-    variations: Sequence[Variation],
-    games: int,
-    seed: int = 0,
-    starts: str | None = None,
-    report: Report = lambda done, total: None,
-) -> VariedMatches:
-    """Play a match of two players for each value of a number of the game, or each pair of values of two numbers.
-
-    Args:
-        names: of the players, as `find_player` takes them.
-        variations: one or two.
-        games, seed, starts: as of `Match.of_names`, the same for each match.
-        report: called with the number of games that have ended, of all matches together.
-
-    Raises:
-        InvalidInput: as `with_numbers` and `Match.of_names`, before anything is played, and as `play_match`.
-    """
-    matches = varied_matches(game, names, variations, games, seed, starts)
-    for role in Role:
-        policies = alike([match.players[role].policy for match in matches])
-        matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
-    results = play_matches(matches, report=report)
-    return VariedMatches(matches[0], tuple(variations), tuple(results))
-
-
 def varied_matches(
     game: Game,
     names: BySide[str],
@@ -133,12 +105,39 @@ def varied_matches(
     seed: int = 0,
     starts: str | None = None,
 ) -> list[Match]:
-    """Return the matches of `play_varied`, in the order of its results; arguments and errors as there."""
+    """Return a match of two players for each value of a number of the game, or each pair of values of two numbers.
+
+    Args:
+        names: of the players, as `find_player` takes them.
+        variations: one or two.
+        games, seed, starts: as of `Match.of_names`, the same for each match.
+
+    Raises:
+        InvalidInput: as `with_numbers` and `Match.of_names`.
+    """
     fields = [one.field for one in variations]
     require(1 <= len(set(fields)) == len(fields) <= 2, "varied numbers", ", ".join(fields), "one or two different ones")
     grid = itertools.product(*(one.values for one in variations))
     rules = [with_numbers(game, dict(zip(fields, values, strict=True))) for values in grid]
     return [Match.of_names(one, names.pursuer, names.evader, games, seed, starts) for one in rules]
+
+
+def play_varied(
+    matches: Sequence[Match], variations: Sequence[Variation], report: Report = lambda done, total: None
+) -> VariedMatches:
+    """Play `varied_matches`.
+
+    Args:
+        report: called with the number of games that have ended, of all matches together.
+
+    Raises:
+        InvalidInput: as `play_match`.
+    """
+    for role in Role:
+        policies = alike([match.players[role].policy for match in matches])
+        matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
+    results = play_matches(matches, report=report)
+    return VariedMatches(matches[0], tuple(variations), tuple(results))
 
 
 def _with_policy(match: Match, role: Role, policy: AbstractPolicy) -> Match:

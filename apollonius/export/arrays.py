@@ -158,4 +158,4 @@ FOLDS: dict[str, Rule] = {
 """Primitives that read each element of an operand once, by name."""
 
 OTHERS: dict[str, Rule] = {"pad": _pad, "dot_general": _dot}
-"""Those that read some more than once."""
+"""Primitives that read some elements more than once, by name."""

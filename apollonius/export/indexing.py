@@ -120,4 +120,4 @@ INDEXED: dict[str, Rule] = {
     "scatter": _scatter(None),
     **{f"scatter-{word}": _scatter(word) for word in ("add", "mul", "max", "min")},
 }
-"""They read some elements more than once, or not at all."""
+"""Primitives that read some elements more than once, or not at all, by name."""

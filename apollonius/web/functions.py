@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from apollonius.agents.searching import Search
+from apollonius.agents.searching import Search, is_found
 from apollonius.agents.shield import MARGIN
 from apollonius.arenas.charting import clearances, paths
 from apollonius.game.by_side import BySide
@@ -21,6 +21,7 @@ from apollonius.game.sensing import Sensing, Sensors
 from apollonius.game.teams import Teams
 from apollonius.game.types import GameState, RobotState, Role, Scalar
 from apollonius.observe import tracking
+from apollonius.observe.belief import NEVER
 from apollonius.observe.view import look
 from apollonius.web.handed import AnyBackup, Field, Floor, Known, Robots
 from apollonius.web.site import ROBOTS
@@ -139,6 +140,8 @@ def search(
 ) -> dict[str, Any]:
     """Return what the first robot knows after a look at its one opponent, and the values of its actions as it searches.
 
+    `sight` says whether it was seen so lately that it is driven to, and whether ever.
+
     Args:
         known: before it; of a negative age where the game begins.
         shares: random numbers from 0 to 1.
@@ -157,7 +160,9 @@ def search(
     assert track is not None, "it has sensors"
     assert track.belief is not None, "it has a chart"
     last, age = track.opponents[0], track.ages[0]
-    return {"after": Known(last, age, track.belief.credit, track.belief.unseen, cell), "values": values}
+    after = Known(last, age, track.belief.credit, track.belief.unseen, cell)
+    sight = jnp.stack([is_found(view), age < NEVER]).astype(jnp.int32)
+    return {"after": after, "values": values, "sight": sight}
 
 
 def chart(

@@ -148,7 +148,7 @@ class Robots(eqx.Module):
 
 
 class Known(eqx.Module):
-    """What a robot with a line of sight knows of its one opponent: the last sighting, its age [s], and the belief.
+    """Knowledge of a robot with a line of sight about its one opponent: the last sighting, its age [s], and the belief.
 
     Attributes:
         credit, unseen: as of `apollonius.observe.belief.Belief`.

@@ -13,7 +13,7 @@ from apollonius.agents.shield import BRAKING, Shielded
 from apollonius.catalogue import find_player
 from apollonius.cli.terminal import varied_table
 from apollonius.evaluate.match import Match, play_match
-from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, with_numbers
+from apollonius.evaluate.vary import Variation, alike, numbers_of, play_varied, varied_matches, with_numbers
 from apollonius.game import game as starts
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
@@ -39,7 +39,8 @@ def told():
 
 @pytest.fixture(scope="module")
 def found(told):
-    return play_varied(PAPER, NAMES, (SPEEDS, RADII), 60, 3, report=lambda *numbers: told.append(numbers))
+    matches = varied_matches(PAPER, NAMES, (SPEEDS, RADII), 60, 3)
+    return play_varied(matches, (SPEEDS, RADII), lambda *numbers: told.append(numbers))
 
 
 def test_each_is_the_match_of_evaluate_and_a_faster_pursuer_wins_more(found, told):
@@ -81,10 +82,14 @@ def test_a_map_has_every_rate_and_a_curve_too(found, tmp_path, monkeypatch):
 
 def test_one_compilation_serves_all_values():
     game = replace(PAPER, max_steps=20)
-    play_varied(game, NAMES, (Variation("pursuer.v_max", (1.8,)),), 5)
+
+    def play(*variations):
+        play_varied(varied_matches(game, NAMES, variations, 5), variations)
+
+    play(Variation("pursuer.v_max", (1.8,)))
     compiled = playout._advance._cache_size(), starts._draw_block._cache_size()
-    play_varied(game, NAMES, (SPEEDS, RADII), 5)
-    play_varied(game, NAMES, (Variation("max_steps", (10.0, 20.0)),), 5)
+    play(SPEEDS, RADII)
+    play(Variation("max_steps", (10.0, 20.0)))
     assert (playout._advance._cache_size(), starts._draw_block._cache_size()) == compiled
 
 

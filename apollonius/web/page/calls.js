@@ -155,8 +155,8 @@ function valued(rule, game, state, who) {
  * What a robot knows of its one opponent after a look at a state, and the values of its actions as it searches.
  *
  * @param before what it knew before, or null at the beginning of a game
- * @returns {known, last, age [s], credit, values}: all that it knows; of it the last sighting, its age, and in which cells of the
- *   chart the opponent can be, where 0 or more
+ * @returns {known, last, age [s], isFound, isSeen, credit, values}: all that it knows; of it the last sighting, its age, whether
+ *   that is recent, whether there was one, and in which cells of the chart the opponent can be, where 0 or more
  */
 export function search(game, state, who, before) {
   writeView("search", game, state, who);
@@ -167,7 +167,8 @@ export function search(game, state, who, before) {
   const found = run.search(game.capture_distance, game.dt);
   const known = Object.fromEntries(Object.entries(found.after()).map(([key, values]) => [key, values.slice()]));
   const last = Object.fromEntries(ROBOT.map((key) => [key, known[`last_${key}`][0]]));
-  return { known, last, age: known.age[0], credit: known.credit, values: [...found.values()] };
+  const [isFound, isSeen] = found.sight();
+  return { known, last, age: known.age[0], isFound, isSeen, credit: known.credit, values: [...found.values()] };
 }
 
 const FOR_TEAMS = ["voronoi-pursuit", "encirclement"];

@@ -3,8 +3,6 @@
 import { CELLS, search } from "./calls.js";
 import { PURSUER, other } from "./game.js";
 
-const RECENT = 1.05; // age of a sighting up to which a pursuer drives to it [s]
-const NEVER = 900; // age of what was never seen, at least [s]
 const LINE_OF_SIGHT = { line_of_sight: true };
 const NOTHING = []; // is shaded where the opponent is in sight
 const memories = new WeakMap(); // by a state of a game: what the robot of either side knows then
@@ -30,8 +28,8 @@ export function knowledge(game, states, role) {
 export function bySight(player, byValue) {
   return (game, state, who, states) => {
     if (!isFoggy(game, who.role)) return player(game, state, who, states);
-    const { last, age, values } = knowledge(game, states, who.role);
-    if (who.role === PURSUER && age > RECENT) return byValue(values);
+    const { last, isFound, values } = knowledge(game, states, who.role);
+    if (who.role === PURSUER && !isFound) return byValue(values);
     const rival = other(who.role);
     return player(game, { ...state, [rival]: [{ ...last, status: state[rival][0].status }] }, who, states);
   };
@@ -53,7 +51,7 @@ export function fogOf({ game, states, isOver }, me, colours) {
   if (!me || isOver || !isFoggy(game, me)) return null;
   const found = knowledge(game, states, me);
   const isHidden = found.age > 0;
-  return { rival: other(me), isHidden, last: isHidden && found.age < NEVER ? found.last : null, cells: isHidden ? shades(found, colours.ink) : NOTHING };
+  return { rival: other(me), isHidden, last: isHidden && found.isSeen ? found.last : null, cells: isHidden ? shades(found, colours.ink) : NOTHING };
 }
 
 /** Draw cells of an arena's chart, from the bottom: each in the colour that it has, if any. */
