@@ -199,9 +199,8 @@ def _advance(
     Returns:
         The games under way, the number of games that have begun, and the games that ended.
     """
-    width, window = under_way.index.shape[0], starts.steps.shape[0]
-    rows = width + window  # no more games can end
-    unwatched = watcher.begin() if watcher else None
+    # No more games than rows can end.
+    rows, unwatched = len(under_way.index) + len(starts.steps), watcher and watcher.begin()
     nothing = _Ended(jnp.zeros(rows, jnp.int32), _no_results(watcher, rows, under_way.games), jnp.asarray(0))
     carry = under_way, jnp.asarray(0), nothing, jnp.asarray(0)
 
@@ -216,14 +215,16 @@ def _advance(
         upcoming = taken + jnp.cumsum(free.astype(jnp.int32)) - 1
         fresh = free & (upcoming < count)
         index = jnp.where(fresh, first + upcoming, under_way.index)
-        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, window - 1)], starts)
+        state = jax.tree.map(lambda leaf: leaf[jnp.minimum(upcoming, len(starts.steps) - 1)], starts)
         begun = begin(game, state, players, random_bits_of(key, index, jnp.full(index.shape, -1)))
-        # Empty slots begin too: a shield would search in vain, at every step, for an action of a robot that has failed.
-        games = jax.vmap(reset_where_done)(free, begun, under_way.games)
+        # An empty slot stays at the first step of a game: there few players search or plan.
+        idle = free & ~fresh & (under_way.games.state.steps == 1)
+        games = jax.vmap(reset_where_done)(free & ~idle, begun, under_way.games)
         watched = jax.vmap(reset_where_done, in_axes=(0, None, 0))(fresh, unwatched, under_way.watched)
 
         bits = random_bits_of(key, index, games.state.steps)
-        games, transition = step_games(game, players, games, bits, observes=False)
+        after, transition = step_games(game, players, games, bits, observes=False)
+        games = jax.vmap(reset_where_done)(idle, games, after)
         watched = jax.vmap(watcher.follow)(watched, transition) if watcher else None
         over = (index != _NOBODY) & (transition.terminated | transition.truncated)
         row = jnp.where(over, ended.count + jnp.cumsum(over.astype(jnp.int32)) - 1, rows)
@@ -245,6 +246,5 @@ def _zeros(make: Callable[[], Any]) -> Any:
 
 def _cut(rows: GameState, first: int, count: int) -> GameState:
     """Return some of the starts, padded with the last one."""
-    total = len(rows.steps)
-    index = np.minimum(np.arange(first, first + count), total - 1)
+    index = np.minimum(np.arange(first, first + count), len(rows.steps) - 1)
     return jax.tree.map(lambda leaf: leaf[index], rows)
