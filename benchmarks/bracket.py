@@ -25,13 +25,13 @@ APART = 0.18
 
 
 def main() -> None:
-    """Draw each run as a line from what the pursuer is sure of to what the evader concedes."""
+    """Draw each run as a line from the lower to the upper value."""
     runs = json.loads(RUNS.read_text())["bracket"]
     with picture(Path(sys.argv[1]), width=5.6) as (axes,):
         for place, (kind, colour) in enumerate(KINDS.items()):
             some = [run for run in runs if run["kind"] == kind]
             nodes = [int(run["grid"].split("x")[0]) + APART * (place - 1) for run in some]
-            low, high = ([run[side] for run in some] for side in ("pursuer_sure_of", "evader_concedes"))
+            low, high = ([run[side] for run in some] for side in ("lower", "upper"))
             axes.vlines(nodes, low, high, color=colour, linewidth=2.5, label=kind)
             axes.plot(nodes, low, "_", nodes, high, "_", color=colour, markersize=9)
         axes.set(title="paper, starts at rest", xlabel="nodes along a wall", ylabel="mean discounted payoff")

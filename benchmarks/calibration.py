@@ -4,7 +4,7 @@
     apollonius solve game --whole-cells --grid 17x17x5x8 --role evader --out E_table.safetensors
     python benchmarks/calibration.py P_table.safetensors E_table.safetensors --out calibration.json
 
-A table's estimate of a start is what its player is "sure of" there. The player meets the other table, a search that
+A table's value of a start is what it promises its player there. The player meets the other table, a search that
 follows it for a second, and the planner that simulates courses of the game against it; the worst one in a bin says
 what it keeps.
 """

@@ -35,7 +35,7 @@ from apollonius.learn.train_state import start
 from apollonius.play.random_bits import fold_in
 from apollonius.play.rollout import Games, begin, collect
 from apollonius.solve.grid import lanes_of
-from apollonius.solve.joint import guarantee, make_duel
+from apollonius.solve.joint import make_duel, value_before_move
 from apollonius.solve.solving import joint_grids, reference_grid
 from apollonius.solve.transition_map import make_side
 from apollonius.solve.zero_sum_game import make_zero_sum_game
@@ -123,7 +123,7 @@ def measure_solver(counts: Sequence[int], hold: int) -> dict[str, Any]:
     duel = make_duel(make_zero_sum_game(game, joint_grids(game, list(counts)), hold, Role.PURSUER))
     lanes = lanes_of(duel.first.grid)
     pairs = jnp.zeros((duel.first.grid.size // lanes, duel.second.grid.size, lanes), jnp.float32)
-    both = timed(lambda _: guarantee(duel, pairs), 5)
+    both = timed(lambda _: value_before_move(duel, pairs), 5)
     return {
         "nodes": grid.size,
         "million_backups_per_second": grid.size * NUM_ACTIONS / alone / 1e6,

@@ -75,7 +75,7 @@ def add_solve(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", choices=("safety", "reach", "game"),
         help="safety: whence a robot can avoid a crash for ever; reach: the least time to a standing target; "
-        "game: an estimate of the payoff that a side is sure of against any opponent",
+        "game: the payoff that the grid promises a side against any opponent",
     )  # fmt: skip
     add_game(parser)
     parser.add_argument(

@@ -161,8 +161,8 @@ def card_table(agent: str, starts: str, card: "Card") -> str:
         f"{agent} ({card.role}) against the table: {card.games:,} games, starts: {starts}",
         f"  won {card.won:.2%} {within(card.won_interval)}, lost {card.lost:.2%} {within(card.lost_interval)}",
         f"  payoff {card.payoff:+.3f} {within(card.payoff_interval, '+.3f')}",
-        f"  by the tables the value is {card.sure:+.3f} to {card.at_most:+.3f}: estimates, no bounds off their nodes",
-        f"  gap to its own table's estimate {card.gap:.3f} {within(card.gap_interval, '.3f')}",
+        f"  the tables promise {card.promised:+.3f} to {card.at_most:+.3f}: estimates, no bounds",
+        f"  gap to what its own table promises {card.gap:.3f} {within(card.gap_interval, '.3f')}",
         "  most is lost in these games (--record K writes them):",
     ]
     for game in card.worst:

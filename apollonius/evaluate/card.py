@@ -36,21 +36,21 @@ class Card:
     lost_interval: tuple[float, float]
     payoff: float
     payoff_interval: tuple[float, float]
-    sure: float
-    """Mean of the table's estimate of what the agent's side can be sure of."""
+    promised: float
+    """Mean of what the table of the agent's side promises."""
     at_most: float
-    """Mean of the estimate, by the other side's table, of what that side concedes at most."""
+    """Mean of what the other side's table promises that its side concedes at most."""
     gap: float
-    """Mean over the starts of the estimate of what its side can be sure of there, less what the agent got."""
+    """Mean over the starts of what that table promises there, less what the agent got."""
     gap_interval: tuple[float, float]
     worst: list[dict[str, Any]]
     """The games that cost most: number, outcome, seconds, gap, start (x, y, v, heading)."""
 
 
 def measure_card(match: Match, own: SaddlePolicy, report: Report = lambda done, total: None) -> Card:
-    """Compare what an agent gets from the other side's table with an estimate of what its own side can be sure of.
+    """Compare what an agent gets from the other side's table with what its own side's table promises.
 
-    The estimate is the table's of the agent's side. Between the nodes of the grid it is no bound: it errs either way.
+    Between the nodes of the grid that promise is no bound: it errs either way.
 
     Args:
         match: the agent against the player by the other side's table.
@@ -68,8 +68,8 @@ def measure_card(match: Match, own: SaddlePolicy, report: Report = lambda done, 
     results = play_games(match, report=report)
     seconds = results.steps.astype(jnp.float32) * zero_sum_game.game.dt
     payoffs = np.asarray(zero_sum_game.payoff_of(results.outcome, seconds))
-    sure = np.asarray(own.best_value(starts))
-    gaps = sure - payoffs
+    promised = np.asarray(own.best_value(starts))
+    gaps = promised - payoffs
     counts = BySide(pursuer_wins(results.outcome), evader_wins(results.outcome, time_limit_wins=False))
     won, lost = int(np.sum(counts[role])), int(np.sum(counts[role.other]))
     return Card(
@@ -81,7 +81,7 @@ def measure_card(match: Match, own: SaddlePolicy, report: Report = lambda done, 
         lost_interval=wilson_interval(lost, match.games),
         payoff=float(np.mean(payoffs)),
         payoff_interval=mean_interval(payoffs, -1.0, 1.0),
-        sure=float(np.mean(sure)),
+        promised=float(np.mean(promised)),
         at_most=-float(jnp.mean(other.best_value(starts))),
         gap=float(np.mean(gaps)),
         gap_interval=mean_interval(gaps, -2.0, 2.0),

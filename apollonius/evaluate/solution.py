@@ -59,12 +59,12 @@ def _about_reach(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
 
 
 def _about_game(solution: Solution, game: Game, role: Role) -> dict[str, Any]:
-    """Return the estimate of what the side is sure of at the game's starts, most of which are between nodes."""
+    """Return what the table promises the side at the game's starts, most of which are between nodes."""
     player = SaddlePolicy(zero_sum_game_of(solution.problem, game), solution.table)
     starts = sample_starts(game, jax.random.key(0), STARTS)
-    sure = np.asarray(player.best_value(starts))
+    promised = np.asarray(player.best_value(starts))
     return {
-        f"the {role.name.lower()}'s estimate, on average over starts": float(np.mean(sure)),
-        "at the best start": float(np.max(sure)),
-        "at the worst": float(np.min(sure)),
+        f"promised to the {role.name.lower()}, on average over starts": float(np.mean(promised)),
+        "at the best start": float(np.max(promised)),
+        "at the worst": float(np.min(promised)),
     }

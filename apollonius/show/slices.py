@@ -88,7 +88,7 @@ def save_slice(
 ) -> None:
     """Save two maps of the arena as PNG: the value of a player's best action, and that action.
 
-    Of a solved game the first one shows the barrier too: the line where the estimate of what its side is sure of is
+    Of a solved game the first one shows the barrier too: the line where the payoff that it promises its side is
     neither a win nor a loss.
 
     Args:
@@ -128,7 +128,7 @@ def _draw_values(axes: Axes, found: Slice, solved: bool) -> None:
     x, y, values = found
     best = values.max(axis=-1)
     mesh = axes.pcolormesh(x, y, best, cmap="viridis", rasterized=True)
-    label = "estimate of what it is sure of [discounted payoff]" if solved else "value [discounted reward to come]"
+    label = "promised payoff [discounted]" if solved else "value [discounted reward to come]"
     below = axes.inset_axes((0.0, -0.24, 1.0, 0.045))
     axes.figure.colorbar(mesh, cax=below, orientation="horizontal", label=label)
     if solved and np.nanmin(best) < 0 < np.nanmax(best):

@@ -1,13 +1,13 @@
-"""The two-robot game solved on a grid: what each side can be sure of, its lower and its upper value.
+"""The two-robot game solved on a grid: its lower and its upper value.
 
 One side moves first: it holds the action that is best against an opponent who sees it. With f and g where the two
-robots are after a hold, and E the mean over the nodes that interpolation draws on, that side is sure of
+robots are after a hold, and E the mean over the nodes that interpolation draws on, its value is
 
     G(s, o) = max over a of  discount * E[ A(f(s, a), o) ],    A(s', o) = min over b of  E[ G(s', g(o, b)) ].
 
 The maximum depends on the first robot's node alone and the minimum on the second's, so that a sweep is two one-sided
-backups of nine actions each instead of one of 81 pairs. What the pursuer is sure of is the lower value of the game;
-what the evader is sure of, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
+backups of nine actions each instead of one of 81 pairs. The pursuer's value, when it moves first, is the lower value of
+the game; the evader's, its sign turned, is the upper value (Isaacs, "Differential games", 1965; Bardi and
 Capuzzo-Dolcetta, 1997, chapter VIII). On every grid the upper is nowhere less than the lower.
 
 Interpolation in each of many sweeps spreads a robot over cells that it is not in. Where moves along x and y are taken
@@ -86,7 +86,7 @@ def make_duel(zero_sum_game: ZeroSumGame, whole_cells: bool = False) -> Duel:
 
 
 def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: float = TOLERANCE) -> Solved:
-    """Return what the first side is sure of once it has moved: A(s', o), in tiles in which the second robot moves.
+    """Return the value for the first side once it has moved: A(s', o), in tiles in which the second robot moves.
 
     Args:
         report: called after each sweep.
@@ -99,8 +99,8 @@ def solve_duel(duel: Duel, report: Callable[[Sweep], None] = silent, tolerance: 
 
 
 @eqx.filter_jit
-def guarantee(duel: Duel, moved: JointTable) -> JointTable:
-    """Return what the first side is sure of before it moves: G(s, o), in tiles in which it moves, from A(s', o)."""
+def value_before_move(duel: Duel, moved: JointTable) -> JointTable:
+    """Return the value for the first side before it moves: G(s, o), in tiles in which it moves, from A(s', o)."""
     first, zero_sum_game, lanes = duel.first, duel.zero_sum_game, duel.decided.shape[2]
 
     def before_move(tile: Int[Array, ""]) -> Float[Array, "moving lanes"]:
@@ -121,7 +121,7 @@ def guarantee(duel: Duel, moved: JointTable) -> JointTable:
 @partial(eqx.filter_jit, donate="all-except-first")
 def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
     """Return A(s', o) after one more sweep, and the largest change of a value."""
-    second, sure, lanes = duel.second, guarantee(duel, table), table.shape[2]
+    second, before, lanes = duel.second, value_before_move(duel, table), table.shape[2]
 
     def value(index: Int[Array, ""], action: int, later: Float[Array, "x y lanes"]) -> Float[Array, "x y lanes"]:
         return jnp.where(second.free[index, action][..., None], later, WIN)
@@ -130,7 +130,7 @@ def _sweep(duel: Duel, table: JointTable) -> tuple[JointTable, Scalar]:
         residual: Scalar, tile: tuple[Int[Array, ""], Float[Array, "moving lanes"]]
     ) -> tuple[Scalar, Float[Array, "moving lanes"]]:
         number, old = tile
-        values = _tile_of(sure, number, lanes).reshape(*second.grid.shape, lanes)
+        values = _tile_of(before, number, lanes).reshape(*second.grid.shape, lanes)
         new = second.transitions.backup(values, value, jnp.minimum).reshape(-1, lanes)
         return jnp.maximum(residual, jnp.max(jnp.abs(new - old))), new
 

@@ -1,6 +1,6 @@
 """Players of the two-robot game that act by a solved table: they look one hold or some ahead, again in every step.
 
-Against an unknown opponent the table says what is sure; a known one is followed through plans, before the table counts.
+Against an unknown opponent the table's value counts; a known one is followed through plans before it does.
 """
 
 from abc import abstractmethod
@@ -40,7 +40,7 @@ class AbstractSearch(AbstractActionValuePolicy):
         return _values_in_one(self, seen.own.state, seen.opponent.state, bits), memory
 
     def best_value(self, states: GameState) -> Float[Array, " games"]:
-        """Estimate what its side is sure of in several states of the game, leaves `[games]`."""
+        """Estimate the value for its side of several states of the game, leaves `[games]`."""
         return _best_values(self, states)
 
     @abstractmethod
@@ -69,10 +69,10 @@ def _values_in_one(
 
 
 class SaddlePolicy(AbstractSearch):
-    """The player of either side that makes most of what it can be sure of (`guarantee`).
+    """The player of either side that makes most of its promised value (`value_before_move`).
 
     Attributes:
-        table: that of `solve_duel`: what its side is sure of once it has moved; between nodes an estimate.
+        table: that of `solve_duel`: the value for its side once it has moved; between nodes an estimate.
     """
 
     table: Shaped[Array, "tiles moving lanes"]
@@ -111,7 +111,7 @@ class RolloutSearch(AbstractSearch):
     game itself draws other bits.
 
     Attributes:
-        table: what its side is sure of, once it has moved; between nodes an estimate.
+        table: the value for its side once it has moved; between nodes an estimate.
         opponent: the other player.
         hold: control steps for which a plan holds an action.
         holds: how many holds a plan has.

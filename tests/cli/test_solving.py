@@ -65,7 +65,7 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     options = ("--games", "12", "--record", "2", "--replays", "lost")
     card = run_json(capsys, "regret", "random", *files, "--role", "evader", *options)
     assert (card["agent"], card["role"], card["games"]) == ("random", "evader", 12)
-    assert card["gap"] == pytest.approx(card["sure"] - card["payoff"], abs=1e-6)
+    assert card["gap"] == pytest.approx(card["promised"] - card["payoff"], abs=1e-6)
     kept = [load_replay(path) for path in Path("lost").iterdir()]
     assert {replay.index for replay in kept} == {game["game"] for game in card["worst"][:2]}
     assert {(replay.pursuer, replay.evader) for replay in kept} == {("table", "random")}
@@ -73,7 +73,7 @@ def test_a_card_is_measured_and_its_worst_games_are_kept(capsys, tables):
     assert_refused(capsys, "regret", "random", *twice, naming=("--tables", "a pursuer's and an evader's"))
     assert_refused(capsys, "regret", "random", *files, "--grid", "4x4x2x4", naming=("--grid", "--tables"))
     assert run_main("regret", "still", *files, "--role", "evader", "--games", "5") == 0
-    assert "gap to its own table's estimate" in capsys.readouterr().out
+    assert "gap to what its own table promises" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -49,12 +49,12 @@ def test_its_numbers_are_those_of_the_match_and_the_tables(tables, role):
     assert (card.role, card.games) == (role.name.lower(), GAMES)
     assert (card.won, card.lost) == (rates if role == Role.PURSUER else rates[::-1])
     assert card.lost_interval == (match.evader_win_interval if role == Role.PURSUER else match.pursuer_win_interval)
-    assert card.sure == pytest.approx(float(np.mean(np.asarray(own.best_value(starts)))))
+    assert card.promised == pytest.approx(float(np.mean(np.asarray(own.best_value(starts)))))
     assert card.at_most == pytest.approx(-float(np.mean(np.asarray(other.best_value(starts)))))
-    assert card.gap == pytest.approx(card.sure - card.payoff, abs=1e-6)
+    assert card.gap == pytest.approx(card.promised - card.payoff, abs=1e-6)
     assert card.gap_interval[0] < card.gap < card.gap_interval[1]
     if role == Role.EVADER:
-        assert card.gap_interval[0] > 0.2, "a random evader is far from what the table can be sure of"
+        assert card.gap_interval[0] > 0.2, "a random evader is far from what the table promises"
     worst = [game["gap"] for game in card.worst]
     assert worst == sorted(worst, reverse=True)
     assert worst[0] >= card.gap

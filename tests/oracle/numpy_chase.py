@@ -23,7 +23,7 @@ def courses():
 
 
 def values(pursuing, horizon):
-    """What the robot is sure of that moves first, by its state and the other's: state = place * speeds + speed."""
+    """The value for the robot that moves first, by its state and the other's: state = place * speeds + speed."""
     x, v = courses()
     touches = (x[..., 1:] < RADIUS) | (x[..., 1:] > LENGTH - RADIUS)
     fails = np.where(touches, np.arange(1, STEPS + 1), STEPS + 1).min(axis=-1)

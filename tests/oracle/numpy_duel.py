@@ -67,8 +67,8 @@ def certain_captures(steps, first, second, pursuing):
     return np.where(captured.any(axis=-1), won.max(axis=-1), math.inf)
 
 
-def guarantee(game, first, second, pursuing, steps, sweeps, horizon, hold):
-    """What the first robot is sure of after its move, by so many sweeps, and before it, by half a sweep more."""
+def value_before_move(game, first, second, pursuing, steps, sweeps, horizon, hold):
+    """The value for the first robot after its move, by so many sweeps, and before it, by half a sweep more."""
     size = len(first.order)
     certain = certain_captures(steps, first, second, pursuing)
     decided = np.isfinite(certain)

@@ -13,7 +13,7 @@ from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io import limits
 from apollonius.io.errors import InvalidInput
 from apollonius.solve.grid import make_grid
-from apollonius.solve.joint import guarantee, interpolate, make_duel, solve_duel
+from apollonius.solve.joint import interpolate, make_duel, solve_duel, value_before_move
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.zero_sum_game import make_zero_sum_game
@@ -30,23 +30,23 @@ def zero_sum_game(game, role, counts, hold=HOLD):
 
 
 def solved(game, role, counts, tolerance=1e-4, **options):
-    """What a side is sure of before it moves, by its node and the other's, and the duel and table it is from."""
+    """The value for a side before it moves, by its node and the other's, and the duel and table it is from."""
     duel = make_duel(zero_sum_game(game, role, counts, **options))
     moved = solve_duel(duel, tolerance=tolerance).table
-    return np.asarray(as_matrix(guarantee(duel, moved))), duel, moved
+    return np.asarray(as_matrix(value_before_move(duel, moved))), duel, moved
 
 
 @pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
 def test_the_table_is_that_of_brute_force(robot, captures, role):
-    """After its last sweep and one more; where nothing ends within a hold, a player is sure of just that."""
+    """After its last sweep and one more; where nothing ends within a hold, a player has just that value."""
     told, pursuing = [], role == Role.PURSUER
     duel = make_duel(zero_sum_game(CRAMPED, role, FEWER))
     found = solve_duel(duel, told.append, tolerance=1e-2)
     assert found.residual <= 1e-2 < told[-2].residual
     steps = captures if pursuing else captures.transpose(1, 0, 3, 2)
-    before, moved = oracle.guarantee(CRAMPED, robot, robot, pursuing, steps, found.sweeps, HORIZON, HOLD)
+    before, moved = oracle.value_before_move(CRAMPED, robot, robot, pursuing, steps, found.sweeps, HORIZON, HOLD)
     np.testing.assert_allclose(as_matrix(found.table).T, moved, atol=1e-6)
-    np.testing.assert_allclose(as_matrix(guarantee(duel, found.table)), before, atol=1e-6)
+    np.testing.assert_allclose(as_matrix(value_before_move(duel, found.table)), before, atol=1e-6)
     assert np.ptp(moved) > 0.9
     assert len(np.unique(np.round(moved, 3))) > 20
     quiet = ~np.isfinite(steps).any(axis=(2, 3)) & robot.free.all(axis=1)[:, None] & robot.free.all(axis=1)

@@ -17,7 +17,7 @@ from apollonius.game.game import Game
 from apollonius.game.starts import Starts
 from apollonius.game.types import Role
 from apollonius.solve.grid import make_grid
-from apollonius.solve.joint import guarantee, make_duel, solve_duel
+from apollonius.solve.joint import make_duel, solve_duel, value_before_move
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.zero_sum_game import make_zero_sum_game
 from tests.oracle.numpy_air3d import Cars, least_distance
@@ -77,7 +77,7 @@ def captured(setting, role, whole_cells=False):
     duel = make_duel(make_zero_sum_game(game, (grid, grid), STEPS, role), whole_cells)
     found = solve_duel(duel, tolerance=0.5)
     assert found.sweeps >= setting.holds
-    matrix = np.asarray(as_matrix(guarantee(duel, found.table)))
+    matrix = np.asarray(as_matrix(value_before_move(duel, found.table)))
     evaders = np.ravel_multi_index((np.array([0, 1]), 0, middle, middle), grid.shape)
     values = matrix[:, evaders] if role == Role.PURSUER else -matrix[evaders].T
     return values.reshape(*grid.shape, 2) > 0.5
