@@ -7,6 +7,7 @@ import pytest
 
 from apollonius.evaluate.claims import Claim, difference_claim, rate_claim
 from apollonius.evaluate.statistics import mean_interval, rate_interval, wilson_interval
+from apollonius.evaluate.suite_card import load_card
 from tests.documents import REPOSITORY
 
 
@@ -84,3 +85,10 @@ def test_the_claims_of_the_whole_budget_as_data_follow_from_their_seeds_and_are_
     text = (REPOSITORY / "docs" / "benchmarks" / "replication.md").read_text()
     (row,) = [line for line in text.splitlines() if line.startswith(f"| {claim['name']} | {claim['source']} |")]
     assert row.endswith(f"{told} {claim['verdict']} |")
+
+
+@pytest.mark.slow
+def test_the_cards_of_the_leaderboard_follow_from_their_games():
+    for path in (REPOSITORY / "benchmarks" / "leaderboard").glob("*.json"):
+        assert path.stat().st_size < 100_000
+        load_card(path)
