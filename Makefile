@@ -34,6 +34,9 @@ check: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
+# Bytecode is kept: each process of the tests would else compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 # The files of tests are shared out between the cores. Types are checked beside them.
 PYTEST := $(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
 test: $(VENV)/installed-dev

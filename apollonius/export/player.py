@@ -126,9 +126,9 @@ def home_of(name: str) -> Game:
         return make_game("paper")
     header = find_trained(bare)[0].header
     require(header.game, "game", "missing", f"one arena, since '{name}' does not say what it was made for")
-    game = from_dict(Game, header.game, f"'{name}'")
-    require(game.scenario is None, "game", "missing", f"one arena, as office, since '{name}' plays in any")
-    return game
+    in_one = header.game.get("scenario") is None
+    require(in_one, "game", "missing", f"one arena, as office, since '{name}' plays in any")
+    return from_dict(Game, header.game, f"'{name}'")
 
 
 def find_exportable(name: str, role: Role, game: Game) -> Player:

@@ -143,11 +143,17 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
         name, charted(PAPER)
     )
     player = find_player(name, role, game).policy
-    seen = look(game, game.reset(jax.random.key(1)), role)
-    own = int(act(player, seen, jnp.uint32(0)))
-    allowed = jnp.arange(9) != own
-    other = int(player.choose(player.weigh(seen, player.memory, jnp.uint32(0))[0], allowed))
-    values = np.array(player.values(seen))
+
+    @jax.jit
+    def played(key):
+        """Return its action, the one in place of this, and the values of all."""
+        seen = look(game, game.reset(key), role)
+        own = act(player, seen, jnp.uint32(0))
+        allowed = jnp.arange(9) != own
+        other = player.choose(player.weigh(seen, player.memory, jnp.uint32(0))[0], allowed)
+        return own, other, allowed, player.values(seen)
+
+    own, other, allowed, values = map(np.asarray, played(jax.random.key(1)))
     assert own == int(np.argmax(values))
     assert other == int(np.argmax(np.where(allowed, values, -np.inf)))
     assert name in player_names(role, game)

@@ -39,13 +39,14 @@ class Wants(AbstractContinuous):
 
 
 def test_the_numbers_of_a_word_are_two_independent_standard_normal_ones():
-    pairs = np.asarray(jax.vmap(normal_pair)(WORDS))
+    draw = jax.jit(jax.vmap(normal_pair))
+    pairs = np.asarray(draw(WORDS))
     for numbers in pairs.T:
         assert kstest(numbers, norm.cdf).pvalue > 0.01
     assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.03
     assert abs(np.corrcoef((pairs**2).T)[0, 1]) < 0.03
     ends = jnp.array([0, 2**16 - 1, 2**32 - 2**16, 2**32 - 1], jnp.uint32)
-    assert np.abs(jax.vmap(normal_pair)(ends)).max() < 4.9
+    assert np.abs(draw(ends)).max() < 4.9
 
 
 def layers_in_numpy(actor, seen):
@@ -68,7 +69,7 @@ def test_exploring_it_draws_from_its_distributions():
     mean, deviation = ACTOR(SEEN)
     for spread in (1.0, 0.5):
         player = SquashedGaussian(ACTOR, jnp.asarray(spread))
-        drawn = np.arctanh(np.asarray(jax.vmap(partial(act, player, SEEN))(WORDS), np.float64))
+        drawn = np.arctanh(np.asarray(jax.jit(jax.vmap(partial(act, player, SEEN)))(WORDS), np.float64))
         for numbers, middle, width in zip(drawn.T, mean, deviation, strict=True):
             assert kstest((numbers - float(middle)) / (spread * float(width)), norm.cdf).pvalue > 0.01
 
@@ -85,11 +86,10 @@ def test_where_only_some_actions_are_allowed_it_takes_that_with_the_nearest_leve
 def test_who_is_given_words_of_its_own_acts_by_them_and_is_drawn_by_the_games():
     pool = stack([exploring(make_actor("paper", 8, 1, jax.random.key(seed)), jnp.asarray(1.0)) for seed in range(2)])
     member, seen = jnp.array([0, 1, 1, 0]), jnp.tile(SEEN, (4, 1))
-    held = replace(pool, bits=WORDS[4:8])
-    np.testing.assert_array_equal(
-        act_in_rows(held, member, seen, WORDS[:4]), act_in_rows(pool, member, seen, WORDS[4:8])
-    )
-    assert (act_in_rows(held, member, seen, WORDS[:4]) != act_in_rows(pool, member, seen, WORDS[:4])).all()
+    held, acts = replace(pool, bits=WORDS[4:8]), jax.jit(act_in_rows)
+    own = np.asarray(acts(held, member, seen, WORDS[:4]))
+    np.testing.assert_array_equal(own, acts(pool, member, seen, WORDS[4:8]))
+    assert (own != acts(pool, member, seen, WORDS[:4])).all()
 
 
 def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_path):

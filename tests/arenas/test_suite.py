@@ -158,7 +158,7 @@ def test_a_list_of_arenas_is_a_game_in_each_of_them(three):
         assert to_dict(alone.arena) == to_dict(arena)
         x, y = np.random.default_rng(0).uniform(0, [[arena.x_max], [arena.y_max]], (2, 300)).astype(np.float32)
         padded = three.scenario.arena(jnp.asarray(number))
-        found, known = (np.asarray(jax.vmap(one.clearance)(x, y)) for one in (padded, arena))
+        found, known = (np.asarray(jax.jit(jax.vmap(one.clearance))(x, y)) for one in (padded, arena))
         np.testing.assert_allclose(found, known, atol=1e-5)
 
 
@@ -204,8 +204,9 @@ def test_each_game_has_the_robots_of_its_make():
     states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), 64)
     assert set(np.asarray(states.place).tolist()) == set(range(6))
     straight = jnp.full(64, 7, jnp.int32)
+    step = jax.jit(jax.vmap(lambda state, action: game.step(state, action, action).state))
     for _ in range(3):
-        states = jax.vmap(lambda state, action: game.step(state, action, action).state)(states, straight)
+        states = step(states, straight)
     gained = np.asarray(some.pursuer.u1_max)[np.asarray(states.place) // 2] * 0.3
     np.testing.assert_allclose(states.pursuer.v, gained, rtol=1e-4)
     team = in_teams(game, 3, 2).in_place(jnp.int32(5))

@@ -1,8 +1,5 @@
 """Gymnasium's interface: no complaint from its checker, and a game by the package's rules."""
 
-import subprocess
-import sys
-
 import gymnasium
 import jax
 import numpy as np
@@ -13,6 +10,7 @@ from apollonius.arenas.charting import charted
 from apollonius.arenas.file import as_game
 from apollonius.envs.gymnasium import OneSide
 from apollonius.envs.live import as_actions
+from apollonius.envs.vector import ManyGames
 from apollonius.game.arena import Arena
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
@@ -110,11 +108,10 @@ def test_what_is_no_action_is_refused(kind):
             as_actions(action, kind)
 
 
-def test_a_forked_process_is_refused_with_the_remedy():
+def test_a_forked_process_is_refused_with_the_remedy(monkeypatch):
     """Where it would wait for ever."""
-    code = (
-        "import os, warnings; warnings.simplefilter('ignore')\nimport gymnasium, apollonius.envs.gymnasium\n"
-        "if os.fork() == 0:\n gymnasium.make('apollonius/Pursuit-v0')\nos.wait()"
-    )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
-    assert "context='spawn'" in said.stderr
+    env = OneSide(Role.PURSUER)
+    monkeypatch.setattr("os.getpid", lambda: 0)
+    for begin in (env.reset, lambda: OneSide(Role.PURSUER), lambda: ManyGames(Role.PURSUER, 2)):
+        with pytest.raises(InvalidInput, match="context='spawn'"):
+            begin()

@@ -19,6 +19,8 @@ RATE = jnp.asarray(1e-2)
 
 
 update = jax.jit(sac.update, static_argnames="config")
+init = jax.jit(sac.init, static_argnames="config")
+sample, actor_loss = jax.jit(sac.sample), jax.jit(sac.actor_loss)
 
 
 def random_batch(seed, size=32):
@@ -65,7 +67,7 @@ def numpy_values(critics, observation, actions):
 def test_actions_and_densities_are_those_of_the_textbook():
     actor, batch = make_actor("paper", 16, 1, jax.random.key(0)), random_batch(1)
     noise = jax.random.normal(jax.random.key(2), (32, 2))
-    actions, density = sac.sample(actor, batch.observation, noise)
+    actions, density = sample(actor, batch.observation, noise)
     expected = numpy_draw(actor, batch.observation, noise)
     np.testing.assert_allclose(actions, expected[0], atol=1e-5)
     np.testing.assert_allclose(density, expected[1], atol=1e-4)
@@ -77,7 +79,7 @@ def test_far_out_densities_are_finite():
         make_actor("paper", 4, 1, jax.random.key(5)),
         jnp.array([50.0, -50.0, 0.0, 0.0]),
     )
-    actions, density = sac.sample(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
+    actions, density = sample(actor, jnp.zeros((3, 8)), jnp.zeros((3, 2)))
     np.testing.assert_allclose(actions, [[1, -1]] * 3)
     assert np.isfinite(density).all()
     assert (density > 50).all()
@@ -88,14 +90,14 @@ def test_the_actors_loss_agrees_with_numpy():
     noise, temperature = jax.random.normal(jax.random.key(6), (32, 2)), 0.3
     actions, density = numpy_draw(actor, batch.observation, noise)
     lower = numpy_values(critics, batch.observation, actions).min(axis=0)
-    loss, mean_density = sac.actor_loss(actor, critics, jnp.asarray(temperature), batch, noise)
+    loss, mean_density = actor_loss(actor, critics, jnp.asarray(temperature), batch, noise)
     assert loss == pytest.approx((temperature * density - lower).mean(), rel=1e-4)
     assert mean_density == pytest.approx(density.mean(), rel=1e-4)
 
 
 def test_an_update_reports_the_critics_loss_against_soft_targets():
     """NumPy again, from the noise that the key gives to next actions; targets by the target critics."""
-    learner, batch, key = sac.init(CONFIG, jax.random.key(1)), random_batch(2), jax.random.key(7)
+    learner, batch, key = init(CONFIG, jax.random.key(1)), random_batch(2), jax.random.key(7)
     learner = eqx.tree_at(lambda this: this.target, learner, make_critics(8))
     _, next_noise = jax.random.normal(key, (2, 32, 2))
     actions, density = numpy_draw(learner.network, batch.next_observation, next_noise)
@@ -111,7 +113,7 @@ def same(one, other):
 
 
 def test_averages_follow_and_the_actor_waits_for_its_critics():
-    learner, batch = sac.init(CONFIG, jax.random.key(1)), random_batch(2)
+    learner, batch = init(CONFIG, jax.random.key(1)), random_batch(2)
     after, _ = update(learner, batch, jax.random.key(3), RATE, config=CONFIG)
     assert not same(after.network, learner.network)
     for old, new, average in zip(
@@ -130,15 +132,22 @@ def test_averages_follow_and_the_actor_waits_for_its_critics():
 
 def test_actor_and_temperature_take_steps_of_adam():
     """The second one differs from its sign."""
-    batch, adam, now = random_batch(2), optax.scale_by_adam(), sac.init(CONFIG, jax.random.key(1))
-    state = adam.init((now.network, now.log_temperature))
-    for seed in range(2):
-        after, _ = update(now, batch, jax.random.key(seed), RATE, config=CONFIG)
-        noise, _ = jax.random.normal(jax.random.key(seed), (2, 32, 2))
+    batch, adam, now = random_batch(2), optax.scale_by_adam(), init(CONFIG, jax.random.key(1))
+
+    @jax.jit
+    def stepped(now, state, key):
+        """Return the actor and temperature after a step, and the state of Adam."""
+        noise, _ = jax.random.normal(key, (2, 32, 2))
         given = now.network, now.critics, jnp.exp(now.log_temperature), batch, noise
         (_, density), gradient = eqx.filter_value_and_grad(sac.actor_loss, has_aux=True)(*given)
         direction, state = adam.update((gradient, -(density + CONFIG.target_entropy)), state)
-        expected = eqx.apply_updates((now.network, now.log_temperature), jax.tree.map(lambda d: -RATE * d, direction))
+        before = now.network, now.log_temperature
+        return eqx.apply_updates(before, jax.tree.map(lambda d: -RATE * d, direction)), state
+
+    state = adam.init((now.network, now.log_temperature))
+    for seed in range(2):
+        after, _ = update(now, batch, jax.random.key(seed), RATE, config=CONFIG)
+        expected, state = stepped(now, state, jax.random.key(seed))
         for one, other in zip(*map(jax.tree.leaves, ((after.network, after.log_temperature), expected)), strict=True):
             np.testing.assert_allclose(one, other, atol=1e-6)
         now = after

@@ -30,6 +30,8 @@ ROUGH = Sensors(
     drop_out=0.2, delay=3,
 )  # fmt: skip
 
+follow, believed = (jax.jit(one, static_argnames="role") for one in (tracking.follow, tracking.believed))
+
 
 def sensing(name, sensors, pursuers=1, evaders=1):
     return charted(replace(in_teams(find_game(name), pursuers, evaders), sensors=Sensing(sensors, sensors)))
@@ -137,8 +139,8 @@ def test_sightings_are_remembered_with_their_age_and_delay():
         for step in range(8):
             evader = robot(5.0, 7.5 - 0.05 * step) if step < 4 else robot(8.0, 5.0)
             state = replace(state, robots=BySide((pursuer,), (evader,)))
-            track = tracking.follow(game, track, state, Role.PURSUER, jnp.uint32(step))
-            known = tracking.believed(game, track, state, Role.PURSUER)
+            track = follow(game, track, state, Role.PURSUER, jnp.uint32(step))
+            known = believed(game, track, state, Role.PURSUER)
             ages.append(float(known.sight.ages[0]))
             places.append(float(known.evader.y))
         seen = [step - late for step in range(8)]
@@ -155,8 +157,8 @@ def looking(game, places, evader):
     track = tracking.begin(game, state, Role.PURSUER)
     for step, place in enumerate(places):
         state = replace(state, robots=BySide((place,), (evader,)), steps=jnp.int32(step))
-        track = tracking.follow(game, track, state, Role.PURSUER, jnp.uint32(step))
-    return track, tracking.believed(game, track, state, Role.PURSUER)
+        track = follow(game, track, state, Role.PURSUER, jnp.uint32(step))
+    return track, believed(game, track, state, Role.PURSUER)
 
 
 def test_times_since_cells_were_seen_and_sightings_are_counted():
@@ -198,8 +200,8 @@ def test_numbers_of_a_belief():
     """Those of `egocentric`, then age, share and the place to look at; a side that sees all believes what it sees."""
     game = sensing("one-large", LIDAR)
     _, known = looking(game, [robot(8.0, 5.0)] * 2 + [robot(2.0, 5.0)] * 3, robot(8.0, 7.0))
-    numbers = np.asarray(observe(game, known, Role.PURSUER, "belief"))
-    first = np.asarray(observe(game, known, Role.PURSUER, "egocentric"))
+    see = jax.jit(observe, static_argnames=("role", "name"))
+    numbers, first = (np.asarray(see(game, known, Role.PURSUER, name)) for name in ("belief", "egocentric"))
     np.testing.assert_allclose(numbers[: len(first)], first, atol=1e-6)
     age, more = float(known.sight.ages[0]), numbers[len(first) :]
     assert age == pytest.approx(0.3)
@@ -214,7 +216,7 @@ def test_numbers_of_a_belief():
     length = max(away, float(chart.path_length_from(jnp.int32(cell), here)))
     assert more[7:9] == pytest.approx([1 / (1 + length), np.log1p(length) / 2], abs=1e-5)
     all_seen = replace(known, sight=None)
-    sure = np.asarray(observe(game, all_seen, Role.PURSUER, "belief"))[len(first) :]
+    sure = np.asarray(see(game, all_seen, Role.PURSUER, "belief"))[len(first) :]
     assert sure[:3] == pytest.approx([1.0, 0.0, 0.0])
     assert sure[3] > 0.9, "the last place of the evader lies ahead"
     assert np.argmin(more[9:25]) in (0, 1, 15), "the way to a place beyond the disc leads ahead"
@@ -223,16 +225,17 @@ def test_numbers_of_a_belief():
 def test_nothing_of_an_unseen_opponent_reaches_a_player():
     """Two states that differ only in where the hidden evader is give the pursuer the same view."""
     game = sensing("one-large", LIDAR)
-    seen = []
-    for y in (4.8, 5.2):
+
+    @jax.jit
+    def seen(y):
         state = replace(game.reset(jax.random.key(0)), robots=BySide((robot(2.0, 5.0),), (robot(8.0, y, 0.3, 1.0),)))
         track = tracking.begin(game, state, Role.PURSUER)
         track = tracking.follow(game, track, state, Role.PURSUER, jnp.uint32(0))
         known = tracking.believed(game, track, state, Role.PURSUER)
-        known = jax.tree.map(lambda leaf: leaf[None], known)
-        view, rows = perceive(WHOLE, game, known, Role.PURSUER)
-        seen.append(jax.vmap(view)(rows))
-    for one, other in zip(*map(jax.tree.leaves, seen), strict=True):
+        view, rows = perceive(WHOLE, game, jax.tree.map(lambda leaf: leaf[None], known), Role.PURSUER)
+        return jax.vmap(view)(rows)
+
+    for one, other in zip(*map(jax.tree.leaves, map(seen, (4.8, 5.2))), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

@@ -11,8 +11,8 @@ from PIL import Image, ImageColor
 
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game
-from apollonius.evaluate.match import Match, begin, record_game
-from apollonius.game.chart import COARSE
+from apollonius.evaluate.match import Match, begin
+from apollonius.game.dynamics import stack_actions
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
@@ -63,20 +63,34 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     """Cell by cell, in every state; it holds the evader, its colour lies there, and words say so."""
     game = charted(replace(find_game("lidar"), max_steps=40))
     match = Match.of_names(game, "intercept", "flee-aware", 3, seed=5)
-    replay = record_game(match, 2)
     starts, key = begin(match)
-    alone = jax.tree.map(lambda leaf: leaf[2:3], starts)
-    games = rollout.begin(game, alone, match.pools, random_bits_of(key, jnp.array([2]), jnp.array([-1])))
-    shaded = fog(replace(replay, game=replace(game, arena=replace(game.arena, chart=None))))
-    assert shaded.shape == (len(replay.states), COARSE, COARSE)
-    step = jax.jit(lambda games, bits: rollout.step_games(game, match.pools, games, bits, observes=False))
-    for number in range(len(replay.actions)):
-        before = games.state
-        games, _ = step(games, random_bits_of(key, jnp.array([2]), before.steps))
-        track, state = jax.tree.map(lambda leaf: leaf[0], (games.sides.pursuer.track, before))
-        believed = np.asarray(tracking.believed(game, track, state, Role.PURSUER).sight.belief) >= 0
-        np.testing.assert_array_equal(shaded[number], believed)
-        assert shaded[number].ravel()[game.arena.chart.nearest_cell(state.evader.x, state.evader.y)]
+    number = jnp.array([2])
+
+    @jax.jit
+    def step(games):
+        """Return the games after a step, their states before it, the actions, and what was believed in it."""
+        after, moves = rollout.step_games(
+            game, match.pools, games, random_bits_of(key, number, games.state.steps), observes=False
+        )
+        track, before = jax.tree.map(lambda leaf: leaf[0], (after.sides.pursuer.track, games.state))
+        believed = tracking.believed(game, track, before, Role.PURSUER).sight.belief >= 0
+        held = believed.ravel()[game.arena.chart.nearest_cell(before.evader.x, before.evader.y)]
+        actions = stack_actions(*(side.action[0] for side in moves.sides))
+        return after, (jnp.stack(jax.tree.leaves(before.robots)), actions, believed, held)
+
+    games = rollout.begin(
+        game, jax.tree.map(lambda leaf: leaf[2:3], starts), match.pools, random_bits_of(key, number, -1 + 0 * number)
+    )
+    course = []
+    for _ in range(40):
+        games, made = step(games)
+        course.append(made)
+    rows, actions, believed, held = map(np.stack, zip(*course, strict=True))
+    bare = replace(game, arena=replace(game.arena, chart=None))
+    replay = Replay(bare, "intercept", "flee-aware", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
+    shaded = fog(replay)
+    np.testing.assert_array_equal(shaded, believed)
+    assert held.all()
     assert 0 < shaded[-1].sum() < shaded[0].sum()
     picture = next(frames(replay, [20]))
     x, y = (np.argwhere(shaded[20])[0][::-1] + 0.5) / 4
