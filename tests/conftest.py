@@ -45,6 +45,14 @@ def resident() -> int:
     return int(told.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if told.exists() else 0
 
 
+@pytest.fixture(scope="session", autouse=True)
+def charts_are_kept():
+    """Those of the few arenas that many tests play in."""
+    from apollonius.arenas.charting import _latest  # types are checked in what is imported after this file
+
+    _latest._most = 32
+
+
 @pytest.fixture(scope="module", autouse=True)
 def forget_compilations(held_memory):
     """A process that keeps the compilations of a thousand tests comes to the end of its maps or of the memory."""
@@ -87,8 +95,8 @@ RUNNING = ("test_attackers.py", "test_joint.py")
 
 @pytest.fixture(scope="module", autouse=True)
 def optimised_where_that_pays(request):
-    """Comes before the fixtures of the module, which solve."""
-    if request.path.name not in RUNNING:
+    """Comes before the fixtures of the module, which solve; what is quick runs for less than it takes to compile."""
+    if request.path.name not in RUNNING or request.config.option.markexpr == "not slow":
         yield
     else:
         jax.config.update("jax_disable_most_optimizations", False)

@@ -10,7 +10,7 @@ from apollonius.solve.store import load_solution
 from tests.cli.test_cli import assert_refused, run_main
 from tests.documents import REPOSITORY
 
-COARSE, COARSER = ("--grid", "21x21x9x16"), ("--grid", "11x11x3x8")
+COARSE, COARSER = ("--grid", "21x21x9x16"), ("--grid", "9x9x3x8")
 GRID = ("--grid", "4x4x2x4", "--hold", "10")
 """All too coarse for anything but the commands themselves."""
 

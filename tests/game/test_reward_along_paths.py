@@ -1,5 +1,6 @@
 """Progress along the shortest way: both robots' pay where a wall stands between them, and where none does."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -29,8 +30,12 @@ def wall_to(top):
     return Arena(0.0, 8.0, 0.0, 8.0, polygons=(Polygon(((4.0, 0.0), (4.2, 0.0), (4.2, top), (4.0, top))),))
 
 
-WALL = charted(Game(arena=wall_to(6.0), reward=PATHS))
-PARTED = charted(Game(arena=wall_to(8.0), reward=PATHS))
+@functools.cache
+def divided(top):
+    """A game in that arena, with its chart."""
+    return charted(Game(arena=wall_to(top), reward=PATHS))
+
+
 step = jax.jit(Game.step)
 
 
@@ -49,30 +54,31 @@ def pay(game, pursuers, evader):
 def test_driving_round_a_wall_pays_and_the_straight_line_does_not():
     """Up along the wall at 1.2 m/s: 0.12 m of the way, while the evader behind it comes no nearer."""
     pursuer, evader = robot(3.0, 3.0, 1.2, math.pi / 2), robot(5.0, 3.0)
-    assert pay(WALL, [pursuer], evader) == pytest.approx((0.36, -0.36), abs=0.04)
-    assert abs(pay(replace(WALL, reward=LINE), [pursuer], evader)[0]) < 0.02
+    wall = divided(6.0)
+    assert pay(wall, [pursuer], evader) == pytest.approx((0.36, -0.36), abs=0.04)
+    assert abs(pay(replace(wall, reward=LINE), [pursuer], evader)[0]) < 0.02
     back = replace(pursuer, heading=jnp.float32(-math.pi / 2))
-    assert pay(WALL, [back], evader) == pytest.approx((-0.36, 0.36), abs=0.04)
+    assert pay(wall, [back], evader) == pytest.approx((-0.36, 0.36), abs=0.04)
     fleeing = robot(5.0, 3.0, 1.2, -math.pi / 2)
-    assert pay(WALL, [robot(3.0, 3.0)], fleeing) == pytest.approx((-0.36, 0.36), abs=0.04)
+    assert pay(wall, [robot(3.0, 3.0)], fleeing) == pytest.approx((-0.36, 0.36), abs=0.04)
 
 
 @pytest.mark.parametrize(
-    ("game", "pursuer", "evader"),
+    ("top", "pursuer", "evader"),
     [
-        (WALL, (1.0, 3.0, 1.2, 0.7), (3.0, 2.0, 0.9, 2.0)),
-        (PARTED, (3.0, 3.0, 1.2, 0.3), (5.0, 2.0, 0.9, 2.0)),
+        (6.0, (1.0, 3.0, 1.2, 0.7), (3.0, 2.0, 0.9, 2.0)),
+        (8.0, (3.0, 3.0, 1.2, 0.3), (5.0, 2.0, 0.9, 2.0)),
     ],
     ids=["in sight", "without a way"],
 )
-def test_in_sight_and_where_there_is_no_way_it_is_the_straight_line(game, pursuer, evader):
-    robots = [robot(*pursuer)], robot(*evader)
+def test_in_sight_and_where_there_is_no_way_it_is_the_straight_line(top, pursuer, evader):
+    game, robots = divided(top), ([robot(*pursuer)], robot(*evader))
     assert pay(game, *robots) == pay(replace(game, reward=LINE), *robots)
 
 
 def test_of_a_team_the_one_with_the_shortest_way_is_paid_for():
     """One waits just behind the wall; the other is farther off, but on the evader's side, and drives there."""
-    game = replace(WALL, teams=Teams((Unicycle(),)))
+    game = replace(divided(6.0), teams=Teams((Unicycle(),)))
     pursuers, evader = [robot(3.5, 3.0), robot(7.5, 3.0, 1.2, math.pi)], robot(5.0, 3.0)
     assert pay(game, pursuers, evader) == pytest.approx((0.36, -0.36), abs=1e-5)
     assert pay(replace(game, reward=LINE), pursuers, evader) == pytest.approx((0.0, 0.0), abs=1e-5)
@@ -83,7 +89,7 @@ def test_no_step_in_a_suite_pays_more_than_the_robots_can_drive():
     rules = scenario_game("suite-v1/maze-00,rooms-04")
     body = Unicycle(radius=0.25)
     game = charted(replace(rules, pursuer=body, evader=body, capture_distance=0.8, reward=PATHS))
-    states = reset_batch(game, jax.random.key(0), 512)
+    states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=512)
 
     def driven(state):
         at_top = state.robots.map(lambda side: tuple(replace(one, v=one.v + 1.2) for one in side))
@@ -101,5 +107,5 @@ def test_a_game_without_charts_is_refused_in_one_line():
     with pytest.raises(InvalidInput, match=r"reward\.along_paths") as refusal:
         pay(game, [robot(3.0, 3.0)], robot(5.0, 3.0))
     assert "\n" not in str(refusal.value)
-    assert charted(game, False).arena.chart is not None, "whoever plays draws them, as the reward reads them"
+    assert charted(game, False) == divided(6.0), "whoever plays draws them, as the reward reads them"
     assert charted(replace(game, reward=LINE), False).arena.chart is None

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import platform
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from apollonius.learn import loop, train_state
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import FORMAT, create_run, held, load_config, load_standing
 from apollonius.learn.opponents import OpponentConfig
+from apollonius.learn.progress import State, progress_of, runs_below
 from apollonius.learn.run import Run, load_first
 from apollonius.play.playout import Results
 from tests.learn.tiny import CHUNK, DQN, RUN
@@ -293,7 +295,9 @@ def test_self_play_can_start_from_scratch(uninterrupted, self_play_starts, tmp_p
     assert metrics(folder) != metrics(uninterrupted)[4:]
 
 
-def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
+def test_each_stage_weighs_progress_in_its_own_way_and_how_far_a_run_is_can_be_read(
+    uninterrupted, tmp_path, monkeypatch
+):
     weights = []
     play_and_learn = loop.play_and_learn
 
@@ -302,8 +306,18 @@ def test_each_stage_weighs_progress_in_its_own_way(tmp_path, monkeypatch):
         return play_and_learn(plan, game, *rest)
 
     monkeypatch.setattr(loop, "play_and_learn", recorded)
-    Run(RUN, begin(tmp_path / "run"), should_stop=stop_after(5)).execute()
+    folder = begin(tmp_path / "run")
+    assert (progress_of(folder).state, progress_of(folder).share) == (State(), 0.0)
+    assert not Run(RUN, folder, should_stop=stop_after(5)).execute()
     assert weights == [3.0, 3.0, 3.0, 3.0, 1.0]
+    found = progress_of(folder)
+    assert (found.state.state, found.state.machine) == ("stopped", platform.node())
+    assert found.line.stage == "self-play"
+    assert 1 / 3 <= found.share < 1
+    assert sum(found.evaluation.outcomes.values()) == RUN.self_play.evaluation_games
+    assert found.age < 600
+    assert (progress_of(uninterrupted).state.state, progress_of(uninterrupted).share) == ("finished", 1.0)
+    assert runs_below(tmp_path) == [folder]
 
 
 def replaced_checkpoint(folder, content):

@@ -10,8 +10,7 @@ from apollonius.arenas.record import to_dict
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.folder import create_run
-from apollonius.learn.progress import STATE, State, progress_of, runs_below, trained
-from apollonius.learn.run import Run
+from apollonius.learn.progress import STATE, State, progress_of, trained
 from apollonius.learn.sweep import sweep
 from tests.learn.tiny import RUN
 
@@ -50,23 +49,6 @@ def test_the_share_of_a_training_counts_both_learners_of_self_play():
     assert RUN.share("fixed-target", steps) == pytest.approx(1 / 3)
     assert RUN.share("self-play", steps) == 1.0
     assert RUN.share("fixed-target", 0) == 0.0
-
-
-def test_a_runs_progress_is_that_of_its_files(tmp_path):
-    folder = tmp_path / "run"
-    create_run(RUN, folder)
-    assert (progress_of(folder).state, progress_of(folder).share) == (State(), 0.0)
-    chunks = iter(range(1, 100))
-    assert not Run(RUN, folder, should_stop=lambda: next(chunks) == 5).execute()
-    found = progress_of(folder)
-    assert (found.state.state, found.state.machine) == ("stopped", platform.node())
-    assert found.line.stage == "self-play"
-    assert 1 / 3 <= found.share < 1
-    assert sum(found.evaluation.outcomes.values()) == RUN.self_play.evaluation_games
-    assert found.age < 600
-    assert Run(RUN, folder).execute()
-    assert (progress_of(folder).state.state, progress_of(folder).share) == ("finished", 1.0)
-    assert runs_below(tmp_path) == [folder]
 
 
 def test_who_trains_is_on_file_and_how_that_ended(tmp_path, monkeypatch):

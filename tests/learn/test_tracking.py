@@ -1,23 +1,24 @@
 """Trackers have the records of metrics.jsonl: TensorBoard files are read back, stand-ins keep what they are sent."""
 
+import shutil
 import sys
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from apollonius.cli.main import main
-from apollonius.learn.folder import create_run
+from apollonius.learn.folder import load_config
 from apollonius.learn.metrics import load_metrics
-from apollonius.learn.run import Run
-from tests.learn.tiny import RUN
+from tests.documents import REPOSITORY
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    """A finished run of both stages."""
-    folder = tmp_path_factory.mktemp("run") / "tiny"
-    create_run(RUN, folder)
-    assert Run(RUN, folder).execute()
+@pytest.fixture
+def run(tmp_path):
+    """A finished run of both stages, and a few of its records."""
+    folder = Path(shutil.copytree(REPOSITORY / "docs" / "results" / "demo", tmp_path / "demo"))
+    first, *_, before, last = (folder / "metrics.jsonl").read_text().splitlines(keepends=True)
+    (folder / "metrics.jsonl").write_text(first + before + last)
     return folder
 
 
@@ -95,7 +96,8 @@ def test_other_trackers_are_sent_every_record_and_closed(run, monkeypatch, name)
     assert recorder.closed
     names = [options.get("name") or options.get("run_name") for options in recorder.opened]
     assert run.name in names
-    assert any(options.get("config", {}).get("seed") == RUN.seed for options in recorder.opened)
+    seed = load_config(run / "config.toml").seed
+    assert any(options.get("config", {}).get("seed") == seed for options in recorder.opened)
 
 
 def test_a_tracker_that_refuses_is_told_in_a_line(run, monkeypatch, capsys):
