@@ -2,15 +2,13 @@
 
 import json
 import os
-import select
+import socket
 import struct
 import subprocess
-import sys
-import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -71,7 +69,6 @@ class EntrantProcess:
         self._about = {"suffix": path.suffix, "bytes": len(self.content), "limits": LIMITS, "readable": _SYSTEM}
         self._about |= {"observations": self._sizes, "game": game}
         self._running: subprocess.Popen[bytes] | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self.seconds, self.decisions, self.reason = 0.0, 0, ""
         try:
             said = self.begin(0)
@@ -95,29 +92,21 @@ class EntrantProcess:
         self.end()
         self.forfeited: set[int] = set()
         self._step, self._slots = 0, slots
-        self._folder = tempfile.TemporaryDirectory(prefix="entrant-")
-        variables = {"PATH": os.defpath, "HOME": self._folder.name, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._running = subprocess.Popen(
-            [self._python, "-I", entrant_process.__file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, bufsize=0, cwd=self._folder.name, env=variables, start_new_session=True,
-        )  # fmt: skip
-        for pipe in (self._running.stdin, self._running.stdout, self._running.stderr):
-            os.set_blocking(_number(pipe), False)
+        variables = {"PATH": os.defpath, "HOME": os.sep, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._line, theirs = socket.socketpair()
+        with theirs:
+            self._running = subprocess.Popen(
+                [self._python, "-I", entrant_process.__file__], stdin=theirs.fileno(), stdout=theirs.fileno(),
+                stderr=subprocess.PIPE, bufsize=0, cwd=os.sep, env=variables, start_new_session=True,
+            )  # fmt: skip
         return json.loads(self._exchange(to_json(self._about).encode() + b"\n" + self.content, None, START_SECONDS))
 
     def end(self) -> None:
         """End the process and all that it has started in its session."""
         if self._running:
-            with suppress(ProcessLookupError):
+            with self._running, self._line, suppress(ProcessLookupError):
                 os.killpg(self._running.pid, 9)
-            self._running.wait()
-            for pipe in (self._running.stdin, self._running.stdout, self._running.stderr):
-                assert pipe, "all three are pipes"
-                pipe.close()
             self._running = None
-        if self._folder:
-            self._folder.cleanup()
-            self._folder = None
 
     def ask(self, seen: Any, steps: Any, arenas: Any) -> np.ndarray:
         """Return the actions of all rows of a batch; those that are not asked brake."""
@@ -157,36 +146,32 @@ class EntrantProcess:
         Raises:
             Failure: without one in time.
         """
-        running, answer, end = self._running, bytearray(), time.monotonic() + seconds
-        assert running, "a process that has ended is asked no more"
-        to, back = _number(running.stdin), _number(running.stdout)
-        while len(answer) < size if size is not None else not answer.endswith(b"\n"):
-            left = end - time.monotonic()
-            readable, writable, _ = select.select([back], [to] if message else [], [], max(left, 0))
-            if left <= 0:
-                raise Failure(f"no answer within {seconds:g} s")
-            try:
-                if writable:
-                    message = message[os.write(to, message) :]
-                if readable:
-                    part = os.read(back, 1 << 16)
-                    answer += part
-                    if not part or (size is None and len(answer) > _LONGEST_LINE):
-                        raise Failure(self._last_words())
-            except BrokenPipeError as gone:
-                raise Failure(self._last_words()) from gone
+        answer, end = bytearray(), time.monotonic() + seconds
+        try:
+            self._line.settimeout(seconds)
+            self._line.sendall(message)
+            while len(answer) < size if size is not None else not answer.endswith(b"\n"):
+                self._line.settimeout(max(end - time.monotonic(), 1e-6))
+                part = self._line.recv(1 << 16)
+                answer += part
+                if not part or (size is None and len(answer) > _LONGEST_LINE):
+                    raise Failure(self._last_words())
+        except TimeoutError as late:
+            raise Failure(f"no answer within {seconds:g} s") from late
+        except OSError as gone:
+            raise Failure(self._last_words()) from gone
         if size is not None and len(answer) > size:
             raise Failure("an answer that is too long")
         return bytes(answer)
 
     def _last_words(self) -> str:
         """Return the last line of what a process that ends has complained about, or that it ended."""
-        assert self._running
+        assert self._running is not None, "a process that has ended is asked no more"
+        assert self._running.stderr is not None, "which is a pipe"
         with suppress(subprocess.TimeoutExpired):
             self._running.wait(1.0)
-        said = b""
-        with suppress(OSError):
-            said = os.read(_number(self._running.stderr), 1 << 16)
+        os.set_blocking(self._running.stderr.fileno(), False)
+        said = self._running.stderr.read(1 << 16) or b""
         lines = said.decode(errors="replace").strip().splitlines()
         return shown(lines[-1] if lines else f"it ended with status {self._running.poll()}")
 
@@ -218,18 +203,8 @@ class Entrant(AbstractPolicy):
         return action, memory + 1
 
 
-def find_entrant(path: Path, game: dict[str, Any], robots: int, python: str | None = None) -> Entrant:
-    """Return the player by an agent's file; arguments and errors as those of `EntrantProcess`."""
-    return Entrant(EntrantProcess(path, python or sys.executable, game, robots))
-
-
 def _state(seen: View) -> Float[Array, " numbers"]:
     """Return x [m], y [m], v [m/s], heading [rad], whether in play, and age [s], of each robot, its own first."""
     robots = (seen.own, *seen.mates, *seen.opponents)
     numbers = [[*jax.tree.leaves(one.state), one.active, one.age] for one in robots]
     return jnp.stack([jnp.asarray(number, jnp.float32) for row in numbers for number in row])
-
-
-def _number(pipe: IO[bytes] | None) -> int:
-    assert pipe, "all three are pipes"
-    return pipe.fileno()

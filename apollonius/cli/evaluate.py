@@ -4,13 +4,13 @@ import argparse
 
 from apollonius.cli.options import (
     add_match_options,
-    add_vary,
     answer,
     check_records,
     finish,
     finish_with_replays,
     match_facts,
     requested_match,
+    requested_matches,
     write_replays,
 )
 from apollonius.cli.values import new_file
@@ -19,7 +19,6 @@ from apollonius.io.errors import require
 
 def add_evaluate(parser: argparse.ArgumentParser) -> None:
     add_match_options(parser)
-    add_vary(parser)
     parser.add_argument(
         "--out", type=new_file(".png"), metavar="FILE", help="draw the pursuer's wins over the varied numbers as .png"
     )
@@ -47,16 +46,11 @@ def run_evaluate(options: argparse.Namespace) -> int:
 
 
 def _vary(options: argparse.Namespace) -> int:
-    from apollonius.arenas.file import game_in_one_arena
     from apollonius.cli.terminal import varied_table
-    from apollonius.evaluate.vary import Variation, play_varied, varied_matches
-    from apollonius.game.by_side import BySide
+    from apollonius.evaluate.vary import play_varied
 
-    require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
-    game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
-    variations = [Variation(*one) for one in options.vary]
+    matches, variations = requested_matches(options)
     options.display.begin("playing a match for each value", compiles=True)
-    matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
     found = play_varied(matches, variations, options.display.report)
     if options.out:
         from apollonius.show.matches import draw_varied

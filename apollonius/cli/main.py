@@ -16,14 +16,13 @@ from apollonius.cli.pursuers import add_pursuers
 from apollonius.cli.regret import add_regret
 from apollonius.cli.replay import add_replay
 from apollonius.cli.reproduce import add_reproduce
-from apollonius.cli.runs import add_runs
+from apollonius.cli.runs import add_runs, add_track
 from apollonius.cli.show import add_report, add_show
 from apollonius.cli.simulate import add_simulate
 from apollonius.cli.slice import add_slice
 from apollonius.cli.solve import add_solve
 from apollonius.cli.suite import add_suite
 from apollonius.cli.tournament import add_tournament
-from apollonius.cli.track import add_track
 from apollonius.cli.train import add_resume, add_train
 from apollonius.io.cache import keep_compilations
 from apollonius.io.errors import LONGEST_MESSAGE, InvalidInput, nearest, shown

@@ -17,6 +17,7 @@ from apollonius.io.workers import WORKERS
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
     from apollonius.evaluate.match import Match
+    from apollonius.evaluate.vary import Variation
     from apollonius.game.game import Game
     from apollonius.play.replay import Replay
 
@@ -66,9 +67,6 @@ def add_match_options(parser: argparse.ArgumentParser, games: Counted = GAMES) -
     add_game_options(parser)
     add_json(parser)
     add_record_options(parser, "write K games as replays, lost ones first")
-
-
-def add_vary(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--vary", type=varied, action="append", default=[], metavar="FIELD=FROM:TO:COUNT",
         help="play a match for each value of a number of the game, as pursuer.v_max=0.8:1.6:5; twice for pairs",
@@ -97,6 +95,18 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
     match = Match.of_names(game, options.pursuer, options.evader, options.games, options.seed, options.starts)
     warn(options, match.game, match.players)
     return match
+
+
+def requested_matches(options: argparse.Namespace) -> "tuple[list[Match], tuple[Variation, ...]]":
+    """Return a match for each value of `--vary`, and the numbers that vary; errors as of `varied_matches`."""
+    from apollonius.arenas.file import game_in_one_arena
+    from apollonius.evaluate.vary import Variation, varied_matches
+    from apollonius.game.by_side import BySide
+
+    require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
+    game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
+    variations = tuple(Variation(*one) for one in options.vary)
+    return varied_matches(game, names, variations, options.games, options.seed, options.starts), variations
 
 
 def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:

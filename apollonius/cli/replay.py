@@ -1,6 +1,7 @@
 """`apollonius replay`: ask an agent again in the states that a robot recorded."""
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
 from apollonius.cli.options import add_json, answer
@@ -29,17 +30,17 @@ def run_replay(options: argparse.Namespace) -> int:
     bag = load_bag(Path(options.bag))
     game = game_in_one_arena(options.game, "replay") if options.game else bag.game
     options.display.begin("asking the agent again", compiles=True)
-    found = ask_again(bag, options.agent or bag.player, game)
+    name = options.agent or bag.player
+    found, asked = ask_again(bag, name, game), len(bag.asked)
+    braked = len(bag.decisions) - asked
     lines = [
-        f"{found.player} in the {found.asked:,} states of {options.bag}, a run of {bag.player}",
-        f"  acts otherwise in {len(found.differences):,}; {found.braked:,} more steps braked",
+        f"{name} in the {asked:,} states of {options.bag}, a run of {bag.player}",
+        f"  acts otherwise in {len(found):,}; {braked:,} more steps braked",
     ]
     rows = [("  time", "step", "u1, u2 then", "u1, u2 now")]
-    for one in found.differences[:SHOWN]:
-        rows.append((f"  {one.time:.2f} s", str(one.step), _pair(one.then), _pair(one.now)))
-    answer(options, found.to_dict(), "\n".join([*lines, *(columns(rows) if found.differences else [])]))
+    for one in found[:SHOWN]:
+        then, now = ("{:+.2f}, {:+.2f}".format(*controls) for controls in (one.then, one.now))
+        rows.append((f"  {one.time:.2f} s", str(one.step), then, now))
+    facts = {"player": name, "asked": asked, "braked": braked, "differences": [asdict(one) for one in found]}
+    answer(options, facts, "\n".join([*lines, *(columns(rows) if found else [])]))
     return 0
-
-
-def _pair(controls: tuple[float, float]) -> str:
-    return ", ".join(f"{one:+.2f}" for one in controls)

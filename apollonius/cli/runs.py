@@ -1,15 +1,20 @@
-"""`apollonius runs`: the training runs below a folder, how far they are, and the training of several as jobs."""
+"""`apollonius runs` and `track`: how far training runs are, and their metrics sent to a tracker; training as jobs."""
 
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
 
 from apollonius.cli.options import add_json, answer, command, finish
-from apollonius.cli.values import runs_folder
+from apollonius.cli.values import run_folder, runs_folder, unfit
+from apollonius.io.errors import EXTRAS
 from apollonius.io.interrupts import go_on
 from apollonius.io.jobs import Job
 from apollonius.io.workers import run_jobs
+
+TRACKERS = {"tensorboard": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"}
+"""The module of each tracker."""
 
 
 def add_runs(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +25,21 @@ def add_runs(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=run_runs, compiles=False)
 
 
+def add_track(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=run_folder, metavar="RUN", help="folder of a training run")
+    parser.add_argument("--to", type=tracker, choices=TRACKERS, required=True, help="the tracker")
+    parser.set_defaults(run=run_track, compiles=False)
+
+
+def tracker(text: str) -> str:
+    """Return the name of a tracker, unless its library is not installed."""
+    module = TRACKERS.get(text)
+    if module and find_spec(module) is None:
+        remedy = f"pip install {EXTRAS['track'][module]} (the extra 'track')"
+        raise unfit(text, f"a tracker whose library is installed: {remedy}")
+    return text
+
+
 def run_runs(options: argparse.Namespace) -> int:
     from apollonius.cli.terminal import runs_table
     from apollonius.learn.progress import progress_of, runs_below
@@ -28,6 +48,24 @@ def run_runs(options: argparse.Namespace) -> int:
     found = [progress_of(run) for run in runs_below(folder)]
     facts = [asdict(run) | {"folder": str(run.folder)} for run in found]
     answer(options, {"runs": facts}, runs_table(found, folder))
+    return 0
+
+
+def run_track(options: argparse.Namespace) -> int:
+    from apollonius.learn.folder import load_config
+    from apollonius.learn.metrics import load_metrics
+    from apollonius.learn.tracking import Tracker
+
+    folder: Path = options.folder
+    lines = load_metrics(folder / "metrics.jsonl")
+    track = Tracker(options.to, folder, load_config(folder / "config.toml"))
+    options.display.begin(f"sending {len(lines)} records")
+    for done, line in enumerate(lines, start=1):
+        track(line)
+        options.display.report(done, len(lines))
+    track.close()
+    options.display.end()
+    finish(folder)
     return 0
 
 

@@ -2,19 +2,13 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from apollonius.cli.options import AGENT, add_game_options, chosen_rules, command, finish, requested_match
 from apollonius.cli.values import agent_of, new_file, real, run_folder
 from apollonius.io.errors import require, require_extra
 
-if TYPE_CHECKING:
-    from apollonius.play.replay import Replay
-
 MOVING = (".gif", ".webp", ".mp4")
 """Formats of moving pictures."""
-GAME_FILE = new_file(*MOVING, ".png", ".json", needs={".mp4": "video"})
-"""The reader of a file that one game is written to."""
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +18,7 @@ def add_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("evader", type=agent_of("evader"), metavar="EVADER", nargs="?", help="the other side's player")
     add_game_options(parser)
     parser.add_argument(
-        "--out", type=GAME_FILE, default="game.gif",
+        "--out", type=new_file(*MOVING, ".png", ".json", needs={".mp4": "video"}), default="game.gif",
         help="file to write: .png, .gif, .webp, .mp4 or a replay's .json (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -34,7 +28,7 @@ def add_show(parser: argparse.ArgumentParser) -> None:
 
 
 def run_show(options: argparse.Namespace) -> int:
-    from apollonius.play.replay import load_replay
+    from apollonius.play.replay import load_replay, save_replay
     from apollonius.show import animation
 
     if options.speed is not None:
@@ -56,7 +50,10 @@ def run_show(options: argparse.Namespace) -> int:
         match = requested_match(options, in_one_arena=True)
         replay, starts = record_game(match, 0), match.starts_played
     display.begin(f"drawing {len(replay.states)} states")
-    save_game(replay, options.out, options.speed or 1.0)
+    if options.out.suffix == ".json":
+        save_replay(replay, options.out)
+    else:
+        animation.save_animation(replay, options.out, options.speed or 1.0)
     display.end()
     print(
         f"{replay.pursuer} against {replay.evader}: {replay.ending()} ({len(replay.actions)} steps, starts: {starts})"
@@ -69,17 +66,6 @@ def run_show(options: argparse.Namespace) -> int:
         then = command("evaluate", options.pursuer, options.evader, *chosen_rules(options), "--games", 1000)
     finish(options.out, then=then)
     return 0
-
-
-def save_game(replay: "Replay", path: Path, speed: float = 1.0) -> None:
-    """Write a game as a replay or a picture, as the file's ending says."""
-    from apollonius.play.replay import save_replay
-    from apollonius.show.animation import save_animation
-
-    if path.suffix == ".json":
-        save_replay(replay, path)
-    else:
-        save_animation(replay, path, speed)
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:

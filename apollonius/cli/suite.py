@@ -1,6 +1,7 @@
 """`apollonius suite`: judge an agent by the benchmark, and check the cards of others."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,8 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     checked.add_argument("--all", action="store_true", help="play all its games (default: half, drawn at random)")
     checked.set_defaults(run=run_verify)
     for action in (judged, checked):
-        action.add_argument("--python", type=existing_file, help="interpreter that runs a .py or .onnx file")
+        about = "interpreter that runs a .py or .onnx file (default: the one that runs this)"
+        action.add_argument("--python", type=existing_file, default=Path(sys.executable), help=about)
         add_json(action)
 
 
@@ -48,7 +50,7 @@ def run_judge(options: argparse.Namespace) -> int:
     require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
     options.display.begin("playing the benchmark", compiles=True)
-    card = judge(Benchmark(options.track, role), options.agent, _path(options.python), options.display.report)
+    card = judge(Benchmark(options.track, role), options.agent, str(options.python.absolute()), options.display.report)
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
     finish(options.out, then=command("suite", "verify", options.out), json=options.json)
@@ -59,7 +61,7 @@ def run_verify(options: argparse.Namespace) -> int:
     from apollonius.evaluate.suite_card import verify
 
     options.display.begin("playing games of the card", compiles=True)
-    card = verify(options.card, options.agent, _path(options.python), options.all, options.display.report)
+    card = verify(options.card, options.agent, str(options.python.absolute()), options.all, options.display.report)
     _answer(options, card, "it comes out: ")
     return 0
 
@@ -75,7 +77,3 @@ def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") ->
     )
     facts = {"agent": card.agent, "side": card.side, "track": card.track, "decision_us": card.decision_us}
     answer(options, facts | asdict(score), text + (f"\nit failed: {card.failure}" if card.failure else ""))
-
-
-def _path(python: Path | None) -> str | None:
-    return None if python is None else str(python.absolute())

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
-from apollonius.cli.runs import train_all
+from apollonius.cli.runs import TRACKERS, tracker, train_all
 from apollonius.cli.solve import solved_game
-from apollonius.cli.track import add_tracker, tracked
 from apollonius.cli.values import (
     agent_of,
     count,
@@ -75,7 +74,8 @@ def add_train(parser: argparse.ArgumentParser) -> None:
         "--out", type=new_folder, help="folder of the run (default: runs/PRESET-STAGE-SEED), or of the runs of a sweep"
     )
     parser.add_argument("--force", action="store_true", help="overwrite a run that is already there")
-    add_tracker(parser, "--track", "send the metrics of one run to a tracker meanwhile")
+    about = "send the metrics of one run to a tracker meanwhile"
+    parser.add_argument("--track", type=tracker, choices=TRACKERS, help=about)
     parser.set_defaults(run=run_train)
 
 
@@ -121,13 +121,14 @@ def run_train(options: argparse.Namespace) -> int:
 def run_resume(options: argparse.Namespace) -> int:
     from apollonius.evaluate.pairings import EVALUATION
     from apollonius.learn.folder import load_config
-    from apollonius.learn.progress import is_finished, runs_below
+    from apollonius.learn.progress import progress_of, runs_below
 
     folder: Path = options.folder
     runs = runs_below(folder)
     if runs == [folder] and options.on is None:
         return _train_and_judge(load_config(folder / "config.toml"), folder, options.display)
-    return train_all([run for run in runs if not is_finished(run) or not (run / EVALUATION).is_file()], folder, options)
+    over = [run for run in runs if progress_of(run).state.state == "finished" and (run / EVALUATION).is_file()]
+    return train_all([run for run in runs if run not in over], folder, options)
 
 
 def _requested_config(options: argparse.Namespace) -> "RunConfig":
@@ -163,17 +164,25 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 
-def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", tracker: str | None = None) -> int:
+def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: str | None = None) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.cli.terminal import training_notes
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
+    from apollonius.learn.tracking import Tracker
+
+    trackers = [Tracker(to, folder, config)] if to else []
 
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
         display.note({"stage": line.stage} | training_notes(line))
-        track(line)
+        for track in trackers:
+            try:
+                track(line)
+            except Exception as error:  # of any kind: each library has its own
+                trackers.clear()
+                display.tell(f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards")
 
     run = Run(config, folder, report)
     distils = config.stages == "distillation"
@@ -182,8 +191,12 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", trac
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
     display.begin("training", compiles=True)
-    with tracked(tracker, config, folder, display) as track, asked_to_stop() as run.should_stop:
-        finished = run.execute()
+    try:
+        with asked_to_stop() as run.should_stop:
+            finished = run.execute()
+    finally:
+        for track in trackers:
+            track.close()
     if not finished:
         raise KeyboardInterrupt
     if distils:

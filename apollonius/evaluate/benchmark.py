@@ -6,7 +6,7 @@ A round is a game in every arena, by a seed of its own.
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.entrant import Entrant, find_entrant
+from apollonius.agents.entrant import Entrant, EntrantProcess
 from apollonius.agents.kind import Named
 from apollonius.agents.names import SEARCHING, SHIELDED, ZOO
 from apollonius.arenas.charting import charted
@@ -30,7 +30,7 @@ from apollonius.evaluate.result import worst_mean
 from apollonius.evaluate.statistics import mean_interval
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.game.outcome import PURSUER_WINS, evader_winning
+from apollonius.game.outcome import EVADER_FAILS, PURSUER_FAILS, PURSUER_WINS, evader_winning
 from apollonius.game.presets import in_teams, make_game
 from apollonius.game.types import Outcome, RobotStatus, Role
 from apollonius.io.cache import digest
@@ -44,10 +44,7 @@ from apollonius.play.rollout import Transition
 FORFEIT = int(Outcome.ONGOING)
 """In the place of an outcome: an agent from outside failed, and its game counts as lost."""
 _SLOTS = 32
-_FAILED = {
-    Role.PURSUER: (Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
-    Role.EVADER: (Outcome.EVADER_HIT_OBSTACLE, Outcome.EVADER_OUT_OF_RANGE, Outcome.BOTH_FAILED),
-}
+_FAILED = BySide(PURSUER_FAILS, EVADER_FAILS)
 _CALLS = 10
 
 
@@ -67,15 +64,11 @@ class Round:
 
 @dataclass(frozen=True)
 class Score:
-    """The numbers of a card, all but the shares against the opponent that it is worth least against.
+    """The numbers of a card: its worth against the opponent that it is worth least against, and shares of all games.
 
-    Attributes:
-        worth: wins less losses, the time limit being the evader's win; the mean over the arenas.
-        interval: 95 % interval of that mean.
-        against: that opponent.
-        worst_tenth: the mean over the tenth of the arenas where the worth is least.
-        crashes: share of all games in which a robot of its own crashed or left.
-        forfeits: share of all games in which it failed to act.
+    The worth is wins less losses, the time limit being the evader's win: the mean over the arenas with its 95 %
+    interval, and that over the tenth of them where it is least. In `crashes` a robot of its own crashed or left, in
+    `forfeits` it failed to act.
     """
 
     worth: float
@@ -115,15 +108,10 @@ class Benchmark:
     @cached_property
     def game(self) -> Game:
         """The game in all arenas, with their charts."""
-        return charted(self.rules)
-
-    @cached_property
-    def rules(self) -> Game:
-        """The game in all arenas, without charts, which take half a minute to draw."""
         game = find_game(f"{SUITE}/{PART}")
         if self.track == "lidar":
             game = replace(game, sensors=make_game("lidar").sensors)
-        return in_teams(game, 2, 1) if self.track == "team" else game
+        return charted(in_teams(game, 2, 1) if self.track == "team" else game)
 
     @property
     def arenas(self) -> tuple[str, ...]:
@@ -146,43 +134,40 @@ class Benchmark:
         rules = {name: part for name, part in to_dict(self.game).items() if name not in ("arena", "scenario")}
         return {"side": self.role.name.lower(), "track": self.track, "rules": rules, "arenas": arenas}
 
-    def find(self, name: str, python: str | None = None) -> Named:
-        """Return the player of a name or a file; errors as those of `find_player` and `find_entrant`."""
+    def find(self, name: str, python: str) -> Named:
+        """Return the player of a name or a file; errors as those of `find_player` and `EntrantProcess`."""
         if name.endswith(ENTRANTS):
-            robots = sum(map(len, self.game.bodies))
-            return Named(Path(name).name, find_entrant(Path(name), self.about(), robots, python))
+            process = EntrantProcess(Path(name), python, self.about(), sum(map(len, self.game.bodies)))
+            return Named(Path(name).name, Entrant(process))
         return find_player(name, self.role, self.game)
 
     def play(self, agent: Named, opponent: str, seed: int) -> Round:
         """Play a round."""
         match = self._match(agent, opponent, seed)
-        policy = agent.policy
-        slots = match.games if isinstance(policy, Entrant) else _SLOTS
-        if isinstance(policy, Entrant):
-            policy.process.begin(match.games)
+        process = agent.policy.process if isinstance(agent.policy, Entrant) else None
+        if process:
+            process.begin(match.games)
+        slots = match.games if process else _SLOTS
         results = play_out(match.rules, match.pools, *begin(match), slots=slots, watcher=Fingerprint())
-        jax.block_until_ready(results.outcome)
-        outcomes, steps = np.array(results.outcome), np.array(results.steps)
-        crashed = self._crashed(results)
-        if isinstance(policy, Entrant):
-            policy.process.end()
-            outcomes[[*policy.process.forfeited]] = FORFEIT
+        outcomes, steps, crashed = np.array(results.outcome), np.array(results.steps), self._crashed(results)
+        if process:
+            process.end()
+            outcomes[[*process.forfeited]] = FORFEIT
         words = np.stack([outcomes, steps, crashed, np.asarray(results.watched)]).astype("<u4").tobytes()
         played, lengths, crashes = (tuple(column.tolist()) for column in (outcomes, steps, crashed))
         return Round(seed, played, lengths, crashes, sha256(words).hexdigest()[:16])
 
     def _match(self, agent: Named, opponent: str, seed: int) -> Match:
-        other = self._opponents.setdefault(opponent, find_player(opponent, self.role.other, self.game))
-        return Match(self.game, BySide.of(self.role, agent, other), len(self.arenas), seed)
+        return Match(self.game, BySide.of(self.role, agent, self._opponents[opponent]), len(self.arenas), seed)
 
     @cached_property
     def _opponents(self) -> dict[str, Named]:
-        return {}
+        return {name: find_player(name, self.role.other, self.game) for name in self.panel}
 
     def _crashed(self, results: Results) -> np.ndarray:
         """Return how many own robots crashed or left in each game."""
         if results.status is None:
-            return np.isin(results.outcome, _FAILED[self.role]).astype(int)
+            return np.isin(results.outcome, (Outcome.BOTH_FAILED, *_FAILED[self.role])).astype(int)
         robots = np.stack([np.asarray(status) for status in results.status[self.role]])
         return np.isin(robots, (RobotStatus.HIT_OBSTACLE, RobotStatus.OUT_OF_RANGE)).sum(axis=0)
 
@@ -212,19 +197,18 @@ class Benchmark:
         if isinstance(agent.policy, Entrant):
             process = agent.policy.process
             return _rounded(1e6 * process.seconds / max(process.decisions, 1))
-        match, role = self._match(agent, self.panel[0], 0), self.role
+        match = self._match(agent, self.panel[0], 0)
         starts, key = begin(match)
         bits = random_bits(key, (2, match.games))
         games, spent = rollout.begin(match.rules, starts, match.pools, bits), []
-        act = jax.jit(_act, static_argnames="role")
         for _ in range(_CALLS + 1):  # the first one compiles
             began = time.perf_counter()
-            jax.block_until_ready(act(match.rules, match.pools[role], games, bits, role))
+            jax.block_until_ready(_act(match.rules, match.pools[self.role], games, bits, self.role))
             spent.append(time.perf_counter() - began)
-        decisions = match.games * len(self.game.bodies[role])
-        return _rounded(1e6 * float(np.median(spent[1:])) / decisions)
+        return _rounded(1e6 * float(np.median(spent[1:])) / (match.games * len(self.game.bodies[self.role])))
 
 
+@partial(jax.jit, static_argnames="role")
 def _act(game: Game, pool: Any, games: rollout.Games, bits: Array, role: Role) -> Any:
     return rollout.decide(pool, games.sides[role], perceive(pool.observation, game, games.state, role), bits[role])
 

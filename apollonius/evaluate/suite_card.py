@@ -5,10 +5,13 @@ again comes out bit for bit or is refused.
 """
 
 import secrets
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import product
 from pathlib import Path
 
 from apollonius.agents.entrant import Entrant
+from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
 from apollonius.evaluate.names import PANELS, ROUNDS
@@ -40,9 +43,7 @@ class SuiteCard:
     format: int = FORMAT
 
 
-def judge(
-    benchmark: Benchmark, name: str, python: str | None = None, report: Report = lambda done, total: None
-) -> SuiteCard:
+def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
     """Play all rounds of an agent and return its card.
 
     Args:
@@ -52,20 +53,24 @@ def judge(
     Raises:
         InvalidInput: as `Benchmark.find`.
     """
-    agent, games = benchmark.find(name, python), len(benchmark.arenas)
-    rounds: dict[str, list[Round]] = {opponent: [] for opponent in benchmark.panel}
-    total = ROUNDS * len(rounds) * games
-    for opponent, played in rounds.items():
-        for seed in range(ROUNDS):
-            played.append(benchmark.play(agent, opponent, seed))
-            report(sum(map(len, rounds.values())) * games, total)
-    opponents = {opponent: tuple(played) for opponent, played in rounds.items()}
+    agent = benchmark.find(name, python)
+    rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
+    for opponent, played in _play(benchmark, agent, range(ROUNDS), report):
+        rounds[opponent] += (played,)
     process = agent.policy.process if isinstance(agent.policy, Entrant) else None
     return SuiteCard(
         agent.name, file_of(name)[1], benchmark.role.name.lower(), benchmark.track, benchmark.score(rounds),
-        benchmark.microseconds(agent), environment(), benchmark.digests, opponents,
+        benchmark.microseconds(agent), environment(), benchmark.digests, rounds,
         process.is_isolated if process else True, process.reason if process else "",
     )  # fmt: skip
+
+
+def _play(benchmark: Benchmark, agent: Named, seeds: Sequence[int], report: Report) -> Iterator[tuple[str, Round]]:
+    """Yield each opponent with a round for each seed."""
+    rounds, games = list(product(benchmark.panel, seeds)), len(benchmark.arenas)
+    for number, (opponent, seed) in enumerate(rounds, start=1):
+        yield opponent, benchmark.play(agent, opponent, seed)
+        report(number * games, len(rounds) * games)
 
 
 def load_card(path: Path) -> SuiteCard:
@@ -103,7 +108,7 @@ def benchmark_of(card: SuiteCard) -> Benchmark:
 
 
 def verify(
-    path: Path, file: str | None, python: str | None, every: bool, report: Report = lambda done, total: None
+    path: Path, file: str | None, python: str, every: bool, report: Report = lambda done, total: None
 ) -> SuiteCard:
     """Play rounds of a card again: one against each opponent, drawn at random, or every one.
 
@@ -116,18 +121,14 @@ def verify(
     card = load_card(path)
     benchmark, name = benchmark_of(card), file or card.agent
     require(file_of(name)[1] == card.sha256, f"'{path}': SHA-256 of the agent", card.sha256, f"that of '{name}'")
-    agent, done = benchmark.find(name, python), 0
-    sample = [*range(ROUNDS)] if every else [secrets.randbelow(ROUNDS)]
-    for opponent, rounds in card.opponents.items():
-        for seed in sample:
-            again, said = benchmark.play(agent, opponent, seed), rounds[seed]
-            where = f"'{path}': seed {seed} against '{opponent}'"
-            for column in ("outcomes", "steps", "crashed"):
-                both = zip(benchmark.arenas, getattr(said, column), getattr(again, column), strict=True)
-                for arena, given, found in both:
-                    require(given == found, f"{where} in {arena}: {column}", given, f"{found}, played again")
-            made = "" if card.made_with == environment() else f"; the card was made with {card.made_with}"
-            require(said.course == again.course, f"{where}: course", said.course, f"{again.course}, played again{made}")
-            done += len(benchmark.arenas)
-            report(done, len(card.opponents) * len(sample) * len(benchmark.arenas))
+    seeds = range(ROUNDS) if every else [secrets.randbelow(ROUNDS)]
+    for opponent, again in _play(benchmark, benchmark.find(name, python), seeds, report):
+        said = card.opponents[opponent][again.seed]
+        where = f"'{path}': seed {again.seed} against '{opponent}'"
+        for column in ("outcomes", "steps", "crashed"):
+            both = zip(benchmark.arenas, getattr(said, column), getattr(again, column), strict=True)
+            for arena, given, found in both:
+                require(given == found, f"{where} in {arena}: {column}", given, f"{found}, played again")
+        made = "" if card.made_with == environment() else f"; the card was made with {card.made_with}"
+        require(said.course == again.course, f"{where}: course", said.course, f"{again.course}, played again{made}")
     return card

@@ -1,6 +1,6 @@
 """A run that a robot recorded, and the agent asked again in each of its states."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,7 @@ from apollonius.io.errors import InvalidInput, require, require_extra
 
 @dataclass(frozen=True)
 class Bag:
-    """A bag that the ROS 2 node recorded.
-
-    Attributes:
-        player, side: of the export.
-        record: of its game.
-        decisions: as the node published them.
-    """
+    """The player of a bag that the ROS 2 node recorded, its side, the record of its game, and what was decided."""
 
     player: str
     side: Role
@@ -33,8 +27,13 @@ class Bag:
     decisions: list[dict[str, Any]]
 
     @property
+    def asked(self) -> list[dict[str, Any]]:
+        """The decisions of the player; in the other steps the node braked."""
+        return [one for one in self.decisions if not one["trouble"]]
+
+    @property
     def game(self) -> Game:
-        """Return the exported game; raises InvalidInput where a map that it names is not here."""
+        """The exported game; raises InvalidInput where a map that it names is not here."""
         return from_dict(Game, self.record, "the bag's game; give --game")
 
 
@@ -46,19 +45,6 @@ class Difference:
     step: int
     then: tuple[float, float]
     now: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Again:
-    """The answers of an agent in recorded states: how many there are, and how many other steps braked."""
-
-    player: str
-    asked: int
-    braked: int
-    differences: tuple[Difference, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def load_bag(folder: Path) -> Bag:
@@ -85,26 +71,22 @@ def load_bag(folder: Path) -> Bag:
     return Bag(export["player"], Role[export["side"].upper()], export["game"], said["decisions"])
 
 
-def ask_again(bag: Bag, name: str, game: Game) -> Again:
+def ask_again(bag: Bag, name: str, game: Game) -> list[Difference]:
     """Return where an agent, with its memory since the game began, acts otherwise than was recorded.
 
     Raises:
         InvalidInput: as `find_exportable`, and for a game of other numbers of robots.
     """
     player = find_exportable(name, bag.side, game)
-    asked = [one for one in bag.decisions if not one["trouble"]]
     decide, memory, differences = jax.jit(player.decide), player.policy.memory, list[Difference]()
-    body = player.game.bodies[player.role][0]
-    largest = np.maximum(np.array([body.u1_max, body.u2_max], np.float32), 1e-6)
-    for one in asked:
+    for one in bag.asked:
         states = np.array(one["states"], np.float32)
         require(len(states) == player.robots, "robots in the bag", len(states), f"{player.robots}, as in {game.size}")
         memory = player.policy.memory if one["step"] == 0 else memory
         active = jnp.asarray(one["active"]) if player.robots > 2 else None
         made = decide(player.policy, player.game, jnp.asarray(states), active, memory, jnp.uint32(one["bits"]))
         memory, now = made["memory"], np.asarray(made["controls"])
-        if (np.abs(now - np.array(one["controls"])) > TOLERANCE * largest).any():
+        if (np.abs(now - np.array(one["controls"])) > TOLERANCE * player.largest).any():
             since = one["time"] - bag.decisions[0]["time"]
-            u1, u2 = map(float, now)
-            differences.append(Difference(since, one["step"], tuple(one["controls"]), (u1, u2)))
-    return Again(name, len(asked), len(bag.decisions) - len(asked), tuple(differences))
+            differences.append(Difference(since, one["step"], tuple(one["controls"]), tuple(now.tolist())))
+    return differences

@@ -126,8 +126,7 @@ def _batched(decide: Callable[..., Any]) -> Callable[..., Any]:
 def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
     """Return in how many cases an exported policy differs from the package's player."""
     actions, controls = reference(player, cases)
-    body = player.game.bodies[player.role][0]
-    largest = np.maximum(np.array([body.u1_max, body.u2_max], np.float32), 1e-6)
+    body, largest = player.game.bodies[player.role][0], player.largest
     said, driven = [], []
     for place in range(len(cases.states)):
         action, both = decide(*_case(cases, place))
@@ -144,7 +143,7 @@ def compare(decide: Decide, player: Player, cases: Cases) -> Parity:
             held = np.array(body.controls(jnp.int32(said[place])))
             alike = bool((np.abs(driven[place] - held) <= TOLERANCE * largest).all())
             alike = alike and _is_as_good(player, cases, place, int(said[place]), int(actions[place]))
-        ties += alike or _is_tie(player, cases, place, np.array(driven[place]), largest)
+        ties += alike or _is_tie(player, cases, place, np.array(driven[place]))
     return Parity(len(actions), ties, int(differ.sum()) - ties, float(away[~differ].max(initial=0)))
 
 
@@ -169,16 +168,15 @@ def _is_as_good(player: Player, cases: Cases, place: int, action: int, own: int)
     return bool(abs(values[action] - values[own]) <= TOLERANCE * np.abs(values).max())
 
 
-def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray, largest: np.ndarray) -> bool:
+def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> bool:
     """Return whether the package's player drives so around a state; if continuous, whether this is in its range."""
     state, *rest = _case(cases, place)
     moved = np.random.default_rng(0).uniform(-BREADTH, BREADTH, (_AROUND, *state.shape)).astype(np.float32)
     many = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (_AROUND, *np.shape(leaf))), tuple(rest))
     _, controls = reference(player, Cases(state + moved, *many))
-    if not player.policy.continuous:
-        return bool((np.abs(controls - driven) <= TOLERANCE * largest).all(axis=1).any())
-    within = np.clip(driven, controls.min(axis=0), controls.max(axis=0))
-    return bool((np.abs(within - driven) <= TOLERANCE * largest).all())
+    if player.policy.continuous:
+        controls = np.clip(driven, controls.min(axis=0), controls.max(axis=0))[None]
+    return bool((np.abs(controls - driven) <= TOLERANCE * player.largest).all(axis=1).any())
 
 
 def microseconds(call: Callable[[], object], calls: int = 10_000) -> float:

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt32
+from jaxtyping import Array, Bool, Float, Float32, UInt32
 
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.classical import BRAKE_STRAIGHT
@@ -55,6 +55,12 @@ class Player:
     def robots(self) -> int:
         """Return the number of robots of both sides."""
         return sum(map(len, self.game.bodies))
+
+    @property
+    def largest(self) -> Float32[np.ndarray, "2"]:
+        """Return the largest controls, u1 [m/s^2] and u2 [rad/s]; never 0."""
+        body = self.game.bodies[self.role][0]
+        return np.maximum(np.array([body.u1_max, body.u2_max], np.float32), 1e-6)
 
     @property
     def arguments(self) -> tuple[Any, ...]:

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
+from apollonius.game.sensing import Sensing
 from apollonius.game.types import Action, Real, Role, Scalar
 from apollonius.io.errors import require
 
@@ -30,18 +31,9 @@ class Drive(eqx.Module):
     def check(self, name: str) -> None:
         """Refuse impossible numbers."""
         bound = f"a whole number of steps from 0 to {MOST_LAG}, or left out"
-        require(
-            self.lag is None or (0 <= self.lag <= MOST_LAG and self.lag == int(self.lag)),
-            f"{name}.lag",
-            self.lag,
-            bound,
-        )
-        require(
-            self.turn_time is None or self.turn_time >= 0,
-            f"{name}.turn_time",
-            self.turn_time,
-            "0 s or more, or left out",
-        )
+        lag, time = self.lag, self.turn_time
+        require(lag is None or (0 <= lag <= MOST_LAG and lag == int(lag)), f"{name}.lag", lag, bound)
+        require(time is None or time >= 0, f"{name}.turn_time", time, "0 s or more, or left out")
 
     def begin(self) -> "DriveState":
         """Return the drive of a robot at rest."""
@@ -88,11 +80,13 @@ class Drives(BySide[Drive | None]):
     pursuer: Drive | None = None
     evader: Drive | None = None
 
-    def check(self) -> None:
-        """Refuse impossible numbers."""
-        for name in ("pursuer", "evader"):
-            if (drive := getattr(self, name)) is not None:
-                drive.check(f"drives.{name}")
+
+def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
+    """Refuse impossible numbers of sensors and drives."""
+    for name, parts in (("sensors", sensors), ("drives", drives)):
+        for side, part in zip(("pursuer", "evader"), parts or (), strict=False):
+            if part:
+                part.check(f"{name}.{side}")
 
 
 DriveStates = tuple[DriveState, ...]

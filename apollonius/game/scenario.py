@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.drive import Drive, Drives
+from apollonius.game.drive import Drive, Drives, check_parts
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
@@ -79,9 +79,7 @@ class RobotKinds(eqx.Module):
             for field in one.fields:
                 for end in (one.low, one.high):
                     alone = _with(RobotKinds(Unicycle(), Unicycle(), jnp.ones(1)), field.split("."), end, field)
-                    for part in (alone.sensors, alone.drives):
-                        if part is not None:
-                            part.check()
+                    check_parts(alone.sensors, alone.drives)
                 if field.rpartition(".")[2] in _WHOLE:
                     values = rng.integers(int(one.low), int(one.high) + 1, count)
                 else:

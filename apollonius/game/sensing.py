@@ -42,12 +42,6 @@ class Noise(eqx.Module):
     heading: Real = 0.0
     speed: Real = 0.0
 
-    def check(self, name: str) -> None:
-        """Refuse negative deviations."""
-        for field in fields(self):
-            size = getattr(self, field.name)
-            require(size >= 0, f"{name}.{field.name}", size, "0 or more")
-
     @property
     def reach(self) -> Scalar:
         """Return the largest error of a position [m]."""
@@ -100,9 +94,10 @@ class Sensors(eqx.Module):
         for field, value, low, high, bound in bounds:
             require(value is None or low <= value <= high, f"{name}.{field}", value, f"{bound}; or left out")
         require(self.delay is None or self.delay == int(self.delay), f"{name}.delay", self.delay, "whole steps")
-        for field, noise in (("noise", self.noise), ("own_noise", self.own_noise)):
-            if noise is not None:
-                noise.check(f"{name}.{field}")
+        for noise in ("noise", "own_noise"):
+            for error in fields(Noise) if getattr(self, noise) else ():
+                size = getattr(getattr(self, noise), error.name)
+                require(size >= 0, f"{name}.{noise}.{error.name}", size, "0 or more")
 
     @fusion_barrier
     def reaches(self, arena: Arena, robot: RobotState, other: RobotState) -> Bool[Array, ""]:
@@ -123,12 +118,6 @@ class Sensing(BySide[Sensors | None]):
 
     pursuer: Sensors | None = None
     evader: Sensors | None = None
-
-    def check(self) -> None:
-        """Refuse impossible numbers."""
-        for name in ("pursuer", "evader"):
-            if (sensors := getattr(self, name)) is not None:
-                sensors.check(f"sensors.{name}")
 
 
 class Percept(eqx.Module):

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import Drives
+from apollonius.game.drive import Drives, check_parts
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.sensing import Sensing
 from apollonius.game.starts import Starts
@@ -74,11 +74,9 @@ def _numbers(game: Any) -> dict[str, Any]:
     return {name: leaf for name, leaf in named.items() if name not in hidden}
 
 
-def check_bodies(bodies: Bodies, dt: float, *parts: Sensing | Drives | None) -> None:
+def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Drives | None) -> None:
     """Refuse too many robots, and robots with impossible limits, sensors or drives."""
-    for part in parts:
-        if part is not None:
-            part.check()
+    check_parts(sensors, drives)
     for side, robots in zip(_SIDES, bodies, strict=True):
         require(len(robots) <= MOST_ROBOTS, f"{side}s", len(robots), f"at most {MOST_ROBOTS}")
         for number, body in enumerate(robots):

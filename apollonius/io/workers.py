@@ -123,7 +123,7 @@ def on_ray(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iterat
         own = {"num_cpus": len(available_cores()), "include_dashboard": False}
         ray.init(**{} if "RAY_ADDRESS" in os.environ else own, log_to_driver=False)
     try:
-        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(_run_on_ray)
+        remote = ray.remote(num_cpus=1, max_retries=LOST_WORKERS)(lambda job: job.run(lambda: False))
         waiting = {remote.remote(job): job for job in jobs}
         while waiting and not asked():
             for one in ray.wait(list(waiting), timeout=POLL_SECONDS)[0]:
@@ -138,10 +138,6 @@ def on_ray(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iterat
     finally:
         if ours:
             ray.shutdown()
-
-
-def _run_on_ray(job: Job) -> str:
-    return job.run(lambda: False)
 
 
 WORKERS: dict[str, Workers] = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}

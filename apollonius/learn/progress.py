@@ -3,8 +3,8 @@
 import os
 import platform
 import time
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -34,31 +34,24 @@ class State:
     """Reason of a failure."""
 
 
-@contextmanager
-def trained(folder: Path) -> Generator[Callable[[bool], bool], None, None]:
-    """Hold a run's folder (`held`), and keep its `State` on file.
+def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
+    """Hold a run's folder (`held`) while it is trained, keep its `State` on file, and return if it finished."""
 
-    Yields:
-        A function that takes whether the training has finished, and returns it.
-    """
+    def write(state: State) -> None:
+        write_atomically(folder / STATE, to_json(asdict(state)).encode())
+
     with held(folder):
-        now = State("running", platform.node(), os.getpid(), _slurm_job())
-        write_atomically(folder / STATE, to_json(asdict(now)).encode())
-        ended = replace(now, state="stopped")
-
-        def end(finished: bool) -> bool:
-            nonlocal ended
-            ended = replace(now, state="finished" if finished else "stopped")
-            return finished
-
+        write(ended := State("running", platform.node(), os.getpid(), _slurm_job()))
         try:
-            yield end
+            finished = train()
+            ended = replace(ended, state="finished" if finished else "stopped")
+            return finished
         except Exception as error:
-            ended = replace(now, state="failed", error=str(error) or type(error).__name__)
+            ended = replace(ended, state="failed", error=str(error) or type(error).__name__)
             raise
         finally:
             with suppress(OSError):  # a full disk, of which the error itself tells
-                write_atomically(folder / STATE, to_json(asdict(ended)).encode())
+                write(replace(ended, state="stopped") if ended.state == "running" else ended)
 
 
 def _slurm_job() -> str:
@@ -102,11 +95,6 @@ class Progress:
 def runs_below(folder: Path) -> list[Path]:
     """Return the folders of runs at or below a folder, by name."""
     return sorted(path.parent for path in folder.rglob("config.toml"))
-
-
-def is_finished(run: Path) -> bool:
-    """Return whether the training of a run has come to its end."""
-    return progress_of(run).state.state == "finished"
 
 
 def progress_of(run: Path) -> Progress:

@@ -40,7 +40,7 @@ from apollonius.learn.folder import (
     save_checkpoint,
 )
 from apollonius.learn.metrics import MetricsLine, append_metrics, begin_metrics, measure
-from apollonius.learn.progress import trained
+from apollonius.learn.progress import keep_state
 from apollonius.learn.teacher import TABLES, Setting, make_settings
 from apollonius.learn.train_state import TrainState
 from apollonius.observe.registry import find_observation
@@ -99,8 +99,7 @@ class Run:
             InvalidInput: when there is a checkpoint that this run cannot go on from, or when another process trains in
                 the folder.
         """
-        with trained(self.folder) as end:
-            return end(self._execute())
+        return keep_state(self.folder, self._execute)
 
     def _execute(self) -> bool:
         standing = load_standing(self.checkpoint) if self.checkpoint.exists() else None

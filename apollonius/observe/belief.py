@@ -7,7 +7,7 @@ be empty. So the set of these cells always holds the truth; to a searcher it is 
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import equinox as eqx
 import jax
@@ -21,8 +21,7 @@ from apollonius.game.types import Real, RobotState, Scalar
 
 Cells = Bool[Array, "rows columns"]
 Unseen = Float[Array, "rows columns"]
-"""For each cell the time since it was last seen [s]; `NEVER` for those never seen, negative where no opponent can
-be."""
+"""For each cell where an opponent can be the time since it was last seen [s], `NEVER` at most; elsewhere negative."""
 NEVER = 1e3
 """Age of what was never seen [s]."""
 LONG_AGO = 100.0
@@ -50,15 +49,15 @@ class Belief(eqx.Module):
     credit: Float[Array, "rows columns"]
     unseen: Float[Array, "rows columns"]
 
+    @property
+    def where(self) -> Unseen:
+        """The times of the cells in which an opponent can be."""
+        return jnp.where(self.credit >= 0, self.unseen, _NOBODY)
+
 
 def anywhere(chart: Chart) -> Belief:
     """Return the belief in which opponents can be wherever a robot can be, and no cell was ever seen."""
     return Belief(jnp.where(_links(chart) > 0, _most(chart), _NOBODY), jnp.full((COARSE, COARSE), NEVER, jnp.float32))
-
-
-def unseen(belief: Belief) -> Unseen:
-    """Return the times since cells were last seen in which an opponent can be [s], negative elsewhere."""
-    return jnp.where(belief.credit >= 0, belief.unseen, _NOBODY)
 
 
 def prospects(chart: Chart, unseen: Unseen, robot: RobotState) -> Float[Array, "rows columns"]:
@@ -89,13 +88,9 @@ def moved(chart: Chart, belief: Belief, reach: Scalar, time: Real) -> Belief:
 
     def hop(_: Array, credit: Array) -> Array:
         credit = jnp.where(credit >= 0, jnp.minimum(credit + share, _most(chart)), _NOBODY)
-        wide = jnp.pad(credit, 2, constant_values=_NOBODY)
         best = credit
-        for bit, (right, up) in enumerate(STEPS):
-            came = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE] - _SHARE * cell * math.hypot(
-                right, up
-            )
-            is_entered = (links >> bit) & 1 > 0
+        for length, is_entered, there in _beside(links, credit, _NOBODY):
+            came = there - _SHARE * cell * length
             best = jnp.maximum(best, jnp.where(is_entered & (came >= 0), came, _NOBODY))
         return best
 
@@ -114,11 +109,9 @@ def looked(
         jnp.logical_or,
         [there & visible(chart, sensors, robot) for robot, there in zip(percept.own, active, strict=True)],
     )
-    links, wide, seen = _links(chart), jnp.pad(clear, 2, constant_values=True), clear
-    for bit, (right, up) in enumerate(STEPS):
-        beside = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
-        seen &= beside | ((links >> bit) & 1 == 0)
-    seen &= percept.looked
+    seen = clear & percept.looked
+    for _, is_entered, there in _beside(_links(chart), clear, True):
+        seen &= there | ~is_entered
     return Belief(jnp.where(seen, _NOBODY, belief.credit), jnp.where(seen, 0.0, belief.unseen))
 
 
@@ -180,6 +173,14 @@ def _profile(chart: Chart, robot: RobotState, margin: Scalar) -> Float[Array, " 
     return jax.lax.fori_loop(0, _GLANCES, on, jnp.zeros(RAYS))
 
 
+def _beside(links: Array, values: Array, outside: float | bool) -> Iterator[tuple[float, Array, Array]]:
+    """Yield for each of a cell's neighbours their distance [cells], whether it is entered from there, and its value."""
+    wide = jnp.pad(values, 2, constant_values=outside)
+    for bit, (right, up) in enumerate(STEPS):
+        there = wide[2 - up : 2 - up + COARSE, 2 - right : 2 - right + COARSE]
+        yield math.hypot(right, up), (links >> bit) & 1 > 0, there
+
+
 def _links(chart: Chart) -> UInt32[Array, "rows columns"]:
     assert chart.links is not None, "charts in Python have them"
     return chart.links[chart.member]
@@ -192,8 +193,3 @@ def _cell(chart: Chart) -> Scalar:
 def _most(chart: Chart) -> Scalar:
     """Return the largest credit [m]: enough to be in the next cell at once."""
     return _cell(chart) * 2.5
-
-
-def top_speed(v_min: Real, v_max: Real) -> Scalar:
-    """Return the largest speed [m/s] of a robot, forwards or backwards."""
-    return jnp.maximum(jnp.asarray(v_max, jnp.float32), -jnp.asarray(v_min, jnp.float32))

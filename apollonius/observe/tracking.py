@@ -54,13 +54,12 @@ def begin(game: Game, state: GameState, role: Role) -> Track | None:
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None:
         return None
-    arena, zero = here.arena, jnp.zeros(())
-    middle = (
-        jnp.asarray((arena.x_min + arena.x_max) / 2, jnp.float32),
-        jnp.asarray((arena.y_min + arena.y_max) / 2, jnp.float32),
+    arena, zero, no = here.arena, jnp.zeros(()), jnp.zeros((), bool)
+    x, y = (
+        jnp.asarray((low + high) / 2, jnp.float32)
+        for low, high in ((arena.x_min, arena.x_max), (arena.y_min, arena.y_max))
     )
-    unseen = tuple(RobotState(*middle, zero, zero) for _ in state.robots[role.other])
-    own, no = state.robots[role], jnp.zeros((), bool)
+    own, unseen = state.robots[role], tuple(RobotState(x, y, zero, zero) for _ in state.robots[role.other])
     late = None
     if sensors.delay is not None:
         nothing = Percept(own, unseen, (no,) * len(unseen), no)
@@ -105,24 +104,19 @@ def _believed(game: Game, sensors: Sensors, before: Belief, percept: Percept, st
     """Return the belief after a step in which opponents moved, and after what was seen."""
     chart, active = game.arena.chart, state.active
     assert chart is not None, "a belief has a chart"
-    after = belief.looked(
-        chart, sensors, belief.moved(chart, before, _reach(game, role), game.dt), percept, active[role]
-    )
+    moved = belief.moved(chart, before, _reach(game, role), game.dt)
+    after = belief.looked(chart, sensors, moved, percept, active[role])
     bound = sensors.noise.reach if sensors.noise else jnp.zeros(())
-    there = [
-        (seen, belief.at(chart, robot, bound)) for robot, seen in zip(percept.opponents, percept.seen, strict=True)
-    ]
-    unseen = functools.reduce(
-        operator.or_, [alive & ~seen for alive, seen in zip(active[role.other], percept.seen, strict=True)]
-    )
-    hidden = jnp.where(unseen, after.credit, -jnp.ones_like(after.credit))
-    credit = functools.reduce(jnp.maximum, [jnp.where(seen, cells, hidden) for seen, cells in there], hidden)
+    unseen = [alive & ~seen for alive, seen in zip(active[role.other], percept.seen, strict=True)]
+    credit = hidden = jnp.where(functools.reduce(operator.or_, unseen), after.credit, -jnp.ones_like(after.credit))
+    for robot, seen in zip(percept.opponents, percept.seen, strict=True):
+        credit = jnp.maximum(credit, jnp.where(seen, belief.at(chart, robot, bound), hidden))
     return replace(after, credit=credit)
 
 
 def _reach(game: Game, role: Role, steps: Real = 1.0) -> Scalar:
     """Return how far the fastest opponent moves in some steps [m]."""
-    speeds = [belief.top_speed(body.v_min, body.v_max) for body in game.bodies[role.other]]
+    speeds = [jnp.maximum(jnp.float32(body.v_max), -jnp.float32(body.v_min)) for body in game.bodies[role.other]]
     return functools.reduce(jnp.maximum, speeds) * game.dt * steps
 
 
@@ -131,11 +125,9 @@ def believed(game: Game, track: Track | None, state: GameState, role: Role) -> G
     if track is None:
         return state
     here = game.at(state)
-    cells, chart = None, here.arena.chart
-    if (known := track.belief) is not None and chart is not None:
-        sensors = here.sensors and here.sensors[role]
-        if sensors is not None and sensors.delay is not None:  # what opponents may have done since
-            late = jnp.asarray(sensors.delay, jnp.float32)
-            known = belief.moved(chart, known, _reach(here, role, late), late * here.dt)
-        cells = belief.unseen(known)
-    return replace(state, robots=BySide.of(role, track.own, track.opponents), sight=Sight(track.ages, cells))
+    known, chart, sensors = track.belief, here.arena.chart, here.sensors and here.sensors[role]
+    if known and chart and sensors and sensors.delay is not None:  # what opponents may have done since
+        late = jnp.asarray(sensors.delay, jnp.float32)
+        known = belief.moved(chart, known, _reach(here, role, late), late * here.dt)
+    robots = BySide.of(role, track.own, track.opponents)
+    return replace(state, robots=robots, sight=Sight(track.ages, known and known.where))

@@ -1,13 +1,12 @@
 """Games between robots with bodies, which the game's own referee judges, beside the same games by the rules."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Float32, Int, PRNGKeyArray
 
 from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
@@ -24,7 +23,7 @@ from apollonius.play import rollout
 from apollonius.play.playout import Report, Results
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay, as_rows, as_state
-from apollonius.play.rollout import Games, SideState, step_games
+from apollonius.play.rollout import Games, SideState, reset_where_done, step_games
 from apollonius.simulate.drive import Drive, References
 from apollonius.simulate.physics import Physics
 
@@ -47,11 +46,8 @@ class Simulated:
     actions: Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
     after: Float32[np.ndarray, "steps columns"]
 
-    def course(
-        self, game: int
-    ) -> tuple[
-        Float32[np.ndarray, "rows columns"], Int[np.ndarray, "steps robots"] | Float32[np.ndarray, "steps robots 2"]
-    ]:
+    def course(self, game: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states of a game, the last one too, and the actions in it."""
         own = self.index == game
         return np.concatenate([self.states[own], self.after[own][-1:]]), self.actions[own]
 
@@ -82,15 +78,12 @@ def simulate(
     rows = as_rows(starts)
     bodies, references = physics.place(rows), References(rows[:, 2::4].astype(float))
     count = len(rows)
-    sides = rollout.begin(game, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1))).sides
-    outcome, length = np.full(count, int(Outcome.ONGOING), np.int32), np.zeros(count, np.int32)
-    known = jax.device_get((starts.status, Games(starts, sides).sightings))
+    games = rollout.begin(game, starts, players, random_bits_of(key, jnp.arange(count), jnp.full(count, -1)))
+    outcome, alive = np.full(count, int(Outcome.ONGOING), np.int32), np.arange(count)
     log: list[tuple[np.ndarray, ...]] = []
-    alive = np.arange(count)
     while alive.size:
-        state = _states(rows, length, known[0], len(game.bodies.pursuer))
-        actions, controls, sides = _choose(game, players, sides, state, key)
-        gone = ~np.stack([active for side in state.active for active in side], axis=1)
+        actions, controls, sides = _choose(game, players, games, key)
+        gone = ~np.stack([active for side in games.state.active for active in side], axis=1)
         braking = np.clip(-references.v / float(game.dt), -strongest, strongest)
         halted = np.stack([braking, np.zeros_like(braking)], axis=-1)
         asked_of = np.where(gone[..., None], halted, np.asarray(controls, float))
@@ -98,17 +91,14 @@ def simulate(
         bodies[alive] = physics.advance(bodies[alive], asked[alive])
         before, rows = rows, rows.copy()
         rows[alive] = physics.measure(bodies[alive])
-        length[alive] += 1
-        ended, status = _judge(game, state, _states(rows, length, known[0], len(game.bodies.pursuer)))
+        games, ended = _judged(game, games, sides, rows, outcome == Outcome.ONGOING)
         outcome[alive] = np.asarray(ended)[alive]
-        known = _updated(known, jax.device_get((status, Games(state, sides).sightings)), alive)
-        taken = (before, np.asarray(actions), rows)
-        log.append((alive, *(part[alive] for part in taken)))
+        log.append((alive, *(part[alive] for part in (before, np.asarray(actions), rows))))
         alive = alive[outcome[alive] == Outcome.ONGOING]
         report(count - alive.size, count)
     index, states, actions, after = (np.concatenate(parts) for parts in zip(*log, strict=True))
-    status, sightings = jax.device_put(known)
-    results = Results(jnp.asarray(outcome), jnp.asarray(length), status=status, sightings=sightings)
+    state = games.state
+    results = Results(jnp.asarray(outcome), state.steps, status=state.status, sightings=games.sightings)
     return Simulated(results, index, states, actions, after)
 
 
@@ -118,17 +108,6 @@ def _turn_acceleration(game: Game, drive: Drive, role: Role) -> float:
     if not slow or slow.turn_time is None:
         return drive.turn_acceleration
     return min(drive.turn_acceleration, float(game.bodies[role][0].u2_max) / max(float(slow.turn_time), 1e-6))
-
-
-def _updated(before: Any, after: Any, games: np.ndarray) -> Any:
-    """Return arrays with what came after in some of the games."""
-
-    def one(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-        made = np.array(old)
-        made[games] = new[games]
-        return made
-
-    return jax.tree.map(one, before, after)
 
 
 def simulate_match(match: Match, drive: Drive, report: Report = lambda done, total: None) -> Simulated:
@@ -144,23 +123,13 @@ def record_course(simulated: Simulated, match: Match, index: int) -> Replay:
     return Replay(match.game, names.pursuer, names.evader, match.seed, games, index, *simulated.course(index), outcome)
 
 
-@partial(jax.jit, static_argnames="pursuers")
-def _states(
-    rows: Float32[Array, "games columns"], length: Int[Array, " games"], status: Any, pursuers: int
-) -> GameState:
-    def one(row: Float32[Array, " columns"], steps: Int[Array, ""], status: Any) -> GameState:
-        return replace(as_state(row, steps, pursuers), status=status)
-
-    return jax.vmap(one)(rows, length, status)
-
-
 @jax.jit
 def _choose(
-    game: Game, players: BySide[Pool], sides: BySide[SideState], state: GameState, key: PRNGKeyArray
+    game: Game, players: BySide[Pool], games: Games, key: PRNGKeyArray
 ) -> tuple[Array, Float[Array, "games robots 2"], BySide[SideState]]:
     """Return all robots' actions, the controls u1 [m/s^2] and u2 [rad/s] that their bodies get, and the sides after."""
-    bits = random_bits_of(key, jnp.arange(len(state.steps)), state.steps)
-    games, moves = step_games(game, players, Games(state, sides), bits)
+    steps = games.state.steps
+    after, moves = step_games(game, players, games, random_bits_of(key, jnp.arange(len(steps)), steps))
     late = game.drives and Drives(*game.drives.map(lambda drive: drive and replace(drive, turn_time=None)))
 
     def of_each(role: Role) -> tuple[Array, ...]:
@@ -172,13 +141,29 @@ def _choose(
         return jnp.stack([jnp.stack(controls) for side in made for controls in side])
 
     actions = ROLES.map(of_each)
-    controls = jax.vmap(held)(sides.map(lambda side: side.drives), actions)
-    return jax.vmap(lambda *all_: stack_actions(*all_))(*actions.pursuer, *actions.evader), controls, games.sides
+    controls = jax.vmap(held)(games.sides.map(lambda side: side.drives), actions)
+    return jax.vmap(stack_actions)(*actions.pursuer, *actions.evader), controls, after.sides
 
 
 @jax.jit
-def _judge(game: Game, before: GameState, after: GameState) -> tuple[Int[Array, " games"], Any]:
-    return jax.vmap(judge, in_axes=(None, 0, 0))(game, before, after)
+def _judged(
+    game: Game,
+    games: Games,
+    sides: BySide[SideState],
+    rows: Float32[Array, "games columns"],
+    alive: Bool[Array, " games"],
+) -> tuple[Games, Int[Array, " games"]]:
+    """Return the games that are not over after a step that led to these rows, and how each ended."""
+
+    def one(state: GameState, row: Float32[Array, " columns"]) -> tuple[GameState, Int[Array, ""]]:
+        after = replace(
+            state, robots=as_state(row, state.steps, len(game.bodies.pursuer)).robots, steps=state.steps + 1
+        )
+        outcome, status = judge(game, state, after)
+        return replace(after, status=status), outcome
+
+    states, outcome = jax.vmap(one)(games.state, rows)
+    return jax.vmap(reset_where_done)(alive, Games(states, sides), games), outcome
 
 
 EVENTS: dict[str, tuple[Outcome, ...]] = {

@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from dataclasses import asdict, replace
 
 import pytest
@@ -46,7 +47,7 @@ def small():
 
 @pytest.fixture(scope="module")
 def judged():
-    return json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept")))
+    return json.dumps(asdict(judge(Benchmark("full", Role.PURSUER), "intercept", sys.executable)))
 
 
 @pytest.fixture
@@ -61,14 +62,14 @@ def entered(tmp_path, code, role=Role.PURSUER):
     path = tmp_path / "mine.py"
     path.write_text(code)
     one = Benchmark("full", role)
-    process = one.find(str(path)).policy.process
+    process = one.find(str(path), sys.executable).policy.process
     shared = COMPILED.setdefault((process.observation, process.is_discrete), process)
     vars(shared).update(vars(process))
     return one, Named("mine.py", Entrant(shared))
 
 
 def test_a_card_comes_out_again(card):
-    found = verify(card, None, None, every=True)
+    found = verify(card, None, sys.executable, every=True)
     assert found.score.against in ("still", "random")
     assert -1 <= found.score.worst_tenth <= found.score.worth <= 1
 
@@ -91,7 +92,7 @@ def test_a_tampered_card_is_refused(card, change, naming):
     change(data)
     card.write_text(json.dumps(data))
     with pytest.raises(InvalidInput, match=naming):
-        verify(card, None, None, every=True)
+        verify(card, None, sys.executable, every=True)
 
 
 def test_an_outcome_that_was_not_is_refused_though_the_score_follows(card):
@@ -103,7 +104,7 @@ def test_an_outcome_that_was_not_is_refused_though_the_score_follows(card):
     card.write_text(json.dumps(data))
     load_card(card)
     with pytest.raises(InvalidInput, match="fences-00: outcomes"):
-        verify(card, None, None, every=True)
+        verify(card, None, sys.executable, every=True)
 
 
 def test_an_agent_from_outside_plays_whole_games_bit_for_bit(tmp_path):
@@ -136,7 +137,7 @@ def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(tmp_path, m
     assert played.outcomes == (FORFEIT,) * 3
     assert re.search(reason, agent.policy.process.reason)
     assert one.score({"still": [played]}).worth == -1
-    healthy = one.play(one.find("intercept"), "still", 0)
+    healthy = one.play(one.find("intercept", sys.executable), "still", 0)
     assert FORFEIT not in healthy.outcomes
 
 

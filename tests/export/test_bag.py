@@ -34,12 +34,11 @@ def recorded(name, game, steps):
 @pytest.mark.parametrize(("name", "game"), [("random", "paper"), ("intercept", "team-3v1")])
 def test_only_what_was_changed_differs(name, game):
     bag = recorded(name, find_game(game), 20)
-    assert ask_again(bag, name, bag.game).differences == ()
+    assert ask_again(bag, name, bag.game) == []
     then = bag.decisions[12]["controls"]
     then[1] += 0.1
-    found = ask_again(bag, name, bag.game)
-    assert (found.asked, found.braked) == (15, 5)
-    (one,) = found.differences
+    assert len(bag.asked) == 15
+    (one,) = ask_again(bag, name, bag.game)
     assert (one.time, one.step, one.then) == (pytest.approx(1.2), 2, tuple(then))
     assert one.now[1] == pytest.approx(then[1] - 0.1)
 

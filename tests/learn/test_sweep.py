@@ -10,7 +10,7 @@ from apollonius.arenas.record import to_dict
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
 from apollonius.learn.folder import create_run
-from apollonius.learn.progress import STATE, State, progress_of, trained
+from apollonius.learn.progress import STATE, State, keep_state, progress_of
 from apollonius.learn.sweep import sweep
 from tests.learn.tiny import RUN
 
@@ -60,12 +60,16 @@ def test_who_trains_is_on_file_and_how_that_ended(tmp_path, monkeypatch):
         assert progress_of(tmp_path / "run").state == State("running", platform.node(), os.getpid(), "7_2")
         return 1 / 0
 
-    with pytest.raises(ZeroDivisionError), trained(tmp_path / "run"):
-        fail()
+    with pytest.raises(ZeroDivisionError):
+        keep_state(tmp_path / "run", fail)
     found = progress_of(tmp_path / "run").state
     assert (found.state, found.error) == ("failed", "division by zero")
-    with pytest.raises(KeyboardInterrupt), trained(tmp_path / "run"):
+
+    def interrupt():
         raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        keep_state(tmp_path / "run", interrupt)
     assert progress_of(tmp_path / "run").state.state == "stopped"
 
 

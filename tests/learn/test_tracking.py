@@ -84,7 +84,7 @@ def stand_in(name, monkeypatch):
     for attribute in ("init", "finish", "set_experiment", "start_run", "end_run", "log_dict", "log_metrics"):
         setattr(module, attribute, getattr(recorder, attribute))
     monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setattr("apollonius.cli.track.find_spec", lambda module: module)
+    monkeypatch.setattr("apollonius.cli.runs.find_spec", lambda module: module)
     return recorder
 
 
@@ -112,7 +112,7 @@ def test_a_tracker_that_refuses_is_told_in_a_line(run, monkeypatch, capsys):
 
 @pytest.mark.parametrize("words", [["train", "--track"], ["track", "RUN", "--to"]])
 def test_a_missing_library_is_refused_with_its_command(run, monkeypatch, capsys, words):
-    monkeypatch.setattr("apollonius.cli.track.find_spec", lambda module: None)
+    monkeypatch.setattr("apollonius.cli.runs.find_spec", lambda module: None)
     with pytest.raises(SystemExit) as ended:
         main([*(str(run) if word == "RUN" else word for word in words), "tensorboard"])
     assert ended.value.code == 2

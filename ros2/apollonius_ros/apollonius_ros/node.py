@@ -61,26 +61,20 @@ class PursuitNode(Node):
                 raise ValueError(f"{side}: {names}, but the export is for {player.facts[side]}")
         robots = [Robot(name) for name in (given["own"], *sides[0], *sides[1])]
         self.pilot = Pilot(player, robots, given["patience"], given["lead"], refereed=bool(given["in_play"]))
-        self.kind = TwistStamped if given["stamped"] else Twist
-        topic = f"{given['own']}/{given['velocity']}"
-        self.drive = None if given["dry_run"] else self.create_publisher(self.kind, topic, 1)
+        self.velocity, kind = f"{given['own']}/{given['velocity']}", TwistStamped if given["stamped"] else Twist
+        self.drive = None if given["dry_run"] else self.create_publisher(kind, self.velocity, 1)
         self.decisions = self.create_publisher(String, "~/decisions", 10)
         self.diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.bag = self.new_bag(given["bags"], player.text)
+        self.bag, self.latencies, self.last = None, [0.0], None
+        if given["bags"]:
+            try:
+                self.bag = Bag(Path(given["bags"]).expanduser(), self.get_name(), player.text)
+            except (ImportError, OSError) as error:
+                self.get_logger().error(f"this run is not recorded: {error}")
         for robot in robots:
             self.listen(robot)
-        self.latencies, self.last = [0.0], None
         self.create_timer(player.facts["dt"], self.tick)
         self.create_timer(1.0, self.diagnose)
-
-    def new_bag(self, folder, about):
-        if not folder:
-            return None
-        try:
-            return Bag(Path(folder).expanduser(), self.get_name(), about)
-        except (ImportError, OSError) as error:
-            self.get_logger().error(f"this run is not recorded: {error}")
-            return None
 
     def listen(self, robot):
         def on_odometry(message):
@@ -109,10 +103,8 @@ class PursuitNode(Node):
         self.steer(made)
         self.latencies.append(time.perf_counter() - began)
         ages = [round(now - robot.seen, 4) if robot.state else None for robot in self.pilot.robots]
-        text = json.dumps(vars(made) | {"time": now, "latency": self.latencies[-1], "ages": ages})
-        message = String(data=text)
-        self.decisions.publish(message)
-        self.record("decisions", message)
+        facts = vars(made) | {"time": now, "latency": self.latencies[-1], "ages": ages}
+        self.publish(self.decisions, "decisions", String(data=json.dumps(facts)))
 
     def steer(self, made):
         """Publish a decision; in a dry run log it."""
@@ -120,14 +112,13 @@ class PursuitNode(Node):
             would = f"would drive {made.speed:.2f} m/s, {made.turn_rate:.2f} rad/s"
             self.get_logger().info(would, throttle_duration_sec=1.0)
             return
-        message = self.kind()
-        twist = message
-        if self.kind is TwistStamped:
+        message = twist = Twist()
+        if self.given["stamped"]:
+            message = TwistStamped()
             message.header.stamp, message.header.frame_id = self.get_clock().now().to_msg(), "base_link"
             twist = message.twist
         twist.linear.x, twist.angular.z = made.speed, made.turn_rate
-        self.drive.publish(message)
-        self.record(f"{self.given['own']}/{self.given['velocity']}", message)
+        self.publish(self.drive, self.velocity, message)
 
     def diagnose(self):
         """Publish the state, the slowest decision of the last second, and the age of each robot's odometry."""
@@ -146,8 +137,11 @@ class PursuitNode(Node):
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
-        self.diagnostics.publish(message)
-        self.record("/diagnostics", message)
+        self.publish(self.diagnostics, "/diagnostics", message)
+
+    def publish(self, publisher, topic, message):
+        publisher.publish(message)
+        self.record(topic, message)
 
     def record(self, topic, message):
         """Write a message to the bag; a bag that cannot be written ends, the game does not."""
