@@ -14,12 +14,11 @@ from sphinx.pycode import ModuleAnalyzer  # pyright: ignore[reportMissingImports
 import apollonius
 from apollonius.cli.main import build_parser
 from apollonius.game.arena import Arena
-from apollonius.game.drive import Drive
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.reward import Reward
 from apollonius.game.scenario import Spread
-from apollonius.game.sensing import Noise, Sensors
+from apollonius.game.sensing import Drive, Noise, Sensors
 from apollonius.game.starts import Starts
 from apollonius.learn.config import RunConfig
 from apollonius.learn.learner_config import DQNConfig, SACConfig

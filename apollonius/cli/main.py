@@ -9,12 +9,11 @@ from typing import Any, NoReturn
 from apollonius.cli.arena import add_arena
 from apollonius.cli.evaluate import add_evaluate
 from apollonius.cli.exploit import add_exploit
-from apollonius.cli.export import add_export
+from apollonius.cli.export import add_export, add_replay
 from apollonius.cli.play import add_play
 from apollonius.cli.players import add_players
 from apollonius.cli.pursuers import add_pursuers
 from apollonius.cli.regret import add_regret
-from apollonius.cli.replay import add_replay
 from apollonius.cli.reproduce import add_reproduce
 from apollonius.cli.runs import add_runs, add_track
 from apollonius.cli.show import add_report, add_show

@@ -10,8 +10,7 @@ from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.values import run_folder, runs_folder, unfit
 from apollonius.io.errors import EXTRAS
 from apollonius.io.interrupts import go_on
-from apollonius.io.jobs import Job
-from apollonius.io.workers import run_jobs
+from apollonius.io.workers import Job, run_jobs
 
 TRACKERS = {"tensorboard": "tensorboardX", "wandb": "wandb", "mlflow": "mlflow", "trackio": "trackio"}
 """The module of each tracker."""

@@ -88,9 +88,9 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
 def run_train(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_pool
     from apollonius.game.types import Role
+    from apollonius.learn.config import sweep
     from apollonius.learn.folder import create_run
     from apollonius.learn.run import load_first
-    from apollonius.learn.sweep import sweep
 
     config = _requested_config(options)
     require(options.seed is None or not options.seeds, "--seed", options.seed, "left out with --seeds")

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.drive import Drive, Drives, check_parts
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
-from apollonius.game.sensing import Noise, Sensing, Sensors
+from apollonius.game.sensing import Drive, Drives, Noise, Sensing, Sensors
 from apollonius.game.types import Real, Role
+from apollonius.game.validation import check_parts
 from apollonius.io.errors import require
 
 _STRIDE = 7

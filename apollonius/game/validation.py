@@ -10,9 +10,8 @@ from jaxtyping import Float
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import Drives, check_parts
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.sensing import Sensing
+from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import ROBOTS
@@ -72,6 +71,14 @@ def _numbers(game: Any) -> dict[str, Any]:
     hidden = {name for name in named if name == "arena.map.field" or name.startswith("arena.chart.")}
     hidden |= {name for name, leaf in named.items() if leaf is None and name.startswith(_OPTIONAL)}
     return {name: leaf for name, leaf in named.items() if name not in hidden}
+
+
+def check_parts(sensors: Sensing | None, drives: Drives | None) -> None:
+    """Refuse impossible numbers of sensors and drives."""
+    for name, parts in (("sensors", sensors), ("drives", drives)):
+        for side, part in zip(_SIDES, parts or (), strict=False):
+            if part:
+                part.check(f"{name}.{side}")
 
 
 def check_bodies(bodies: Bodies, dt: float, sensors: Sensing | None, drives: Drives | None) -> None:

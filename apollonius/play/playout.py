@@ -22,7 +22,7 @@ from apollonius.agents.pool import Pool
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import GameState
-from apollonius.io.jobs import available_cores
+from apollonius.io.workers import available_cores
 from apollonius.observe.tracking import Sightings
 from apollonius.play.random_bits import random_bits_of
 from apollonius.play.rollout import Games, Transition, begin, reset_where_done, step_games

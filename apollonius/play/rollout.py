@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt32
 from apollonius.agents.policy import Memory
 from apollonius.agents.pool import AbstractPlayers, Pool, Read
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import DriveStates, at_rest, respond
 from apollonius.game.game import Game
+from apollonius.game.sensing import DriveStates, at_rest, respond
 from apollonius.game.types import ROLES, Action, Actions, GameState, Role, Timestep
 from apollonius.observe import tracking
 from apollonius.observe.observation import WHOLE, perceive

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from apollonius.io.errors import InvalidInput, require
-from apollonius.io.jobs import Job
 from apollonius.io.limits import SEEDS, STUDY_GAMES
-from apollonius.io.workers import run_jobs
+from apollonius.io.workers import Job, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train

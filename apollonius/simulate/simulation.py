@@ -12,11 +12,11 @@ from apollonius.agents.pool import Pool
 from apollonius.evaluate.match import Match, MatchResult, begin, count
 from apollonius.evaluate.statistics import paired_difference_interval
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import Drives, respond
 from apollonius.game.dynamics import stack_actions
 from apollonius.game.game import Game
 from apollonius.game.judge import judge
 from apollonius.game.outcome import PURSUER_FAILS, PURSUER_WINS
+from apollonius.game.sensing import Drives, respond
 from apollonius.game.types import ROLES, Action, GameState, Outcome, Role
 from apollonius.io.limits import SIMULATED_GAMES
 from apollonius.play import rollout

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import MOST_LAG, Drive, Drives, at_rest
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.presets import in_teams, make_game, randomised
 from apollonius.game.scenario import Spread
+from apollonius.game.sensing import MOST_LAG, Drive, Drives, at_rest
 from apollonius.game.types import ROLES
 from apollonius.io.errors import InvalidInput
 from apollonius.play.rollout import step_driven

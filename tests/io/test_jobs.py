@@ -8,10 +8,9 @@ from dataclasses import replace
 import jax
 import pytest
 
-from apollonius.io import jobs as jobs_module
+from apollonius.io import workers as jobs_module
 from apollonius.io.errors import InvalidInput
-from apollonius.io.jobs import Job
-from apollonius.io.workers import run_jobs
+from apollonius.io.workers import Job, run_jobs
 from apollonius.learn import run as run_module
 from apollonius.learn.folder import create_run, load_config
 from apollonius.learn.run import train

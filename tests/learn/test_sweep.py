@@ -9,9 +9,9 @@ import pytest
 from apollonius.arenas.record import to_dict
 from apollonius.io.document import to_json
 from apollonius.io.errors import InvalidInput
+from apollonius.learn.config import sweep
 from apollonius.learn.folder import create_run
 from apollonius.learn.progress import STATE, State, keep_state, progress_of
-from apollonius.learn.sweep import sweep
 from tests.learn.tiny import RUN
 
 NOBODY = 2**22 + 1

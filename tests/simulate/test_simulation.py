@@ -13,10 +13,9 @@ from apollonius.agents.pool import solo
 from apollonius.arenas.file import find_game
 from apollonius.evaluate.match import Match, begin, play_games
 from apollonius.game.by_side import BySide
-from apollonius.game.drive import Drive as Slow
-from apollonius.game.drive import Drives
 from apollonius.game.presets import make_game
-from apollonius.game.sensing import Sensing, Sensors
+from apollonius.game.sensing import Drive as Slow
+from apollonius.game.sensing import Drives, Sensing, Sensors
 from apollonius.game.types import Outcome, RobotStatus
 from apollonius.observe.paper import PAPER
 from apollonius.play.replay import as_state, load_replay, save_replay
