@@ -196,9 +196,8 @@ class Entrant(AbstractPolicy):
     def __call__(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Action, Int[Array, ""]]:
         process = self.process
         numbers = _state(seen) if process.observation == _STATE else OBSERVATIONS[process.observation](seen)
-        assert seen.arena.chart is not None, "it is charted"
         kind = ((), jnp.int32) if process.is_discrete else ((2,), jnp.float32)
-        given = numbers, memory, jnp.asarray(seen.arena.chart.member)
+        given = numbers, memory, jnp.asarray(seen.chart.member)
         action = jax.pure_callback(process.ask, jax.ShapeDtypeStruct(*kind), *given, vmap_method="broadcast_all")
         return action, memory + 1
 

@@ -10,7 +10,6 @@ from apollonius.agents.policy import AbstractActionValuePolicy, Memory
 from apollonius.game.chart import COARSE, Chart
 from apollonius.game.sensing import Sensors
 from apollonius.game.types import RobotState, Scalar
-from apollonius.io.errors import InvalidInput
 from apollonius.observe.belief import prospects, visible
 from apollonius.observe.view import View
 
@@ -47,7 +46,7 @@ class AbstractWayfinder(AbstractSteering):
         Straight to it where that is free; else to the place a little ahead from which, together with the way there, the
         path is shortest.
         """
-        chart, own, body = chart_of(seen), seen.own.state, seen.own.body
+        chart, own, body = seen.chart, seen.own.state, seen.own.body
         distance, sight = separation(own, place), direction(own, place)
         room = body.radius + _MARGIN
         is_free = chart.range(own.x, own.y, jnp.cos(sight), jnp.sin(sight)) >= distance
@@ -93,7 +92,7 @@ class Search(AbstractWayfinder):
         Args:
             shares: random numbers from 0 to 1, by which places are drawn.
         """
-        chart, opponent, own = chart_of(seen), seen.opponent, seen.own.state
+        chart, opponent, own = seen.chart, seen.opponent, seen.own.state
         assert seen.belief is not None, "it searches"
         unseen = seen.belief.ravel()
         drawn = jnp.argmax(shares * prospects(chart, seen.belief, own).ravel()).astype(jnp.int32)
@@ -139,7 +138,7 @@ class Hide(AbstractWayfinder):
     """
 
     def course(self, seen: View) -> tuple[Scalar, Scalar]:
-        chart, pursuer = chart_of(seen), seen.opponent
+        chart, pursuer = seen.chart, seen.opponent
         theirs, ours = (
             jnp.minimum(chart.lengths_from(robot.state.x, robot.state.y), _FAR) for robot in (pursuer, seen.own)
         )
@@ -156,17 +155,6 @@ class Hide(AbstractWayfinder):
 def is_found(seen: View) -> Bool[Array, ""]:
     """Return whether the opponent was seen so lately that it is driven to."""
     return jnp.asarray(seen.opponent.age) < _RECENT
-
-
-def chart_of(seen: View) -> Chart:
-    """Return the arena's chart.
-
-    Raises:
-        InvalidInput: in an arena without one.
-    """
-    if seen.arena.chart is None:
-        raise InvalidInput("a player that finds its way needs a chart: draw it by apollonius.arenas.charting.charted.")
-    return seen.arena.chart
 
 
 def middle_of(chart: Chart, cell: Int[Array, ""]) -> RobotState:

@@ -52,8 +52,7 @@ def run_runs(options: argparse.Namespace) -> int:
 
 def run_track(options: argparse.Namespace) -> int:
     from apollonius.learn.folder import load_config
-    from apollonius.learn.metrics import load_metrics
-    from apollonius.learn.tracking import Tracker
+    from apollonius.learn.metrics import Tracker, load_metrics
 
     folder: Path = options.folder
     lines = load_metrics(folder / "metrics.jsonl")

@@ -168,9 +168,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
     from apollonius.cli.terminal import training_notes
+    from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
-    from apollonius.learn.tracking import Tracker
 
     trackers = [Tracker(to, folder, config)] if to else []
 

@@ -30,7 +30,6 @@ _STOPPED_STATUSES = {_STOPPED_STATUS, *(128 + number for number in SIGNALS), *(-
 """Exit statuses of jobs that were stopped; signals may reach them again while they leave."""
 POLL_SECONDS = 0.2
 """Time between two looks at whether to stop."""
-
 LOST_WORKERS = 10
 """Most restarts of a job whose worker was lost."""
 _QUEUE_SECONDS = 3.0
@@ -67,10 +66,7 @@ def in_processes(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> 
     """Run as many jobs at a time as there are cores, a process each; yield each with its ending.
 
     Where one process is killed, a `ProcessPoolExecutor` ends all jobs and names none; one for each job is no shorter.
-
-    Args:
-        asked: asked again and again; True stops the jobs that are running, and none begins after that.
-        logs: not used.
+    `asked` is asked again and again: True stops the jobs that are running, and none begins after that.
     """
     import multiprocessing
     from multiprocessing import connection, resource_tracker

@@ -21,17 +21,16 @@ STATE = "state.json"
 
 @dataclass(frozen=True)
 class State:
-    """The last process that trained a run."""
+    """The last process that trained a run: its number on its machine and in Slurm, and why it failed if it did.
+
+    A run that was stopped or killed can be resumed.
+    """
 
     state: Literal["waiting", "running", "stopped", "finished", "failed"] = "waiting"
-    """State of the process; a run that was stopped or killed can be resumed."""
     machine: str = ""
     process: int = 0
-    """Its process ID on that machine."""
     job: str = ""
-    """Its Slurm job ID."""
     error: str = ""
-    """Reason of a failure."""
 
 
 def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
@@ -73,15 +72,9 @@ def _was_killed(state: State) -> bool:
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of a run.
+    """The progress of a run: the share of the training that is done, its last chunk and its last greedy evaluation.
 
-    Attributes:
-        folder: of the run.
-        state: of its last process.
-        share: of the training that is done.
-        line: metrics of its last chunk.
-        evaluation: its last greedy evaluation.
-        age: time since its last process was heard of [s].
+    `age` is the time since its last process was heard of [s].
     """
 
     folder: Path

@@ -30,8 +30,7 @@ class Believing(AbstractObservation):
     def __call__(self, view: View) -> Float[Array, " size"]:
         """Return the numbers of a view; errors as of `egocentric`."""
         first, courses = EGOCENTRIC.with_courses(view)
-        chart, own, opponent = view.arena.chart, view.own.state, view.opponent
-        assert chart is not None, "which the line above needs"
+        chart, own, opponent = view.chart, view.own.state, view.opponent
         cell, share = chart.nearest_cell(opponent.state.x, opponent.state.y), jnp.zeros(())
         if view.belief is not None:
             cell = belief.best_look(chart, view.belief, own)

@@ -6,7 +6,6 @@ from jaxtyping import Array, Float, Int
 
 from apollonius.game.chart import CellWeights, Chart
 from apollonius.game.types import Real, RobotState, Scalar
-from apollonius.io.errors import InvalidInput
 from apollonius.observe.observation import AbstractObservation, clearances_ahead, turned
 from apollonius.observe.view import Robot, View
 
@@ -59,10 +58,7 @@ class Egocentric(AbstractObservation):
 
     def with_courses(self, view: View) -> tuple[Float[Array, " size"], Courses]:
         """Return the numbers of a view, and the courses by which paths are compared; errors as of a call."""
-        chart = view.arena.chart
-        if chart is None:
-            raise InvalidInput(f"'{self.name}' reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
-        own, opponent = view.own.state, view.opponent.state
+        chart, own, opponent = view.chart, view.own.state, view.opponent.state
         cos, sin = turned(own.heading)
         dx, dy = opponent.x - own.x, opponent.y - own.y
         distance = jnp.hypot(dx, dy)

@@ -45,8 +45,7 @@ class Team(AbstractObservation):
             InvalidInput: in an arena without a chart.
         """
         first = EGOCENTRIC(view)
-        chart, own, opponent = view.arena.chart, view.own.state, view.opponent.state
-        assert chart is not None
+        chart, own, opponent = view.chart, view.own.state, view.opponent.state
         ends = chart.cell_weights(own.x, own.y), chart.cell_weights(opponent.x, opponent.y)
         own_length = _path_length(chart, (own, ends[0]), (opponent, ends[1]))
 

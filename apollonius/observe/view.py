@@ -10,11 +10,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
+from apollonius.game.chart import Chart
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.fusion_barrier import fusion_barrier
 from apollonius.game.game import Game
 from apollonius.game.teams import Teams, nearest
 from apollonius.game.types import GameState, Real, RobotState, Role, Scalar
+from apollonius.io.errors import InvalidInput
 
 T = TypeVar("T")
 
@@ -46,6 +48,13 @@ class View(eqx.Module):
     opponents: tuple[Robot, ...]
     capture_distance: Real
     belief: Float[Array, "rows columns"] | None = None
+
+    @property
+    def chart(self) -> Chart:
+        """The arena's chart; raises InvalidInput in an arena without one."""
+        if self.arena.chart is None:
+            raise InvalidInput("a player that reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
+        return self.arena.chart
 
     @property
     def opponent(self) -> Robot:

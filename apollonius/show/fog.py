@@ -1,11 +1,12 @@
 """Fog: where the opponents of a side with sensors could be, as far as it knew, in a recorded game."""
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt32
+from jaxtyping import Array, Bool, UInt32
 
 from apollonius.arenas.charting import charted
 from apollonius.evaluate.match import keys_of
@@ -32,17 +33,12 @@ def fog(replay: Replay) -> Bool[np.ndarray, "states rows columns"] | None:
 
 
 @functools.partial(jax.jit, static_argnames="role")
-def _beliefs(
-    game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role
-) -> Float[Array, "states rows columns"]:
-    def one(
-        track: tracking.Track | None, now: tuple[GameState, UInt32[Array, ""]]
-    ) -> tuple[tracking.Track | None, Float[Array, "rows columns"] | None]:
-        track = tracking.follow(game, track, now[0], role, now[1])
-        sight = tracking.believed(game, track, now[0], role).sight
+def _beliefs(game: Game, states: GameState, bits: UInt32[Array, " states"], role: Role) -> Array:
+    def one(track: Any, now: tuple[GameState, UInt32[Array, ""]]) -> tuple[Any, Any]:
+        state, own_bits = now
+        track = tracking.follow(game, track, state, role, own_bits)
+        sight = tracking.believed(game, track, state, role).sight
         return track, sight and sight.belief
 
     first = tracking.begin(game, jax.tree.map(lambda leaf: leaf[0], states), role)
-    beliefs = jax.lax.scan(one, first, (states, bits))[1]
-    assert beliefs is not None, "a side with sensors believes, and the game has a chart"
-    return beliefs
+    return jax.lax.scan(one, first, (states, bits))[1]

@@ -9,7 +9,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/apollonius_ros"]),
         (SHARE, ["package.xml"]),
-        (f"{SHARE}/launch", ["launch/pursuit.launch.py"]),
+        (f"{SHARE}/launch", ["launch/pursuit.launch.xml"]),
         (f"{SHARE}/config", ["config/params.yaml"]),
     ],
     install_requires=["setuptools"],

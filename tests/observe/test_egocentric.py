@@ -71,5 +71,5 @@ def test_ways_say_where_to_go_and_who_is_first():
 
 def test_without_a_chart_it_says_what_is_missing():
     bare = replace(GAME, arena=replace(GAME.arena, chart=None))
-    with pytest.raises(InvalidInput, match="'egocentric' reads an arena's chart"):
+    with pytest.raises(InvalidInput, match="a player that reads an arena's chart"):
         EGOCENTRIC(look(bare, state((2.0, 4.0, 0.6, 0.0), (5.0, 4.0, 1.2, 0.0)), Role.EVADER))

@@ -5,13 +5,13 @@ import itertools
 import json
 import math
 import os
-import runpy
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 from unittest.mock import MagicMock
+from xml.etree import ElementTree
 
 import jax
 import numpy as np
@@ -343,7 +343,7 @@ def test_other_robots_than_those_of_the_export_are_refused(made_node):
         made_node(opponents=["robot2", "robot3"])
 
 
-def test_the_parameters_are_those_of_the_node_and_the_launch_file_hands_them_over(made_node, monkeypatch):
+def test_the_parameters_are_those_of_the_node_and_the_launch_file_hands_them_over(made_node):
     node, _ = made_node()
     known = dict(node.asked.declare_parameters.call_args.args[1])
     sections = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
@@ -352,16 +352,9 @@ def test_the_parameters_are_those_of_the_node_and_the_launch_file_hands_them_ove
     assert set(short) < set(known)
     assert {name: type(value) for name, value in full.items()} == {name: type(one) for name, one in known.items()}
 
-    names = ("launch", "launch.actions", "launch.substitutions", "launch_ros", "launch_ros.actions")
-    for name in names:
-        monkeypatch.setitem(sys.modules, name, MagicMock())
-    sys.modules["launch.substitutions"].LaunchConfiguration = lambda name: f"${name}"
-    runpy.run_path(str(PACKAGE / "launch" / "pursuit.launch.py"))["generate_launch_description"]()
-    started = sys.modules["launch_ros.actions"].Node.call_args.kwargs
-    assert (started["package"], started["executable"]) == ("apollonius_ros", "play")
-    assert (started["name"], started["parameters"]) == ("$name", ["$params"])
-    defaults = {
-        one.args[0]: one.kwargs["default_value"] for one in sys.modules["launch.actions"].mock_calls if one.args
-    }
-    assert Path(defaults["params"]).is_file()
+    launch = ElementTree.parse(PACKAGE / "launch" / "pursuit.launch.xml").getroot()
+    node, defaults = launch.find("node"), {one.get("name"): one.get("default") for one in launch.findall("arg")}
+    assert (node.get("pkg"), node.get("exec"), node.get("name")) == ("apollonius_ros", "play", "$(var name)")
+    assert node.find("param").get("from") == "$(var params)"
+    assert (PACKAGE / defaults["params"].removeprefix("$(find-pkg-share apollonius_ros)/")).is_file()
     assert defaults["name"] in sections

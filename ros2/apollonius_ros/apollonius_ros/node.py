@@ -114,7 +114,8 @@ class PursuitNode(Node):
                 warning = f"{robot.name}: left out, in frame '{frame}' instead of '{self.given['frame']}'"
                 self.get_logger().warning(warning, throttle_duration_sec=1.0)
                 return
-            robot.state, robot.seen = state_of(message), seconds_of(message.header.stamp)
+            stamp = message.header.stamp
+            robot.state, robot.seen = state_of(message), stamp.sec + 1e-9 * stamp.nanosec
             self.record(odometry, message)
 
         def on_referee(message):
@@ -185,10 +186,6 @@ class PursuitNode(Node):
 
     def now(self):
         return 1e-9 * self.get_clock().now().nanoseconds
-
-
-def seconds_of(stamp):
-    return stamp.sec + 1e-9 * stamp.nanosec
 
 
 def state_of(message):
