@@ -161,52 +161,40 @@ Sink = tuple[Callable[[dict[str, float], int], object], Callable[[], object]]
 """A function that takes the values of a record by name and their step, and one that is called at the end."""
 
 
-def _tensorboard(folder: Path, config: dict[str, Any]) -> Sink:
-    from tensorboardX import SummaryWriter  # pyright: ignore[reportMissingImports]
+def _opened(to: str, folder: Path, config: dict[str, Any]) -> Sink:
+    """Begin a run of a tracker, which keeps the configuration."""
+    if to == "tensorboard":
+        from tensorboardX import SummaryWriter  # pyright: ignore[reportMissingImports]
 
-    writer = SummaryWriter(str(folder / "tensorboard"))
+        writer = SummaryWriter(str(folder / "tensorboard"))
 
-    def log(values: dict[str, float], step: int) -> None:
-        for name, value in values.items():
-            writer.add_scalar(name, value, step)
+        def log(values: dict[str, float], step: int) -> None:
+            for name, value in values.items():
+                writer.add_scalar(name, value, step)
 
-    return log, writer.close
+        return log, writer.close
+    if to == "mlflow":
+        import mlflow  # pyright: ignore[reportMissingImports]
 
+        if "MLFLOW_EXPERIMENT_NAME" not in os.environ:
+            mlflow.set_experiment("apollonius")
+        mlflow.start_run(run_name=folder.name)
+        mlflow.log_dict(config, "config.json")
+        return mlflow.log_metrics, mlflow.end_run
+    if to == "wandb":
+        import wandb  # pyright: ignore[reportMissingImports]
 
-def _mlflow(folder: Path, config: dict[str, Any]) -> Sink:
-    import mlflow  # pyright: ignore[reportMissingImports]
-
-    if "MLFLOW_EXPERIMENT_NAME" not in os.environ:
-        mlflow.set_experiment("apollonius")
-    mlflow.start_run(run_name=folder.name)
-    mlflow.log_dict(config, "config.json")
-    return mlflow.log_metrics, mlflow.end_run
-
-
-def _wandb(folder: Path, config: dict[str, Any]) -> Sink:
-    import wandb  # pyright: ignore[reportMissingImports]
-
-    project = os.environ.get("WANDB_PROJECT", "apollonius")
-    run = wandb.init(project=project, name=folder.name, config=config, dir=str(folder))
-    return run.log, run.finish
-
-
-def _trackio(folder: Path, config: dict[str, Any]) -> Sink:
+        project = os.environ.get("WANDB_PROJECT", "apollonius")
+        run = wandb.init(project=project, name=folder.name, config=config, dir=str(folder))
+        return run.log, run.finish
     import trackio  # pyright: ignore[reportMissingImports]
 
     run = trackio.init(project="apollonius", name=folder.name, config=config, embed=False)
     return run.log, trackio.finish
 
 
-TRACKERS = {"tensorboard": _tensorboard, "wandb": _wandb, "mlflow": _mlflow, "trackio": _trackio}
-"""By name: the function that opens each."""
-
-
 class Tracker:
-    """A tracker of one training run, to be called with each of its records.
-
-    Args:
-        to: one of `TRACKERS`.
+    """A run of tensorboard, wandb, mlflow or trackio, to be called with each record of a training.
 
     Raises:
         InvalidInput: when the library is missing or refuses the run; when TensorBoard's files are there already.
@@ -217,7 +205,7 @@ class Tracker:
         require(not written, "tracker", to, f"another tracker, or remove '{folder / 'tensorboard'}', which is there")
         self._before, self._stage, self._steps = 0, "", 0
         try:
-            self._log, self.close = TRACKERS[to](folder.resolve(), to_dict(config))
+            self._log, self.close = _opened(to, folder.resolve(), to_dict(config))
         except Exception as error:  # of any kind: each library has its own
             raise InvalidInput(f"{to} refuses the run ({error}): see its own settings.") from error
 
