@@ -30,8 +30,6 @@ _PLACES = 6
 _CAUTION = 8.0
 """Length of a pursuer's way [m] beyond which a place is no safer."""
 
-Lengths = Float[Array, "rows columns"]
-
 
 class AbstractWayfinder(AbstractSteering):
     """A player that drives along the shortest path to a place."""

@@ -148,20 +148,6 @@ def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "proc
     return len(endings) == len(jobs) and STOPPED not in endings.values()
 
 
-class _SlurmCall:
-    """Runs a job on Slurm, and is what a requeued one begins with."""
-
-    def __call__(self, job: Job) -> str:
-        with asked_to_stop(again=False) as asked:  # by scancel, a preemption or a requeue
-            return job.run(asked)
-
-    def checkpoint(self, job: Job) -> object:
-        """Return the call that resumes the job, which `submitit` asks for before the time limit."""
-        from submitit.helpers import DelayedSubmission  # pyright: ignore[reportMissingImports]
-
-        return DelayedSubmission(self, job)
-
-
 def on_slurm(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iterator[tuple[Job, str]]:
     """Run the jobs as an array, one core each; the environment variables of `sbatch` say partition, time and memory.
 
@@ -170,11 +156,18 @@ def on_slurm(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iter
     require_extra("slurm", "slurm")
     import submitit  # pyright: ignore[reportMissingImports]
 
+    class Call(submitit.helpers.Checkpointable):  # pyright: ignore[reportUntypedBaseClass]
+        """Runs a job, and is what a requeued one begins with."""
+
+        def __call__(self, job: Job) -> str:
+            with asked_to_stop(again=False) as asked:  # by scancel, a preemption or a requeue
+                return job.run(asked)
+
     executor = submitit.SlurmExecutor(logs.absolute(), max_num_timeout=LOST_WORKERS)
     executor.update_parameters(job_name="apollonius", time=_SLURM_MINUTES, array_parallelism=len(jobs))
     losses, cancelled = Counter[str](), False
     try:
-        waiting = dict(zip(executor.map_array(_SlurmCall(), jobs), jobs, strict=True))
+        waiting = dict(zip(executor.map_array(Call(), jobs), jobs, strict=True))
         while waiting:
             if asked() and not cancelled:
                 cancelled = True
@@ -190,7 +183,7 @@ def on_slurm(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iter
                     yield job, f"it was lost {LOST_WORKERS + 1} times, see {one.paths.stderr}"
                 else:
                     losses[job.name] += 1
-                    waiting[executor.submit(_SlurmCall(), job)] = job
+                    waiting[executor.submit(Call(), job)] = job
             _nap(asked)
     except (submitit.core.utils.FailedSubmissionError, submitit.core.utils.FailedJobError) as error:
         raise InvalidInput(f"sbatch refuses the jobs ({error}): correct the variables SBATCH_... and go on.") from error

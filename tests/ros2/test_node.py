@@ -219,14 +219,14 @@ class Node:
 
     given: ClassVar[dict] = {}
 
-    def __init__(self, name):
+    def __init__(self, name, automatically_declare_parameters_from_overrides):
         self.asked = MagicMock()
 
     def __getattr__(self, name):
         return getattr(self.asked, name)
 
-    def get_parameter(self, name):
-        return SimpleNamespace(value=(dict(self.asked.declare_parameters.call_args.args[1]) | self.given)[name])
+    def get_parameters_by_prefix(self, prefix):
+        return {name: SimpleNamespace(value=value) for name, value in self.given.items()}
 
 
 def message(**values):
@@ -234,6 +234,12 @@ def message(**values):
     made = MagicMock()
     made.configure_mock(**values)
     return made
+
+
+def parameters(name):
+    """The parameters that ROS gives to the node of a name: those of all and its own."""
+    sections = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
+    return sections["/**"]["ros__parameters"] | sections[name]["ros__parameters"]
 
 
 @pytest.fixture
@@ -253,7 +259,7 @@ def made_node(monkeypatch):
     monkeypatch.setattr(module, "Export", Player)
 
     def make(**given):
-        monkeypatch.setattr(Node, "given", {"bags": ""} | given)
+        monkeypatch.setattr(Node, "given", parameters("pursuer") | {"dry_run": False, "bags": ""} | given)
         node = module.PursuitNode()
         publishers = [one.args[1] for one in node.asked.create_publisher.mock_calls]
         return node, publishers
@@ -343,18 +349,13 @@ def test_other_robots_than_those_of_the_export_are_refused(made_node):
         made_node(opponents=["robot2", "robot3"])
 
 
-def test_the_parameters_are_those_of_the_node_and_the_launch_file_hands_them_over(made_node):
-    node, _ = made_node()
-    known = dict(node.asked.declare_parameters.call_args.args[1])
-    sections = yaml.safe_load((PACKAGE / "config" / "params.yaml").read_text())
-    full, short = (sections[name]["ros__parameters"] for name in ("pursuer", "evader"))
-    assert set(full) == set(known)
-    assert set(short) < set(known)
-    assert {name: type(value) for name, value in full.items()} == {name: type(one) for name, one in known.items()}
-
+def test_both_nodes_have_all_parameters_and_the_launch_file_hands_them_over(made_node):
+    assert set(parameters("pursuer")) == set(parameters("evader"))
+    node, _ = made_node(**parameters("evader"))
+    assert node.given["own"] == "robot2"
     launch = ElementTree.parse(PACKAGE / "launch" / "pursuit.launch.xml").getroot()
-    node, defaults = launch.find("node"), {one.get("name"): one.get("default") for one in launch.findall("arg")}
-    assert (node.get("pkg"), node.get("exec"), node.get("name")) == ("apollonius_ros", "play", "$(var name)")
-    assert node.find("param").get("from") == "$(var params)"
+    started, defaults = launch.find("node"), {one.get("name"): one.get("default") for one in launch.findall("arg")}
+    assert (started.get("pkg"), started.get("exec"), started.get("name")) == ("apollonius_ros", "play", "$(var name)")
+    assert started.find("param").get("from") == "$(var params)"
     assert (PACKAGE / defaults["params"].removeprefix("$(find-pkg-share apollonius_ros)/")).is_file()
-    assert defaults["name"] in sections
+    assert parameters(defaults["name"])

@@ -25,23 +25,6 @@ from std_msgs.msg import Bool, String
 from apollonius_ros.export import Export
 from apollonius_ros.pilot import Pilot, Robot
 
-PARAMETERS = {
-    "player": "player.robot.json",
-    "frame": "map",
-    "own": "robot1",
-    "mates": [""],
-    "opponents": ["robot2"],
-    "odometry": "odom",
-    "velocity": "cmd_vel",
-    "in_play": "",
-    "stamped": False,
-    "patience": 0.3,
-    "lead": 0.2,
-    "dry_run": False,
-    "bags": "bags",
-}
-"""Names and defaults."""
-
 
 class Bag:
     """A bag that is written, complete once it is closed.
@@ -78,13 +61,13 @@ class PursuitNode(Node):
     """One robot's node.
 
     Raises:
+        KeyError: for a missing parameter.
         ValueError: for other numbers of robots than the export's, and as `Export`.
     """
 
     def __init__(self):
-        super().__init__("player")
-        self.declare_parameters("", list(PARAMETERS.items()))
-        self.given = given = {name: self.get_parameter(name).value for name in PARAMETERS}
+        super().__init__("player", automatically_declare_parameters_from_overrides=True)
+        self.given = given = {name: one.value for name, one in self.get_parameters_by_prefix("").items()}
         player = Export(Path(given["player"]).expanduser())
         sides = [[name for name in given[side] if name] for side in ("mates", "opponents")]
         for side, names in zip(("mates", "opponents"), sides, strict=True):
@@ -203,6 +186,9 @@ def main():
         signal.signal(one, lambda *_: stop.append(True))
     try:
         node = PursuitNode()
+    except KeyError as missing:
+        print(f"apollonius_ros: no parameter {missing}: config/params.yaml has all of them", file=sys.stderr)
+        return 2
     except (ValueError, OSError) as error:
         print(f"apollonius_ros: {error}", file=sys.stderr)
         return 2
