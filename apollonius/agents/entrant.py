@@ -52,10 +52,9 @@ class EntrantProcess:
     missing or no action costs the games that were asked, and an impossible action that game alone. Then it brakes.
 
     Args:
-        path: the agent's file.
-        python: the interpreter that runs it.
+        path: the agent's file, which the interpreter `python` runs.
         game: a description of the game for the agent, as JSON-like data.
-        robots: in a game.
+        robots: their number in a game.
 
     Raises:
         InvalidInput: for another file, and for an agent that does not start.
@@ -84,11 +83,7 @@ class EntrantProcess:
         )
 
     def begin(self, slots: int) -> dict[str, Any]:
-        """Start the process of a new round.
-
-        Args:
-            slots: games of the round; the first slots of a batch have them.
-        """
+        """Start the process of a new round, whose games have the first slots of a batch."""
         self.end()
         self.forfeited: set[int] = set()
         self._step, self._slots = 0, slots

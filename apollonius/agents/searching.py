@@ -85,11 +85,7 @@ class Search(AbstractWayfinder):
     def look_on(
         self, seen: View, memory: Int[Array, ""], shares: Float[Array, " coarse"]
     ) -> tuple[Float[Array, "9"], Int[Array, ""]]:
-        """Return the values of the actions, and the cell that it drives to.
-
-        Args:
-            shares: random numbers from 0 to 1, by which places are drawn.
-        """
+        """Return the values of the actions, and the cell that it drives to, drawn by random shares from 0 to 1."""
         chart, opponent, own = seen.chart, seen.opponent, seen.own.state
         assert seen.belief is not None, "it searches"
         unseen = seen.belief.ravel()

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -14,7 +14,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
-from apollonius.game.sensing import Drive, Drives, Noise, Sensing, Sensors
+from apollonius.game.sensing import Drives, Sensing
 from apollonius.game.types import Real, Role
 from apollonius.game.validation import check_parts
 from apollonius.io.errors import require
@@ -23,10 +23,6 @@ _STRIDE = 7
 """Kinds of robots by which two neighbouring arenas differ in a match."""
 _WHOLE = "delay", "lag"
 """Numbers that are whole."""
-_PARTS = {"sensors": Sensing, "drives": Drives, "noise": Noise, "own_noise": Noise}
-"""Parts that a game need not have, by their names."""
-_OF_A_SIDE = {Sensing: Sensors, Drives: Drive}
-"""The part of one side."""
 _FAR = 1e6
 """Coordinates of padding [m]: so far away that it touches nothing."""
 
@@ -91,14 +87,13 @@ class RobotKinds(eqx.Module):
 def _with(part: Any, path: Sequence[str], value: Real, field: str) -> Any:
     """Return a part of the kinds with a value at a path; parts on it that are None begin with their defaults."""
     name, *rest = path
-    known = [one.name for one in fields(part)]
+    known: dict[str, Any] = {one.name: one.type for one in fields(part)}
     require(name in known, "field", field, f"of the robots: '{name}' is none of {', '.join(known)}")
-    inner, kind = getattr(part, name), _PARTS.get(name) or _OF_A_SIDE.get(type(part))
-    is_part = kind is not None or (isinstance(part, RobotKinds) and name != "capture_distance")
-    require(is_part == bool(rest), "field", field, "the whole path of one number")
-    if rest and inner is None and kind is not None:
-        inner = kind()
-    return replace(part, **{name: _with(inner, rest, value, field) if rest else value})
+    types = known[name], *get_args(known[name])
+    kinds = [one for one in types if isinstance(one, type) and issubclass(one, eqx.Module)]
+    require(bool(kinds) == bool(rest), "field", field, "the whole path of one number")
+    inner = getattr(part, name)
+    return replace(part, **{name: _with(kinds[0]() if inner is None else inner, rest, value, field) if rest else value})
 
 
 class Scenario(eqx.Module):

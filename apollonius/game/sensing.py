@@ -141,11 +141,7 @@ Robots = Sequence[tuple[RobotState, Bool[Array, ""]]]
 
 
 def sense(sensors: Sensors, arena: Arena, own: Robots, opponents: Robots, bits: UInt32[Array, ""]) -> Percept:
-    """Return what the robots of one side see of the other.
-
-    Args:
-        bits: random bits of this side in this step.
-    """
+    """Return what the robots of one side see of the other, by random bits of this side in this step."""
     ours, theirs = ([state for state, _ in robots] for robots in (own, opponents))
     looked = jnp.ones((), bool)
     if sensors.drop_out is not None:

@@ -79,9 +79,9 @@ def in_processes(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> 
         while waiting and free and not over:
             job, core = waiting.pop(0), free.pop()
             process = spawn.Process(target=_work, args=(job, core, os.getpid()))
-            _signals(signal.SIG_BLOCK)  # the new process inherits this, and hears when it can answer
+            signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the new process inherits this, and hears in `_work`
             process.start()
-            _signals(signal.SIG_UNBLOCK)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
             running[process.sentinel] = job, process, core
         for ended in connection.wait(list(running), timeout=POLL_SECONDS):
             assert isinstance(ended, int)
@@ -98,19 +98,13 @@ def in_processes(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> 
                 process.terminate()
 
 
-def _signals(how: int) -> None:
-    """Block Ctrl-C and SIGTERM for the calling thread and the processes that it starts, or let them through."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(how, SIGNALS)
-
-
 def _work(job: Job, core: int, parent: int) -> None:
     """Run one job on one core as a whole process, which stops early on Ctrl-C or when its parent is gone."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})  # two jobs whose threads share two cores disturb each other
     listen(says=False)
     with asked_to_stop(again=False) as asked:
-        _signals(signal.SIG_UNBLOCK)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         ending = job.run(lambda: asked() or os.getppid() != parent)
     if ending not in (DONE, STOPPED):
         print(f"{job.name}: {ending}", file=sys.stderr)

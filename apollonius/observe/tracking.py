@@ -70,11 +70,7 @@ def begin(game: Game, state: GameState, role: Role) -> Track | None:
 
 
 def follow(game: Game, track: Track | None, state: GameState, role: Role, bits: UInt32[Array, ""]) -> Track | None:
-    """Return what one side knows after it has looked at a state.
-
-    Args:
-        bits: random bits of this side in this step.
-    """
+    """Return what one side knows after it has looked at a state, by random bits of this side in this step."""
     here = game.at(state)
     if (sensors := here.sensors and here.sensors[role]) is None or track is None:
         return None

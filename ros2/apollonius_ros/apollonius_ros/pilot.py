@@ -14,13 +14,10 @@ Rows = Sequence[Sequence[float]]
 
 @dataclass
 class Decision:
-    """The command of one step, and all that it came from.
+    """The command of one step of the game, and all that it came from.
 
-    Attributes:
-        step: number of the step in the game.
-        speed, turn_rate: what to drive until the next one [m/s, rad/s].
-        trouble: why it brakes; empty where the player decided.
-        states, active, bits, action, controls: what the player was asked and answered, as `Export.decide`.
+    Speed and turn rate are in m/s and rad/s. `trouble` says why it brakes; it is empty where the player decided, and
+    what that was asked and answered, as `Export.decide`, comes after it.
     """
 
     step: int = 0
