@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -97,7 +97,7 @@ class Fingerprint(AbstractWatcher):
 class Benchmark:
     """A track of the benchmark, for agents of one side."""
 
-    track: str
+    track: Literal["full", "lidar", "team"]
     role: Role
 
     @property

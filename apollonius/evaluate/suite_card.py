@@ -9,20 +9,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
+from typing import Literal
 
 from apollonius.agents.entrant import Entrant
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
-from apollonius.evaluate.names import PANELS, ROUNDS
+from apollonius.evaluate.names import ROUNDS
 from apollonius.game.types import Outcome, Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
 from apollonius.play.playout import Report
-
-FORMAT = 1
-"""Version of the cards."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +29,8 @@ class SuiteCard:
 
     agent: str
     sha256: str
-    side: str
-    track: str
+    side: Literal["pursuer", "evader"]
+    track: Literal["full", "lidar", "team"]
     score: Score
     decision_us: float
     made_with: str
@@ -40,7 +38,7 @@ class SuiteCard:
     opponents: dict[str, tuple[Round, ...]]
     isolated: bool = True
     failure: str = ""
-    format: int = FORMAT
+    format: Literal[1] = 1
 
 
 def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
@@ -53,13 +51,13 @@ def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda 
     Raises:
         InvalidInput: as `Benchmark.find`.
     """
-    agent = benchmark.find(name, python)
+    agent, side = benchmark.find(name, python), "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
     for opponent, played in _play(benchmark, agent, range(ROUNDS), report):
         rounds[opponent] += (played,)
     process = agent.policy.process if isinstance(agent.policy, Entrant) else None
     return SuiteCard(
-        agent.name, file_of(name)[1], benchmark.role.name.lower(), benchmark.track, benchmark.score(rounds),
+        agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds),
         benchmark.microseconds(agent), environment(), benchmark.digests, rounds,
         process.is_isolated if process else True, process.reason if process else "",
     )  # fmt: skip
@@ -82,9 +80,6 @@ def load_card(path: Path) -> SuiteCard:
     """
     about = f"'{path}' is no card of the benchmark; judge the agent again"
     card = from_dict(SuiteCard, parse_json(read_bytes(path, "a card", "check the path"), about), f"'{path}'")
-    require(card.format == FORMAT, f"'{path}': format", card.format, f"{FORMAT}, as this version reads")
-    require(card.track in PANELS, f"'{path}': track", card.track, f"one of {', '.join(PANELS)}")
-    require(card.side in PANELS[card.track], f"'{path}': side", card.side, "pursuer or evader")
     benchmark = benchmark_of(card)
     for what, found in benchmark.digests.items():
         bound = f"{found[:12]}..., as of this version; judge the agent again"

@@ -40,8 +40,7 @@ def small():
         patch.setattr(Benchmark, "game", game)
         patch.setattr(Benchmark, "arenas", ARENAS)
         patch.setattr(entrant, "DECISION_SECONDS", 10.0)  # other tests keep the cores busy
-        for module in (benchmark, suite_card):
-            patch.setattr(module, "PANELS", {"full": panel})
+        patch.setattr(benchmark, "PANELS", {"full": panel})
         yield
 
 
