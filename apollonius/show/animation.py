@@ -19,7 +19,7 @@ from apollonius.io.document import write_atomically
 from apollonius.io.errors import require, require_extra
 from apollonius.play.replay import Replay
 from apollonius.show.canvas import Canvas, draw_robot
-from apollonius.show.fog import fog, in_fog
+from apollonius.show.fog import fog
 from apollonius.show.palette import EVADER, INK, OBSTACLE, PAPER, PURSUER
 
 LETTERS = 14
@@ -54,7 +54,7 @@ class Captioned:
         """Column and row of the arena's upper left corner."""
         self._below = self.corner[1] + arena.height + LINE // 2 + MARGIN // 2
         self._in_play = replay.in_play()
-        self._fog, self._blind = fog(replay), in_fog(replay.game)
+        self._fog = fog(replay)
         self._here: Sequence[float] = ()
         self._head(ImageDraw.Draw(self._page))
 
@@ -65,8 +65,7 @@ class Captioned:
 
     def picture(self) -> Image.Image:
         page, step = self._page.copy(), self._step
-        shaded = None if self._fog is None or self._blind is None else (self._fog[step], self._blind.other)
-        page.paste(self._canvas.picture(shaded), self.corner)
+        page.paste(self._canvas.picture(self._fog and (self._fog[1][step], self._fog[0])), self.corner)
         draw = ImageDraw.Draw(page)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
@@ -84,9 +83,9 @@ class Captioned:
         self._write(draw, right, first, reach, PURSUER, "rm")
         left = right - self._font.getlength(reach) - 6 - _SIGN
         draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
-        if self._blind is not None:
-            shade = f"shaded: where the {_side_name(self._replay.game, self._blind.other)} can be"
-            self._write(draw, right, second, shade, (PURSUER, EVADER)[self._blind.other], "rm")
+        if self._fog:
+            shade = f"shaded: where the {_side_name(self._replay.game, self._fog[0])} can be"
+            self._write(draw, right, second, shade, (PURSUER, EVADER)[self._fog[0]], "rm")
             right -= self._font.getlength(shade) + 6
         names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
         for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):

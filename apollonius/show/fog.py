@@ -17,19 +17,18 @@ from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 
 
-def in_fog(game: Game) -> Role | None:
-    """Return the side whose fog is drawn: the pursuer or, if it sees everything, the evader; None if both do."""
-    return next((role for role in Role if game.sensors and game.sensors[role]), None)
+def fog(replay: Replay) -> tuple[Role, Bool[np.ndarray, "states rows columns"]] | None:
+    """Return a side and the coarse cells of the chart in which its robots could be in each state, as the other knew.
 
-
-def fog(replay: Replay) -> Bool[np.ndarray, "states rows columns"] | None:
-    """Return the coarse cells of the chart in which that side believed opponents possible, in each state of a game."""
-    role = in_fog(replay.game)
+    The other side is the pursuer's or, if that sees everything, the evader's; None if both do.
+    """
+    game = replay.game
+    role = next((role for role in Role if game.sensors and game.sensors[role]), None)
     if role is None:
         return None
     states, key = replay.trajectory().states, keys_of(np.uint32(replay.seed))[1]
     bits = random_bits_of(key, jnp.full(len(replay.states), replay.index), states.steps)
-    return np.asarray(_beliefs(charted(replay.game), states, bits[role], role)) >= 0
+    return role.other, np.asarray(_beliefs(charted(game), states, bits[role], role)) >= 0
 
 
 @functools.partial(jax.jit, static_argnames="role")

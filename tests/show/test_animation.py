@@ -88,7 +88,7 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     rows, actions, believed, held = map(np.stack, zip(*course, strict=True))
     bare = replace(game, arena=replace(game.arena, chart=None))
     replay = Replay(bare, "intercept", "flee-aware", 5, 3, 2, rows, actions[:-1], Outcome.NO_RESULT)
-    shaded = fog(replay)
+    _, shaded = fog(replay)
     np.testing.assert_array_equal(shaded, believed)
     assert held.all()
     assert 0 < shaded[-1].sum() < shaded[0].sum()
