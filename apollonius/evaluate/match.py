@@ -166,14 +166,7 @@ def play_matches(
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
 ) -> list[MatchResult]:
-    """Play matches one after the other.
-
-    Args:
-        report: called with the games of all matches together, as by `play_match`.
-
-    Raises:
-        InvalidInput: as `play_match`.
-    """
+    """Play matches one after the other; `report` has the games of all together. Errors are those of `play_match`."""
     results, total = list[MatchResult](), sum(match.games for match in matches)
     for match in matches:
         before = sum(result.games for result in results)

@@ -52,9 +52,9 @@ class View(eqx.Module):
     @property
     def chart(self) -> Chart:
         """The arena's chart; raises InvalidInput in an arena without one."""
-        if self.arena.chart is None:
+        if (chart := self.arena.chart) is None:
             raise InvalidInput("a player that reads an arena's chart: draw it by apollonius.arenas.charting.charted.")
-        return self.arena.chart
+        return chart
 
     @property
     def opponent(self) -> Robot:
@@ -73,8 +73,7 @@ def look(game: Game, state: GameState, role: Role, number: int = 0) -> View:
     here = game.at(state)
 
     def robots(role: Role) -> tuple[Robot, ...]:
-        both = zip(here.bodies[role], state.robots[role], state.active[role], strict=True)
-        return tuple(Robot(*robot) for robot in both)
+        return tuple(map(Robot, here.bodies[role], state.robots[role], state.active[role]))
 
     ours, opponents, belief = robots(role), robots(role.other), None
     if (sight := state.sight) is not None:
