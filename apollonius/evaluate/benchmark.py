@@ -67,8 +67,8 @@ class Score:
     """The numbers of a card: its worth against the opponent that it is worth least against, and shares of all games.
 
     The worth is wins less losses, the time limit being the evader's win: the mean over the arenas with its 95 %
-    interval, and that over the tenth of them where it is least. In `crashes` a robot of its own crashed or left, in
-    `forfeits` it failed to act.
+    interval, and that over their worst tenth. In `crashes` a robot of its own crashed or left, in `forfeits` it failed
+    to act.
     """
 
     worth: float
