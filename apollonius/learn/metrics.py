@@ -1,4 +1,4 @@
-"""Metrics of a training run: a line of `metrics.jsonl` for each chunk, the source of every curve, and trackers of them.
+"""Metrics of a training run, the source of every curve: a line of `metrics.jsonl` for each chunk, and trackers.
 
 The libraries of TensorBoard, Weights & Biases, MLflow and trackio are the user's, imported when one is asked for.
 """
