@@ -172,7 +172,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
 
-    trackers = [Tracker(to, folder, config)] if to else []
+    trackers = list[Tracker]()
 
     def report(line: "MetricsLine", share: float) -> None:
         display.report(share, 1.0)
@@ -190,6 +190,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     if distils:
         for game in each_alone(config.game):
             solved_game(display, game, config.distillation.grid, folder / TABLES)
+    trackers += [Tracker(to, folder, config)] if to else []
     display.begin("training", compiles=True)
     try:
         with asked_to_stop() as run.should_stop:

@@ -89,13 +89,7 @@ def count_by_detour(detours: Float[np.ndarray, " games"], results: Results) -> d
 
 @dataclass(frozen=True)
 class SightingCounts:
-    """Sightings of its opponents by a side with sensors, over the games of a match.
-
-    Attributes:
-        games: those with a sighting.
-        first_steps: median number of steps until the first one in these; None without one.
-        share: of all steps of all games those in which it saw one.
-    """
+    """Games in which a side with sensors saw an opponent, the median of steps until then, and the share of steps."""
 
     games: int
     first_steps: float | None

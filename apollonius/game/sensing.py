@@ -121,13 +121,9 @@ class Sensing(BySide[Sensors | None]):
 
 
 class Percept(eqx.Module):
-    """What a side sees in one step.
+    """The states of a side's robots and of its opponents with errors, and which opponents an active robot sees.
 
-    Attributes:
-        own: the states of its robots, with their errors.
-        opponents: those of its opponents, which mean nothing where these are not seen.
-        seen: whether an active robot of the side sees each opponent.
-        looked: whether anything could be seen; False in a drop-out.
+    States of those that are not seen mean nothing. In a drop-out nothing is seen, and `looked` is False.
     """
 
     own: tuple[RobotState, ...]

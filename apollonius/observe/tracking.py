@@ -18,12 +18,7 @@ from apollonius.observe.belief import NEVER, Belief
 
 
 class Sightings(eqx.Module):
-    """Sightings of its opponents by one side in a game.
-
-    Attributes:
-        first: steps until the first sighting; -1 before it.
-        steps: those in which it saw one of its opponents.
-    """
+    """The steps of a game until one side's first sighting, -1 before it, and those in which it saw an opponent."""
 
     first: Int[Array, ""]
     steps: Int[Array, ""]
