@@ -38,7 +38,8 @@ check: $(VENV)/installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 # The files of tests are shared out between the cores. Types are checked beside them.
-PYTEST := $(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile
+PYTEST := $(BIN)/python -m pytest --numprocesses $(shell getconf _NPROCESSORS_ONLN) --dist loadfile \
+	--no-loadscope-reorder
 test: $(VENV)/installed-dev
 	$(MAKE) --jobs 2 check tests
 

@@ -89,6 +89,19 @@ def figures_can_be_read():
     Figure.savefig = save
 
 
+LONGEST = (
+    "test_parity.py", "test_player.py", "test_run.py", "test_benchmark.py", "test_page.py", "test_cli.py",
+    "test_reproduce.py", "test_tracking.py", "test_joint.py", "test_suite.py", "test_report.py", "test_classical.py",
+    "test_charting.py", "test_vector.py", "test_programs.py", "test_opponents.py", "test_shield.py",
+    "test_gymnasium.py", "test_translate.py", "test_animation.py",
+)  # fmt: skip
+"""Files whose tests take ten seconds and more, which begin before all others, so that no core waits in the end."""
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
 RUNNING = ("test_attackers.py", "test_joint.py")
 """Files whose programs solve games, and run for longer than it takes to compile them well."""
 
