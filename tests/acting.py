@@ -1,7 +1,8 @@
-"""Robots placed by hand, and players asked by hand, without the memory that a game would carry on."""
+"""Robots placed by hand, players asked by hand without the memory that a game would carry on, and what came of it."""
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from apollonius.game.types import GameState, RobotState
 from apollonius.observe.view import look
@@ -29,3 +30,8 @@ def act_in_rows(players, member, seen, bits):
 def of_views(function, game, states, role, *rest):
     """Return what a function makes of one side's view in each of several games, and of the rest."""
     return jax.vmap(lambda state, *rest: function(look(game, state, role), *rest))(states, *rest)
+
+
+def identical(one, other):
+    """Return whether two pytrees of arrays are the same to the bit."""
+    return jax.tree.all(jax.tree.map(np.array_equal, one, other))

@@ -29,7 +29,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
-from apollonius.game.types import Outcome, RobotState, Role
+from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
 from apollonius.learn import opponents
 from apollonius.learn.archive import renew
@@ -41,7 +41,7 @@ from apollonius.show.canvas import Canvas
 from apollonius.show.palette import OBSTACLE
 from apollonius.web.site import PAGE
 from tests import bearing, capsule, car
-from tests.acting import act
+from tests.acting import act, robot
 from tests.bearing import BEARING
 from tests.capsule import Capsule
 from tests.car import Car
@@ -87,10 +87,6 @@ def test_each_is_one_short_file(module):
 def test_the_document_shows_the_observation_and_names_the_others():
     assert inspect.getsource(bearing) in DOCUMENT.read_text()
     assert all(f"tests/{name}.py" in DOCUMENT.read_text() for name in ("capsule", "car"))
-
-
-def robot(x, y, v=0.0, heading=0.0):
-    return RobotState(*map(jnp.float32, (x, y, v, heading)))
 
 
 def test_a_new_obstacle_is_as_far_away_as_its_points():

@@ -25,6 +25,7 @@ from apollonius.io.errors import InvalidInput
 from apollonius.play import playout
 from apollonius.play.playout import Results
 from apollonius.solve.viability import solve_viability
+from tests.acting import identical
 from tests.matches import a_match
 from tests.solve.small import BODY, MOVING
 
@@ -49,10 +50,6 @@ def starts(monkeypatch):
 
     monkeypatch.setattr(match, "play_out", record)
     return seen
-
-
-def identical(one, other):
-    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
 
 
 def test_every_game_is_counted_once(random_match):

@@ -18,8 +18,9 @@ from apollonius.game.game import Game, reset_batch
 from apollonius.game.polygon import Polygon
 from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
-from apollonius.game.types import GameState, RobotState
+from apollonius.game.types import GameState
 from apollonius.io.errors import InvalidInput
+from tests.acting import robot
 
 STAY = 4
 """Neither faster nor slower, nor any turn."""
@@ -37,10 +38,6 @@ def divided(top):
 
 
 step = jax.jit(Game.step)
-
-
-def robot(x, y, v=0.0, heading=0.0):
-    return RobotState(*(jnp.float32(number) for number in (x, y, v, heading)))
 
 
 def pay(game, pursuers, evader):

@@ -19,6 +19,7 @@ from apollonius.game.game import Game
 from apollonius.game.types import Outcome, Role
 from apollonius.learn.loop import Metrics, play_and_learn
 from apollonius.learn.train_state import TrainState, start
+from tests.acting import identical
 from tests.learn.tiny import CHUNK, GAME, PLAN
 
 EVADER = {Role.EVADER: solo(Still())}
@@ -58,10 +59,6 @@ def play_stage(seed, chunks, game=GAME, plan=PLAN):
 @pytest.fixture(scope="module")
 def stage():
     return play_stage(seed=0, chunks=4)
-
-
-def identical(one, other):
-    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
 
 
 def share_equal(one, other):

@@ -18,7 +18,7 @@ from apollonius.learn.loop import play_and_learn, renew_opponents
 from apollonius.learn.opponents import OpponentConfig
 from apollonius.learn.stage_config import Plan, SelfPlayConfig
 from apollonius.learn.train_state import start
-from tests.acting import act_in_rows
+from tests.acting import act_in_rows, identical
 from tests.learn.tiny import CHUNK, DQN, GAME, STAGE
 
 SCHEMES = ("uniform", "prioritised-hard")
@@ -44,10 +44,6 @@ def archive_of(count, config=CONFIG, seed=0):
     return archive
 
 
-def same(one, other):
-    return jax.tree.all(jax.tree.map(np.array_equal, one, other))
-
-
 def test_everyone_plays_their_own_games():
     at_large, *others = networks(4)
     players = Assigned(Greedy(at_large), jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(Greedy, others)), 3, 4, 5)
@@ -67,8 +63,8 @@ def test_versions_enter_when_due_while_there_is_room():
     assert int(archives.enter(archive, networks(1)[0], jnp.asarray(False)).count) == 3
     full = archive_of(4)
     for index, network in enumerate(networks(4)):
-        assert same(jax.tree.map(lambda leaf, index=index: leaf[index], full.networks), network)
-    assert same(archives.enter(full, networks(5)[4], jnp.asarray(True)), full)
+        assert identical(jax.tree.map(lambda leaf, index=index: leaf[index], full.networks), network)
+    assert identical(archives.enter(full, networks(5)[4], jnp.asarray(True)), full)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -85,9 +81,9 @@ def test_slots_follow_the_stated_distribution(scheme):
         jax.random.split(jax.random.key(3), 5000)
     )
     drawn = np.asarray(after.slots)
-    assert same(after.in_slots, jax.tree.map(lambda leaf: leaf[drawn], archive.networks))
-    assert same(after.games, jnp.broadcast_to(archive.games / 2, (5000, 5)))
-    assert same(after.lost, jnp.broadcast_to(archive.lost / 2, (5000, 5)))
+    assert identical(after.in_slots, jax.tree.map(lambda leaf: leaf[drawn], archive.networks))
+    assert identical(after.games, jnp.broadcast_to(archive.games / 2, (5000, 5)))
+    assert identical(after.lost, jnp.broadcast_to(archive.lost / 2, (5000, 5)))
     seen = np.bincount(drawn.ravel(), minlength=5)
     assert seen[4] == 0, "a version that is not there yet"
     assert chisquare(seen[:4], drawn.size * weights / weights.sum()).pvalue > 0.001
@@ -146,11 +142,11 @@ def test_no_opponent_changes_within_a_game(played):
     assert before.games.state.steps[in_slots].max() > 0
     assert after.games.state.steps[in_slots].tolist() == [0] * in_slots.sum()
     assert after.games.sides.pursuer.episode_return[in_slots].tolist() == [0] * in_slots.sum()
-    assert same(*(jax.tree.map(lambda leaf: leaf[~in_slots], state.games) for state in (before, after))), (
+    assert identical(*(jax.tree.map(lambda leaf: leaf[~in_slots], state.games) for state in (before, after))), (
         "games at large go on"
     )
     for one, other in pairwise(played[:4]):
-        assert same(one.archives.pursuer.in_slots, other.archives.pursuer.in_slots)
+        assert identical(one.archives.pursuer.in_slots, other.archives.pursuer.in_slots)
     members = [state.games.sides.evader.member.tolist() for state in played]
     assert members == [[0] * 16 + [1] * 8 + [2] * 8 + [0] * 32] * len(played)
 
@@ -161,17 +157,17 @@ def test_games_that_are_broken_off_are_truncated_and_not_lost(played):
         last = int(before.head) - 1
         terminated = before.rows.terminated[last]
         assert (after.rows.truncated[last] | terminated).tolist()[: 4 * SLOT_GAMES] == [True] * 4 * SLOT_GAMES
-        assert same(before.rows.terminated, after.rows.terminated)
+        assert identical(before.rows.terminated, after.rows.terminated)
         assert not (after.rows.truncated[last] & terminated).any()
-        assert same(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
+        assert identical(before.rows.truncated.at[last].set(False), after.rows.truncated.at[last].set(False))
 
 
 def test_the_version_that_enters_is_the_average_that_learned(played):
     before, after = (state.archives.pursuer for state in played[3:5])
     assert (int(before.count), int(after.count)) == (1, 2)
     first, entered = (jax.tree.map(lambda leaf, number=number: leaf[number], after.networks) for number in (0, 1))
-    assert same(entered, played[3].learners[Role.PURSUER].learner.average)
-    assert not same(entered, first)
+    assert identical(entered, played[3].learners[Role.PURSUER].learner.average)
+    assert not identical(entered, first)
 
 
 def test_games_in_slots_that_began_in_time_end_in_the_records(played):

@@ -30,6 +30,7 @@ from apollonius.observe.paper import PAPER
 from apollonius.observe.registry import observe
 from apollonius.play.playout import play_out
 from apollonius.play.rollout import begin, collect
+from tests.acting import identical
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
@@ -98,10 +99,6 @@ def row(tree, index):
 
 def over(transitions):
     return transitions.terminated | transitions.truncated
-
-
-def identical(a, b):
-    return all(np.array_equal(*leaves) for leaves in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True))
 
 
 def test_collect_is_stepping_and_starting_again_by_hand():
