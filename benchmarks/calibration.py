@@ -4,9 +4,9 @@
     apollonius solve game --whole-cells --grid 17x17x5x8 --role evader --out E_table.safetensors
     python benchmarks/calibration.py P_table.safetensors E_table.safetensors --out calibration.json
 
-A table's value of a start is what it promises its player there. The player meets the other table, a search that
-follows it for a second, and the planner that simulates courses of the game against it; the worst one in a bin says
-what it keeps.
+A table's value of a start is what it promises its player there. The player meets the other table and searches that
+simulate the game against it for one second and for two, and then trust that table; the worst one in a bin says what it
+keeps.
 """
 
 import argparse
@@ -83,14 +83,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", type=Path, nargs=2, metavar="FILE", help="the pursuer's and the evader's")
     parser.add_argument("--game", default="paper")
-    parser.add_argument("--games", type=int, default=1000, help="against the table and the search (default: 1000)")
-    parser.add_argument("--planned", type=int, default=200, help="against the planner (default: 200)")
+    parser.add_argument("--games", type=int, default=1000, help="against table and short search (default: 1000)")
+    parser.add_argument("--searched", type=int, default=200, help="against the long search (default: 200)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     game = find_game(options.game)
     tables = BySide(*(table_player(path, game) for path in options.tables))
-    games = {"table": options.games, "search-1": options.games, "planner": options.planned}
+    games = {"table": options.games, "search-1": options.games, "search-2": options.searched}
     games = {name: count for name, count in games.items() if count}
     means, files = Means(tables, Path(), seed=options.seed), BySide(*options.tables)
     found = {role.name.lower(): calibrate(Attack(role, str(files[role]), options.game), means, games) for role in Role}
