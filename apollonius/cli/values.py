@@ -150,6 +150,7 @@ def _known_agent(side: str | None, text: str) -> str:
         raise argparse.ArgumentTypeError(f"'{text}' plays the {side_of(name)[0]}, not the {side}: take another there.")
     if name in known or bare in in_run or _is(Path(bare).is_file):
         return text
+    known = [one for one in known if not side or side in side_of(one)]
     files = "a .safetensors file, or RUN/NAME for an agent of a training run"
     meant = nearest(bare, in_run or known) or next(iter(in_run), None)
     raise argparse.ArgumentTypeError(unknown_name("agent", bare, known, files, meant))

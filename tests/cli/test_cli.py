@@ -253,6 +253,7 @@ REFUSED = {
     "play --no-browser": "unrecognized arguments: --no-browser; see apollonius play --help",
     "fly": "fly", "trian": "did you mean 'train'", "train --preset quik": "did you mean 'quick'",
     "evaluate random": "EVADER", "evaluate P_pol still": "did you mean 'P_pool'",
+    "evaluate P_pool E_pool": "'E_pool': choose one of random, still, flee, flee-aware",
     "evaluate nobody still": "'nobody': choose one of random, still", "show shielded:nobody still": "'nobody'",
     "evaluate P_pool still --game ofice": "did you mean 'office'",
     "evaluate P_pool still --game team-3v1/ofice": "did you mean 'office'",
