@@ -100,7 +100,8 @@ def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_pa
     assert pool.size == 4
     observation = jnp.tile(jnp.linspace(-1, 1, 17), (2000, 1))
     words = jax.random.bits(jax.random.key(2), (2000,))
-    actions = [np.asarray(act_in_rows(pool, jnp.full(2000, member), observation, words)) for member in range(4)]
+    acts = jax.jit(act_in_rows)
+    actions = [np.asarray(acts(pool, jnp.full(2000, member), observation, words)) for member in range(4)]
     for member, name in ((0, files[0]), (2, files[1]), (3, "still")):
         alone = act(find_player(name, Role.PURSUER).policy, observation[0], words[0])
         assert (actions[member] == int(alone)).all()

@@ -82,7 +82,7 @@ def test_a_pursuer_that_searches_is_itself_while_it_sees_and_searches_then():
     for age, same_as in ((0.0, "pure-pursuit"), (1.0, "pure-pursuit"), (1.1, "search"), (20.0, "search")):
         seen = view(here, there, age, unseen)
         bare, memory = find_player(same_as, Role.PURSUER, GAME).policy, jnp.int32(-1)
-        own = bare.weigh(seen, memory if same_as == "search" else (), NO_BITS)[0]
+        own = jax.jit(bare.weigh)(seen, memory if same_as == "search" else (), NO_BITS)[0]
         action, (_, place) = decision("searching:pure-pursuit")(seen, ((), memory), NO_BITS)
         assert int(action) == int(jnp.argmax(own))
         assert int(place) == (-1 if same_as == "pure-pursuit" else number(8.1, 2.1))
