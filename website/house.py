@@ -1,4 +1,4 @@
-"""The rooms of the package: `python -m website.house` draws them with their sizes and the arrows between them."""
+"""The rooms of the package: `python -m website.house` prints them with the arrows between them."""
 
 import ast
 import graphlib
@@ -16,7 +16,6 @@ class Room:
     purpose: str
     """The first line of its docstring."""
     files: int
-    lines: int
     imports: frozenset[str]
     """The other rooms that its files import, without those that these import themselves."""
 
@@ -60,11 +59,10 @@ def rooms(texts: Mapping[str, str]) -> dict[str, Room]:
         behind[name] = arrows[name].union(*(behind[other] for other in arrows[name]))
     found: dict[str, Room] = {}
     for name in sorted(behind, key=lambda name: (len(behind[name]), name)):
-        inside = {module: text for module, text in texts.items() if room_of(module) == name}
         first = texts.get(f"{PACKAGE.name}.{name}", texts.get(name, ""))
         direct = frozenset(other for other in arrows[name] if not any(other in behind[one] for one in arrows[name]))
-        lines = sum(len(text.splitlines()) for text in inside.values())
-        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], len(inside), lines, direct)
+        files = sum(room_of(module) == name for module in texts)
+        found[name] = Room((ast.get_docstring(ast.parse(first)) or "").partition("\n")[0], files, direct)
     return found
 
 
@@ -74,15 +72,5 @@ def table(found: Mapping[str, Room]) -> str:
     return "\n".join(["| room | imports | what it is |", "|---|---|---|", *rows])
 
 
-def main() -> None:
-    """Print every room with its files, lines and arrows."""
-    for name, room in (found := rooms(sources())).items():
-        print(f"{name:<12} {room.files:3} files {room.lines:5} lines   {', '.join(sorted(room.imports))}")
-    print(
-        f"{len(found)} rooms, {sum(room.files for room in found.values())} files, "
-        f"{sum(room.lines for room in found.values())} lines of Python"
-    )
-
-
 if __name__ == "__main__":
-    main()
+    print(table(rooms(sources())))
