@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,7 @@ from apollonius.io.workers import WORKERS
 
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
-    from apollonius.evaluate.match import Match
-    from apollonius.evaluate.vary import Variation
+    from apollonius.evaluate.match import Match, MatchResult
     from apollonius.game.game import Game
     from apollonius.play.replay import Replay
 
@@ -97,16 +96,31 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
     return match
 
 
-def requested_matches(options: argparse.Namespace) -> "tuple[list[Match], tuple[Variation, ...]]":
-    """Return a match for each value of `--vary`, and the numbers that vary; errors as of `varied_matches`."""
+def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
+    """Play a match for each value of `--vary`, print how often the pursuer wins, and draw it where `--out` says.
+
+    Args:
+        play: plays a match and counts, as `play_match`.
+    """
     from apollonius.arenas.file import game_in_one_arena
-    from apollonius.evaluate.vary import Variation, varied_matches
+    from apollonius.cli.terminal import varied_table
+    from apollonius.evaluate.vary import Variation, play_varied, varied_matches
     from apollonius.game.by_side import BySide
 
     require(options.record == 0, "--record", options.record, "left out with --vary, which keeps no games")
     game, names = game_in_one_arena(options.game, "--vary"), BySide(options.pursuer, options.evader)
     variations = tuple(Variation(*one) for one in options.vary)
-    return varied_matches(game, names, variations, options.games, options.seed, options.starts), variations
+    matches = varied_matches(game, names, variations, options.games, options.seed, options.starts)
+    options.display.begin("playing a match for each value", compiles=True)
+    found = play_varied(matches, variations, options.display.report, play)
+    if options.out:
+        from apollonius.show.matches import draw_varied
+
+        draw_varied(found, options.out)
+    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
+    if options.out:
+        finish(options.out)
+    return 0
 
 
 def warn(options: argparse.Namespace, game: "Game", players: "Iterable[Named]" = ()) -> None:

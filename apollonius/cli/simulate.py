@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from apollonius.cli.options import (
     add_match_options,
     answer,
+    answer_varied,
     check_records,
     finish_with_replays,
     match_facts,
     requested_match,
-    requested_matches,
     write_replays,
 )
-from apollonius.cli.terminal import columns, match_heading, varied_table
+from apollonius.cli.terminal import columns, match_heading
 from apollonius.cli.values import existing_file
 from apollonius.io.errors import require_extra
 from apollonius.io.limits import SIMULATED_GAMES
@@ -29,19 +29,20 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--drive", type=existing_file, metavar="FILE", help="a .toml file with the numbers of your own robots"
     )
-    parser.set_defaults(run=run_simulate)
+    parser.set_defaults(run=run_simulate, out=None)
 
 
 def run_simulate(options: argparse.Namespace) -> int:
     require_extra("sim", "simulate")
-    from apollonius.evaluate.match import play_games, worst_first
+    from apollonius.evaluate.match import count, play_games, worst_first
     from apollonius.simulate.drive import load_drive
     from apollonius.simulate.simulation import compare, record_course, simulate_match
 
+    drive, display = load_drive(options.drive), options.display
     if options.vary:
-        return _vary(options)
+        return answer_varied(options, lambda match, report: count(match, simulate_match(match, drive, report).results))
     check_records(options, options.games, f"--games = {options.games}")
-    match, drive, display = requested_match(options, in_one_arena=True), load_drive(options.drive), options.display
+    match = requested_match(options, in_one_arena=True)
     display.begin("playing with bodies", compiles=True)
     simulated = simulate_match(match, drive, display.report)
     display.begin("playing by the rules", compiles=True)
@@ -50,21 +51,6 @@ def run_simulate(options: argparse.Namespace) -> int:
     written = write_replays(options, "bodies", courses)
     answer(options, match_facts(options, match) | asdict(comparison), _table(match, comparison))
     finish_with_replays(written, options)
-    return 0
-
-
-def _vary(options: argparse.Namespace) -> int:
-    from apollonius.evaluate.match import count
-    from apollonius.evaluate.vary import VariedMatches
-    from apollonius.simulate.drive import load_drive
-    from apollonius.simulate.simulation import simulate_match
-
-    (matches, variations), drive, results = requested_matches(options), load_drive(options.drive), []
-    for match in matches:
-        options.display.begin("playing a match for each value, with bodies", compiles=True)
-        results.append(count(match, simulate_match(match, drive, options.display.report).results))
-    found = VariedMatches(matches[0], variations, tuple(results))
-    answer(options, match_facts(options, found.match) | found.to_dict(), varied_table(found))
     return 0
 
 

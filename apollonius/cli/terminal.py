@@ -1,6 +1,6 @@
 """Results as text: the progress of a training, and tables."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,8 +63,8 @@ def match_heading(match: "Match") -> str:
     return f"{pursuer} (pursuer) against {evader} (evader), {match.games:,} games, starts: {match.starts_played}"
 
 
-def match_table(match: "Match", result: "MatchResult", verbose: bool = False) -> str:
-    """Return a match as lines of text: who wins more, a bar for each outcome that occurred and, if `verbose`, all."""
+def match_table(match: "Match", result: "MatchResult") -> str:
+    """Return a match as lines of text: who wins more, and a bar for each outcome that occurred."""
     pursuer, evader = result.pursuer_win_interval, result.evader_win_interval
     ahead = "The pursuer" if pursuer[0] > evader[1] else "The evader" if evader[0] > pursuer[1] else "Nobody surely"
     lines = [f"{ahead} wins more."]
@@ -87,19 +87,7 @@ def match_table(match: "Match", result: "MatchResult", verbose: bool = False) ->
     if arenas := result.arenas:
         lines.append(f"  by arenas the pursuer wins {arenas.mean:.2%} {within(arenas.interval)}, a mean of")
         lines[-1] += f" {len(arenas.wins)}; {arenas.worst:.2%} in the worst tenth"
-    return "\n".join([*lines, *(_further(result) if verbose else ())])
-
-
-def _further(result: "MatchResult") -> Iterator[str]:
-    """Yield the lines of a match that only a closer look needs."""
-    until = "" if result.mean_capture_steps is None else f", until a capture {result.mean_capture_steps:.1f}"
-    yield f"  mean steps {result.mean_steps:.1f}{until}"
-    for side, counts in (result.robots or {}).items():
-        total = sum(counts.values())
-        shares = ", ".join(f"{name.replace('_', ' ')} {count / total:.1%}" for name, count in counts.items() if count)
-        yield f"  {total:,} {side}: {shares}"
-    for name, (rate, interval, games) in result.detour_rates.items():
-        yield f"  it wins {rate:.2%} {within(interval)} of {games:,} where the shortest way is {name} lines"
+    return "\n".join(lines)
 
 
 def bar(share: float, width: int = 40) -> str:

@@ -165,12 +165,13 @@ def play_matches(
     matches: Sequence[Match],
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
+    play: Callable[..., MatchResult] = play_match,
 ) -> list[MatchResult]:
     """Play matches one after the other; `report` has the games of all together. Errors are those of `play_match`."""
     results, total = list[MatchResult](), sum(match.games for match in matches)
     for match in matches:
         before = sum(result.games for result in results)
-        results.append(play_match(match, report=lambda done, _, before=before: report(before + done, total)))
+        results.append(play(match, report=lambda done, _, before=before: report(before + done, total)))
         on_match(match, results[-1])
     return results
 

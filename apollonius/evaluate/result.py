@@ -170,12 +170,6 @@ class MatchResult:
         """Share of games that were neither the pursuer's wins nor double failures (Fig. 6)."""
         return (self.games - self.pursuer_wins - self.outcomes["both_failed"]) / self.games
 
-    @property
-    def detour_rates(self) -> dict[str, tuple[float, tuple[float, float], int]]:
-        """The pursuer's share of wins, its interval and the games of each class of starts that occurred."""
-        some = {name: counts for name, counts in (self.detours or {}).items() if counts[1]}
-        return {name: (wins / games, wilson_interval(wins, games), games) for name, (wins, games) in some.items()}
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON-like data, without what only games in several arenas, with sensors, or of teams
         have."""

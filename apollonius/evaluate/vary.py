@@ -2,7 +2,7 @@
 
 import difflib
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.shield import Backup, Shielded
-from apollonius.evaluate.match import Match, MatchResult, play_matches
+from apollonius.evaluate.match import Match, MatchResult, play_match, play_matches
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.types import Role
@@ -123,20 +123,16 @@ def varied_matches(
 
 
 def play_varied(
-    matches: Sequence[Match], variations: Sequence[Variation], report: Report = lambda done, total: None
+    matches: Sequence[Match],
+    variations: Sequence[Variation],
+    report: Report = lambda done, total: None,
+    play: Callable[..., MatchResult] = play_match,
 ) -> VariedMatches:
-    """Play `varied_matches`.
-
-    Args:
-        report: called with the number of games that have ended, of all matches together.
-
-    Raises:
-        InvalidInput: as `play_match`.
-    """
+    """Play `varied_matches`; arguments and errors are those of `play_matches`."""
     for role in Role:
         policies = alike([match.players[role].policy for match in matches])
         matches = [_with_policy(match, role, policy) for match, policy in zip(matches, policies, strict=True)]
-    results = play_matches(matches, report=report)
+    results = play_matches(matches, report=report, play=play)
     return VariedMatches(matches[0], tuple(variations), tuple(results))
 
 
