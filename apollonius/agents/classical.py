@@ -68,14 +68,7 @@ class AbstractClassical(AbstractActionValuePolicy):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> "AbstractClassical":
-        """Return the player of one side of a game.
-
-        Args:
-            rule: numbers of its rule that are not to have their defaults.
-
-        Raises:
-            InvalidInput: when its rule does not fit the game.
-        """
+        """Return the player of one side of a game; raises InvalidInput where its rule does not fit the game."""
         return cls(game.dt, **rule)
 
     def hold(self, robot: Robot, action: Int[Array, ""]) -> RobotState:

@@ -136,11 +136,7 @@ class EntrantProcess:
         return np.frombuffer(answer, np.int32 if self.is_discrete else np.float32).reshape(shape)
 
     def _exchange(self, message: bytes, size: int | None, seconds: float) -> bytes:
-        """Send a message and return the answer: of a size, or a line.
-
-        Raises:
-            Failure: without one in time.
-        """
+        """Send a message and return the answer, of a size or a line; raises Failure without one in time."""
         answer, end = bytearray(), time.monotonic() + seconds
         try:
             self._line.settimeout(seconds)

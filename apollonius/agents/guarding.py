@@ -70,11 +70,7 @@ class Territory(AbstractSteering):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """Return the player of one side of a game.
-
-        Raises:
-            InvalidInput: when there is nothing to guard.
-        """
+        """Return the player of one side; raises InvalidInput where there is nothing to guard."""
         bound = "a disc for 'territory' to guard or to reach, as in the game called territory"
         require(cls.fits(game), "arena.territory", "none", bound)
         return super().for_side(game, role, guards=role == Role.PURSUER, **rule)

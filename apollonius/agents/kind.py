@@ -53,11 +53,7 @@ def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
 
 
 def known_game(game: Game | None, name: str) -> Game:
-    """Return the game, for a player that has to know it.
-
-    Raises:
-        InvalidInput: where it is not known.
-    """
+    """Return the game, for a player that has to know it; raises InvalidInput where it is not known."""
     if game is None:
         raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")
     return game

@@ -82,11 +82,7 @@ def describe(network: Network, role: Role, game: dict[str, Any], training: dict[
 
 
 def save_agent(agent: Agent, path: Path) -> None:
-    """Write an agent's file, atomically.
-
-    Raises:
-        OSError: when the file cannot be written.
-    """
+    """Write an agent's file, atomically."""
     write_arrays(path, {name: np.asarray(leaf) for name, leaf in named_leaves(agent.network).items()}, agent.header)
 
 

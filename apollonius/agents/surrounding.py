@@ -55,11 +55,7 @@ class AbstractSurrounding(AbstractSteering):
 
     @classmethod
     def for_side(cls, game: Game, role: Role, **rule: Any) -> AbstractClassical:
-        """Return the player of one side of a game.
-
-        Raises:
-            InvalidInput: when there is one pursuer only.
-        """
+        """Return the player of one side; raises InvalidInput where there is one pursuer only."""
         require(cls.fits(game), "pursuers", len(game.bodies.pursuer), "2 at least, who surround an evader: as team-2v1")
         return super().for_side(game, role, **rule)
 

@@ -26,19 +26,6 @@ def greedy(network: Network) -> Greedy | SquashedMean:
     return Greedy(network) if isinstance(network, QNetwork) else SquashedMean(network)
 
 
-def greedy_in(game: Game | None, network: Network, name: str) -> Greedy | SquashedMean:
-    """Return the greedy player for a game, with its arena's chart if it reads one and the game has none.
-
-    Raises:
-        InvalidInput: if it reads a chart and there is no game; `name` is the player's.
-    """
-    player = greedy(network)
-    if not network.observation.charted:
-        return player
-    known = known_game(game, name)
-    return player if known.scenario is not None else replace(player, chart=charted(known).arena.chart)
-
-
 def exploring(network: Network, amount: Scalar) -> EpsilonGreedy | SquashedGaussian:
     """Return the player that acts by a network and explores around its best action; with an amount of 0 it never does.
 
@@ -64,7 +51,9 @@ class Trained(AbstractKind):
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
-        policy = greedy_in(game, agent.network, name)
+        policy = greedy(agent.network)
+        if policy.charted and (known := known_game(game, name)).scenario is None:
+            policy = replace(policy, chart=charted(known).arena.chart)
         return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
 
 
@@ -72,11 +61,7 @@ TRAINED = Trained()
 
 
 def find_trained(name: str) -> tuple[Agent, Path]:
-    """Return the trained agent of a name and its file.
-
-    Raises:
-        InvalidInput: when the name is unknown, or the file is bad.
-    """
+    """Return the trained agent of a name and its file; raises InvalidInput for an unknown name or a bad file."""
     path = _file_of(name)
     if path is None:
         raise unknown(name, TRAINED)
@@ -92,25 +77,8 @@ def learned_elsewhere(player: Named, game: Game) -> bool:
     return game.scenario is not None or to_dict(arena) != to_dict(replace(game.arena, chart=None))
 
 
-def find_action_value_policy(name: str) -> tuple[Greedy, Agent, Path]:
-    """Return the player of a trained agent that values the nine actions, the agent and its file.
-
-    Raises:
-        InvalidInput: as `find_trained`, and for one whose actions are continuous.
-    """
-    agent, path = find_trained(name)
-    player = greedy(agent.network)
-    if not isinstance(player, Greedy):
-        raise InvalidInput(f"'{name}' has continuous actions and values none: name an agent trained by DQN.")
-    return player, agent, path
-
-
 def load_network(name: str, role: Role) -> Network:
-    """Return the network of a trained agent.
-
-    Raises:
-        InvalidInput: as `find_trained`, and for an agent of the other side.
-    """
+    """Return the network of a trained agent; errors as of `find_trained`, and for an agent of the other side."""
     return _find_for(name, role)[0].network
 
 

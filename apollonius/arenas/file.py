@@ -80,11 +80,7 @@ def game_in_one_arena(name: str, who: str) -> Game:
 
 
 def as_game(given: object) -> Game:
-    """Return a game, or the game of a name.
-
-    Raises:
-        InvalidInput: for anything else, and as `find_game`.
-    """
+    """Return a game, or that of a name; raises InvalidInput for anything else, and as `find_game`."""
     if isinstance(given, Game):
         return given
     require(isinstance(given, str), "game", given, "a game, or the name of one")
@@ -112,11 +108,7 @@ def load_game(path: Path) -> Game:
 
 
 def save_game(record: dict[str, Any], path: Path) -> None:
-    """Write the record of a game, of `to_dict`, to a `.toml` or `.json` file; its map is named from there.
-
-    Raises:
-        OSError: when the disk is full or read-only.
-    """
+    """Write the record of a game, of `to_dict`, to a `.toml` or `.json` file; its map is named from there."""
     arena = record["arena"]
     if isinstance(named := arena.get("map"), dict) and not is_drawn(named["file"]):
         arena = arena | {"map": named | {"file": os.path.relpath(named["file"], path.parent)}}

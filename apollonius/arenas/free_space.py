@@ -46,11 +46,7 @@ class FreeSpace:
 
 
 def free_space(game: Game) -> FreeSpace:
-    """Return the free space of a game's larger robot.
-
-    Raises:
-        InvalidInput: where it fits nowhere.
-    """
+    """Return the free space of a game's larger robot; raises InvalidInput where it fits nowhere."""
     arena = game.arena
     x, y, cell = places(arena)
     radius = max(float(game.pursuer.radius), float(game.evader.radius))

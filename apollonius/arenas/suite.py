@@ -75,11 +75,7 @@ def _published(suite: str) -> tuple[Entry, ...]:
 
 
 def suite_entries(suite: str, part: str | None = None) -> tuple[Entry, ...]:
-    """Return the arenas of a suite, or of one of its parts, in their order.
-
-    Raises:
-        InvalidInput: for an unknown suite or part.
-    """
+    """Return the arenas of a suite, or of a part of it, in their order; raises InvalidInput for unknown ones."""
     require(suite in SUITES, "suite", suite, f"one of {', '.join(SUITES)}")
     require(part is None or part in PARTS, "part", part, f"one of {', '.join(PARTS)}")
     return tuple(entry for entry in _published(suite) if part in (None, entry.part))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from apollonius.cli.options import add_game, chosen_rules, command, finish, warn
 from apollonius.cli.values import known_agent, new_file, real
+from apollonius.io.errors import InvalidInput
 
 
 def add_slice(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +31,8 @@ def run_slice(options: argparse.Namespace) -> int:
     import jax.numpy as jnp
 
     from apollonius.agents.kind import Named
-    from apollonius.agents.trained import find_action_value_policy
+    from apollonius.agents.policy import AbstractActionValuePolicy
+    from apollonius.agents.trained import find_trained, greedy
     from apollonius.arenas.charting import charted
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.game.by_side import BySide
@@ -47,8 +49,12 @@ def run_slice(options: argparse.Namespace) -> int:
         path, player = Path(options.agent), table_player(Path(options.agent), game)
         role, header = player.zero_sum_game.role, None
     else:
-        player, agent, path = find_action_value_policy(options.agent)
-        role, header = Role[agent.header.role.upper()], agent.header
+        agent, path = find_trained(options.agent)
+        player, role, header = greedy(agent.network), Role[agent.header.role.upper()], agent.header
+        if not isinstance(player, AbstractActionValuePolicy):
+            raise InvalidInput(
+                f"'{options.agent}' has continuous actions and values none: name an agent trained by DQN."
+            )
     warn(options, game, [Named(path.stem, player, header)])
     if player.charted:
         game = charted(game)

@@ -188,11 +188,7 @@ def worst_first(results: Results) -> list[int]:
 
 
 def record_game(match: Match, index: int) -> Replay:
-    """Return one game of a match, numbered from 0, as a replay.
-
-    Raises:
-        InvalidInput: when there is no such game, and as `play_match`.
-    """
+    """Return one game of a match, numbered from 0, as a replay; raises InvalidInput where there is no such game."""
     require(0 <= index < match.games, "index", index, f"at least 0 and less than games = {match.games}")
     course = trace(match.rules, match.pools, *begin(match), index)
     return Replay(

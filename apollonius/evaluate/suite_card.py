@@ -107,9 +107,6 @@ def verify(
 ) -> SuiteCard:
     """Play rounds of a card again: one against each opponent, drawn at random, or every one.
 
-    Args:
-        file: of an agent from outside, if not where the card says.
-
     Raises:
         InvalidInput: as `load_card`; for another agent than the card's, and where a game does not come out.
     """

@@ -130,10 +130,7 @@ def play_tournament(
     starts: StartFilter = StartFilter.ALL,
     report: Report = lambda done, total: None,
 ) -> Tournament:
-    """Play a match of every pursuer with every evader. All matches have the same starts.
-
-    Args:
-        on_match, report: as of `play_matches`.
+    """Play a match of every pursuer with every evader, as `play_matches`. All matches have the same starts.
 
     Raises:
         InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.

@@ -48,11 +48,7 @@ class Difference:
 
 
 def load_bag(folder: Path) -> Bag:
-    """Read a bag.
-
-    Raises:
-        InvalidInput: where `rosbags` is not installed, and for a folder that is no bag of the node.
-    """
+    """Read a bag; raises InvalidInput where `rosbags` is not installed, and for a folder that is no bag of the node."""
     require_extra("bag", "reading a bag")
     from rosbags.highlevel import AnyReader, AnyReaderError  # pyright: ignore[reportMissingImports]
     from rosbags.rosbag2.errors import ReaderError  # pyright: ignore[reportMissingImports]

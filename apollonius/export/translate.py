@@ -114,11 +114,7 @@ class _Translator:
         return placed(kind, shape, name)
 
     def equation(self, block: Block, equation: JaxprEqn, given: list[Value]) -> list[Value]:
-        """Return the results of one equation.
-
-        Raises:
-            InvalidInput: for a primitive that is not known.
-        """
+        """Return the results of one equation; raises InvalidInput for a primitive that is not known."""
         primitive, params = equation.primitive.name, equation.params
         self.line = _line_of(equation) or self.line
         if kinds := {str(getattr(var.aval, "dtype", "?")) for var in equation.outvars} - {*TYPES}:

@@ -111,11 +111,8 @@ def _given(player: Player, constants: bool) -> tuple[Any, ...]:
 
 
 def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
-    """Return lines that say whether the program decides as the package's player, and how quickly.
-
-    Raises:
-        InvalidInput: if it does not.
-    """
+    """Return lines that say whether, and how quickly, the program decides as the package's player; errors as of
+    `check`."""
     try:
         compiled = Compiled(program)
     except InvalidInput as reason:

@@ -41,11 +41,7 @@ class BySide(eqx.Module, Generic[T_co]):
 
 
 def one_each(robots: BySide[tuple[T, ...]]) -> BySide[T]:
-    """Return the values of the two robots of a game of two.
-
-    Raises:
-        InvalidInput: when a side has more robots, or none.
-    """
+    """Return the values of the two robots of a game of two; raises InvalidInput for other numbers of robots."""
     counts = " v ".join(str(len(side)) for side in robots)
     require(counts == "1 v 1", "robots", counts, "1 v 1: this is known for games of two robots only")
     return robots.map(lambda side: side[0])

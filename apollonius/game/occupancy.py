@@ -132,11 +132,7 @@ class OccupancyMap(AbstractObstacle):
 
 
 def distance_field(occupied: Bool[np.ndarray, "rows columns"], cell: float) -> Float[np.ndarray, "corners_y corners_x"]:
-    """Return the field of distances [m] at the corners of cells.
-
-    Raises:
-        InvalidInput: unless there are free cells.
-    """
+    """Return the field of distances [m] at the corners of cells; raises InvalidInput unless there are free cells."""
     from scipy.ndimage import distance_transform_cdt, distance_transform_edt
 
     require(not occupied.all(), "map", "all occupied", "a map with free cells; mind negate and free_thresh")

@@ -101,14 +101,7 @@ def counts_by_name(counts: Sequence[int] | Array | np.ndarray) -> dict[str, int]
 
 
 def require_counts(counts: Mapping[str, int], source: str) -> None:
-    """Refuse counts by name, as files have them, that cannot be those of games.
-
-    Args:
-        source: their file, for the message.
-
-    Raises:
-        InvalidInput: for outcomes that are missing or unknown, and for impossible counts.
-    """
+    """Refuse, by InvalidInput, counts by name that cannot be those of games; `source` is their file."""
     name, known = f"{source}: outcomes", set(counts_by_name([0] * len(Outcome)))
     named = known <= set(counts) <= known | {Outcome.TERRITORY_REACHED.name.lower()}
     require(named, name, ", ".join(counts), ", ".join(sorted(known)))

@@ -52,11 +52,6 @@ def status() -> int | None:
     return 128 + _heard[0] if _heard else None
 
 
-def answer() -> None:
-    """Keep the listening thread from ending the program, which ends by itself when its work is saved."""
-    _answered.set()
-
-
 @contextmanager
 def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, None]:
     """Let the block ask whether to stop, instead of interrupting it, so that it can save its work first.
@@ -72,7 +67,7 @@ def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, Non
 
     def asked() -> bool:
         if numbers:
-            answer()
+            _answered.set()  # so that the listening thread lets the program save its work
         return bool(numbers)
 
     before = [(number, signal.signal(number, hear)) for number in SIGNALS]

@@ -61,11 +61,7 @@ class Counted:
         return f"a whole number, at least {self.least}, at most {limit:,}{room}"
 
     def require(self, name: str, count: object) -> None:
-        """Refuse a count that is no whole number within the bounds.
-
-        Raises:
-            InvalidInput: unless it is one.
-        """
+        """Refuse, by InvalidInput, a count that is no whole number within the bounds."""
         number = count.__index__() if isinstance(count, SupportsIndex) and not isinstance(count, bool) else None
         require(number is not None and self.least <= number <= self.limit, name, count, self.bound())
 

@@ -83,11 +83,7 @@ def _first_games(plan: Plan, network: QNetwork, setting: Setting, key: PRNGKeyAr
 def distillation(
     plan: Plan, state: TrainState, settings: Sequence[Setting], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train the stage chunk by chunk; each state is consumed by the next one.
-
-    Args:
-        settings: one in each arena; they take turns.
-    """
+    """Train the stage chunk by chunk, in settings that take turns; each state is consumed by the next one."""
     for chunk in range(done, plan.chunks):
         number = chunk % len(settings)
         state, metrics = _play_and_learn(plan, state, settings[number], np.int32(number))
@@ -176,11 +172,9 @@ def _config(plan: Plan) -> DistillationConfig:
 
 def query_states(game: Game, visited: GameState, key: PRNGKeyArray) -> GameState:
     """Return states to learn from: those visited, as many around them, and a quarter as many each with the robots close
-    together and anywhere. An opponent that knows the student forces it into states that its own games do not visit. The
-    key is consumed.
+    together and anywhere, leaves `[games]`.
 
-    Args:
-        visited: leaves `[games]`.
+    An opponent that knows the student forces it into states that its own games do not visit. The key is consumed.
     """
     around_key, close_key, anywhere_key = jax.random.split(key, 3)
     games, some = len(visited.steps), len(visited.steps) // 4

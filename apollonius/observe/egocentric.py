@@ -49,11 +49,7 @@ class Egocentric(AbstractObservation):
     charted = True
 
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """Return the numbers of a view.
-
-        Raises:
-            InvalidInput: in an arena without a chart.
-        """
+        """Return the numbers of a view; raises InvalidInput in an arena without a chart."""
         return self.with_courses(view)[0]
 
     def with_courses(self, view: View) -> tuple[Float[Array, " size"], Courses]:

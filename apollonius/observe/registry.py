@@ -19,11 +19,7 @@ OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
 
 
 def find_observation(name: str) -> AbstractObservation:
-    """Return the observation of this name.
-
-    Raises:
-        InvalidInput: for an unknown name; lists the known ones.
-    """
+    """Return the observation of this name; raises InvalidInput for an unknown one, and lists the known ones."""
     require(name in OBSERVATIONS, "observation", name, f"one of {', '.join(OBSERVATIONS)}")
     return OBSERVATIONS[name]
 

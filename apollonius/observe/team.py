@@ -39,11 +39,7 @@ class Team(AbstractObservation):
     extends = EGOCENTRIC.name
 
     def __call__(self, view: View) -> Float[Array, " size"]:
-        """Return the numbers of a view.
-
-        Raises:
-            InvalidInput: in an arena without a chart.
-        """
+        """Return the numbers of a view; errors as of `egocentric`."""
         first = EGOCENTRIC(view)
         chart, own, opponent = view.chart, view.own.state, view.opponent.state
         ends = chart.cell_weights(own.x, own.y), chart.cell_weights(opponent.x, opponent.y)

@@ -89,11 +89,8 @@ only robot of a side."""
 
 
 def rows_of(states: GameState, role: Role) -> tuple[GameState, Int[Array, " rows"] | None]:
-    """Return a row for each robot of a side in each game: those of the first robots come first, then the second's.
-
-    Args:
-        states: of the games, leaves `[games]`.
-    """
+    """Return a row for each robot of a side in each game, leaves `[games]`: those of the first robots come first, then
+    the second's."""
     count, games = len(states.robots[role]), states.steps.shape[0]
     if count == 1:
         return states, None

@@ -182,11 +182,7 @@ def _described(game: Game) -> str:
 
 
 def save_report(report: Mapping[str, Any], path: Path) -> None:
-    """Write a report as one HTML file, atomically.
-
-    Raises:
-        InvalidInput: when it would be larger than `MAX_BYTES`; nothing is written.
-    """
+    """Write a report as one HTML file, atomically; raises InvalidInput where it is larger than `MAX_BYTES`."""
     html = render(report).encode(errors="replace")
     bound = f"at most {MAX_BYTES:,}; make the figures in the folder smaller"
     require(len(html) <= MAX_BYTES, "size of the report [bytes]", f"{len(html):,}", bound)

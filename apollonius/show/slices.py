@@ -89,10 +89,7 @@ def save_slice(
     """Save two maps of the arena as PNG: the value of a player's best action, and that action.
 
     Of a solved game the first one shows the barrier too: the line where the payoff that it promises its side is
-    neither a win nor a loss.
-
-    Args:
-        own: speed [m/s] and heading [rad] of the player's robot.
+    neither a win nor a loss. The player's `own` speed [m/s] and heading [rad] are given.
 
     Raises:
         InvalidInput: for an opponent outside the walls or inside a disc, or speeds that the robots cannot have.

@@ -132,9 +132,6 @@ def joint_grids(game: Game, counts: list[int]) -> tuple[Grid, Grid]:
 def solve_problem(problem: Problem, game: Game, report: Callable[[Sweep], None] = silent) -> Solution:
     """Solve a problem of a game.
 
-    Args:
-        report: called after each sweep.
-
     Raises:
         InvalidInput: for a grid that does not fit into memory, and a target that is not clear of everything.
     """

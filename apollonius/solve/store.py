@@ -85,11 +85,7 @@ class _Header:
 
 
 def save_solution(solution: Solution, path: Path) -> None:
-    """Write a solution's file, atomically.
-
-    Raises:
-        OSError: when the file cannot be written.
-    """
+    """Write a solution's file, atomically."""
     header = _Header(solution.problem, solution.sweeps, solution.residual)
     write_arrays(path, {"table": np.asarray(solution.table)}, header)
 

@@ -36,11 +36,8 @@ class TableClearance(eqx.Module):
 
 
 class Viability(eqx.Module):
-    """The judge of starts from which both robots can stay clear of everything for ever.
-
-    Attributes:
-        pursuer, evader: the clearance that each robot can keep.
-    """
+    """The judge of starts from which both robots can stay clear of everything for ever, by the clearance that each can
+    keep."""
 
     pursuer: Backup | TableClearance
     evader: Backup | TableClearance

@@ -22,11 +22,7 @@ _AT_AN_END = 0.8
 
 
 def fences(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Place thin walls across the arena, each with an opening or two.
-
-    Raises:
-        InvalidInput: where not two lanes fit.
-    """
+    """Place thin walls across the arena, each with an opening or two; raises InvalidInput where not two lanes fit."""
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)

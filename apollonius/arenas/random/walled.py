@@ -97,11 +97,7 @@ _MISSING = 0.15
 
 
 def racks(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Place rows of racks along x, or along y, with aisles around and across them.
-
-    Raises:
-        InvalidInput: where not one row fits.
-    """
+    """Place rows of racks along x, or along y, with aisles around and across; raises InvalidInput where no row fits."""
     along_y = bool(rng.integers(2))
     long, wide = (layout.height, layout.width) if along_y else (layout.width, layout.height)
     enough = f"at least {2 * layout.gap + _DEEP[0]:g} m each, a rack with an aisle on either side"
