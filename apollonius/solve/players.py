@@ -24,7 +24,7 @@ from apollonius.solve.zero_sum_game import ZeroSumGame, first_events
 
 
 class AbstractSearch(AbstractActionValuePolicy):
-    """A player that holds each of its actions by the rules and judges by what comes after, in the game from its side."""
+    """A player that holds each of its actions by the rules and judges by what comes after."""
 
     zero_sum_game: ZeroSumGame
 
