@@ -2,12 +2,16 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from apollonius.arenas.names import KINDS
 from apollonius.cli.options import add_json, answer, command, finish
 from apollonius.cli.values import count, known_game, new_file, real
 from apollonius.io.errors import require
 from apollonius.io.limits import DISCS, GAME_FILES, SEED
+
+GAMES = 40
+"""Games of each match of `check --players`."""
 
 
 def add_arena(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +23,8 @@ def add_arena(parser: argparse.ArgumentParser) -> None:
     check.add_argument("game", type=known_game, metavar="GAME", help="a .toml or .json file, or the name of a game")
     pictured = "write a picture of what was found (.png), or the game as the page reads it (.json, a new file)"
     check.add_argument("--out", type=new_file(".png", ".json"), metavar="FILE", help=pictured)
+    asked = f"play {GAMES} games of each match between rules and agents: who does best here, and where it stops"
+    check.add_argument("--players", action="store_true", help=asked)
     add_json(check)
     check.set_defaults(run=run_check)
     draw = actions.add_parser("random", help="write a game in a random arena in which every robot can go everywhere")
@@ -72,7 +78,16 @@ def run_check(options: argparse.Namespace) -> int:
     notes = [*found.notes, *([str(passage)] if passage else [])]
     lines = [*(f"wrong: {line}" for line in found.wrong), *(f"note: {line}" for line in notes)]
     verdict = [] if found.wrong else [f"{options.game}: nothing is wrong with this arena"]
-    answer(options, {"game": options.game, "wrong": found.wrong, "notes": notes}, "\n".join([*lines, *verdict]))
+    data: dict[str, Any] = {"game": options.game, "wrong": found.wrong, "notes": notes}
+    if options.players:
+        from apollonius.cli.terminal import advice_table
+        from apollonius.evaluate.advice import advise
+
+        options.display.begin("playing the players against each other", compiles=True)
+        advice = advise(game, GAMES, report=options.display.report)
+        data["players"] = advice.to_dict()
+        verdict.append(advice_table(advice))
+    answer(options, data, "\n".join([*lines, *verdict]))
     if saved:
         finish(saved, then=command("play", "--game", saved), json=options.json)
     elif options.out:

@@ -9,6 +9,7 @@ from apollonius.agents.names import SIDES
 
 if TYPE_CHECKING:
     from apollonius.cli.display import Display
+    from apollonius.evaluate.advice import Advice
     from apollonius.evaluate.card import Card
     from apollonius.evaluate.match import Match, MatchResult
     from apollonius.evaluate.tournament import Tournament
@@ -123,6 +124,23 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
     ):
         ranked = sorted(zip(points, reach, names, strict=True), reverse=True)
         lines.append(f"  {side} " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
+    return "\n".join(lines)
+
+
+def advice_table(advice: "Advice") -> str:
+    """Return the pursuers' win rates as lines of text, the best players, and where the pursuer stops."""
+    tournament, best, least = advice.tournament, advice.best, advice.least
+    table = [["pursuer wins", *tournament.evaders]]
+    for name, row in zip(tournament.pursuers, tournament.win_rates, strict=True):
+        table.append([name, *[f"{rate:.0%}" for rate in row]])
+    lines = [
+        *columns(table),
+        f"pursuer: {best.pursuer}, which wins {least.pursuer:.0%} of games at least",
+        f"evader: {best.evader}, which is not beaten in {least.evader:.0%} of games at least",
+    ]
+    if advice.stops:
+        places = ", ".join(f"({x:g}, {y:g})" for x, y in advice.stops)
+        lines.append(f"places [m] where {best.pursuer} was when a standing evader was not caught in time: {places}")
     return "\n".join(lines)
 
 
