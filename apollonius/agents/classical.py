@@ -53,11 +53,7 @@ class Uniform(AbstractPolicy):
 
 
 class AbstractClassical(AbstractActionValuePolicy):
-    """A player that reads the view and follows a rule.
-
-    Attributes:
-        dt: how long controls are held [s].
-    """
+    """A player that reads the view and follows a rule; controls are held for `dt` [s]."""
 
     dt: Real
 

@@ -15,11 +15,7 @@ from apollonius.observe.observation import AbstractObservation, Charted, Whole
 
 
 class AbstractGreedy(AbstractPolicy):
-    """A player at its network's best.
-
-    Attributes:
-        chart: of the arena, for a network that reads one where the game has none.
-    """
+    """A player at its network's best; `chart` is the arena's, for a network that reads one where the game has none."""
 
     network: eqx.AbstractVar[Any]
     chart: eqx.AbstractVar[Chart | None]

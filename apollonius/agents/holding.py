@@ -17,12 +17,7 @@ _DECIDE = 16
 
 
 class Holding(AbstractWrapper):
-    """A player that is asked in every n-th step of a game, and whose action is held in between.
-
-    Attributes:
-        policy: the player that decides.
-        steps: number of steps for which an action is held.
-    """
+    """A player that is asked in every n-th step of a game, and whose action is held in between."""
 
     steps: int = eqx.field(static=True)
 

@@ -52,11 +52,7 @@ class AbstractPlayers(eqx.Module):
     def act(
         self, member: Int[Array, " rows"], read: Read, rows: Any, memory: Memory, bits: UInt32[Array, " rows"]
     ) -> tuple[Actions, Memory]:
-        """Return each row's action and next memory, by the member that it meets.
-
-        Args:
-            read: turns a row into what the players read; with `rows` from `apollonius.observe.observation.perceive`.
-        """
+        """Return each row's action and next memory, by its member; `read` makes of a row what players read."""
 
 
 class Pool(AbstractPlayers):
@@ -162,12 +158,7 @@ class Assigned(AbstractPlayers):
 
 
 class Apart(AbstractPlayers):
-    """Players of several kinds, each of which has some games of a batch: the first those in front, and so on.
-
-    Attributes:
-        policies: the players; sides of one robot only.
-        games: how many games each has.
-    """
+    """Players of several kinds, for a side of one robot: each has some games of a batch, the first those in front."""
 
     policies: tuple[AbstractPolicy, ...]
     games: tuple[int, ...] = eqx.field(static=True)

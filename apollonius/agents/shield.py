@@ -133,10 +133,6 @@ class Shielded(AbstractWrapper):
 
     A player with continuous actions keeps its own where that is allowed, and otherwise has the allowed discrete action
     nearest to it.
-
-    Attributes:
-        policy: the player behind the shield.
-        backup: the manoeuvres.
     """
 
     backup: Backup
@@ -207,11 +203,7 @@ def _held_back(player: Shielded, seen: View, weighed: Any) -> Action:
 
 
 def brakes(game: Game, role: Role) -> Backup:
-    """Return full braking in three directions, for the robots of one side of a game.
-
-    Raises:
-        InvalidInput: when one of that side's robots cannot brake to rest.
-    """
+    """Return full braking in three directions, for one side; raises InvalidInput where one of its robots cannot."""
     kinds = game.scenario.kinds if game.scenario else None
     bodies = game.bodies[role] if kinds is None else kinds.every(role)
     for body in bodies:

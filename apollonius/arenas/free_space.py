@@ -56,13 +56,7 @@ def free_space(game: Game) -> FreeSpace:
 
 
 def largest_part(free: Bool[np.ndarray, "rows columns"], x: float, y: float, cell: float) -> FreeSpace:
-    """Return the largest part of a raster's free cells, and the number of islands in it.
-
-    Args:
-        free: the free cells, at least one, the first row at the bottom.
-        x, y: the lower left corner [m].
-        cell: side of a cell [m].
-    """
+    """Return the largest part of a raster's free cells, one of which there is, and the number of islands in it."""
     parts, count = connected(free, corners=False)
     largest = parts == 1 + np.argmax(np.bincount(parts[free])[1:])
     _, islands = connected(np.pad(~largest, 1, constant_values=True))

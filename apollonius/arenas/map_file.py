@@ -40,10 +40,6 @@ def load_map(path: Path, digest: str | None = None) -> OccupancyMap:
     above `occupied_thresh`, and the unknown ones between. A key of the package's own, `least_obstacle` [m^2], takes out
     connected occupied cells that cover less. Other keys are ignored, as map_server does.
 
-    Args:
-        path: the YAML file; the image is found from its folder.
-        digest: the digest that is wanted; None for any.
-
     Raises:
         InvalidInput: for a file that is missing or unreadable, an impossible value, a turned map, another digest.
     """
@@ -95,11 +91,7 @@ def connected(
 
 
 def save_map(cells: OccupancyMap, path: Path) -> None:
-    """Write a map's two files, from which `load_map` reads the same field.
-
-    Args:
-        path: the YAML file; the image lies beside it, and ends in `.pgm`.
-    """
+    """Write a map as a YAML file and a `.pgm` image beside it, from which `load_map` reads the same field."""
     from PIL import Image
 
     image = path.with_suffix(".pgm")

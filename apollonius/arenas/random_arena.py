@@ -64,9 +64,6 @@ def is_drawn(name: str) -> bool:
 def random_map(name: str, digest: str | None = None) -> OccupancyMap:
     """Draw the map of a random arena again, from its name, which holds everything: a replay needs no other file.
 
-    Args:
-        digest: the digest that is wanted; None for any.
-
     Raises:
         InvalidInput: for another name, one that draws no map, as `random_arena`, and for another digest.
     """

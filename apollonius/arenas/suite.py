@@ -86,11 +86,7 @@ def suite_names(suite: str, part: str | None = None) -> tuple[str, ...]:
 
 
 def suite_arena(suite: str, name: str) -> Arena:
-    """Return one arena of a suite.
-
-    Raises:
-        InvalidInput: for an unknown suite or name, and where the drawn arena is not the published one.
-    """
+    """Return one arena of a suite; raises InvalidInput for an unknown one, and where it is not drawn as published."""
     entries = {entry.name: entry for entry in suite_entries(suite)}
     require(
         name in entries, f"arena of {suite}", name, f"one of {', '.join(list(entries)[:2])} ... {list(entries)[-1]}"
@@ -141,22 +137,14 @@ def scenario_game(name: str) -> Game:
 
 @functools.cache
 def find_scenario(name: Any) -> Scenario:
-    """Return the arenas of a part of a suite, in `train` with its robots, or of a list, `suite-v1/maze-00,maze-01`.
-
-    Raises:
-        InvalidInput: for an unknown name, and as `suite_arena`.
-    """
+    """Return the arenas of a part of a suite, in `train` with its robots, or of a list; errors as of `suite_arena`."""
     arenas = _arenas(name)
     kinds = draw_robot_kinds(name.split("/")[0]) if name.endswith("/train") else None
     return Scenario(stack_arenas(arenas), len(arenas), kinds, name)
 
 
 def each_alone(game: Game) -> list[Game]:
-    """Return the game in each arena of its scenario alone; itself without a scenario.
-
-    Raises:
-        InvalidInput: for a scenario without a name, and as `find_scenario`.
-    """
+    """Return the game in each arena of its scenario alone, itself without one; errors as those of `find_scenario`."""
     if game.scenario is None:
         return [game]
     return [replace(game, arena=arena, scenario=None) for arena in _arenas(game.scenario.name)]

@@ -20,13 +20,9 @@ _SPEED_SECONDS = 600.0
 
 
 class Display(Progress):
-    """The progress of a command, as a context manager around all its work.
+    """The progress of a command, as a context manager around all its work; plain lines begin with its name.
 
     In a terminal, output that is printed meanwhile stands above the live bar.
-
-    Args:
-        command: the name that plain lines begin with.
-        get_time: returns the time [s].
     """
 
     def __init__(self, command: str, get_time: Callable[[], float] = time.monotonic) -> None:

@@ -82,11 +82,7 @@ def add_record_options(parser: argparse.ArgumentParser, about: str) -> None:
 
 
 def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> "Match":
-    """Return the match of two players that are named, of `options.games`, and warn of what is odd about it.
-
-    Raises:
-        InvalidInput: as `Match.of_names`, and for several arenas where `in_one_arena` asks for one.
-    """
+    """Return the match that is asked for, and warn of what is odd about it; errors as of `Match.of_names`."""
     from apollonius.arenas.file import find_game, game_in_one_arena
     from apollonius.evaluate.match import Match
 
@@ -97,11 +93,7 @@ def requested_match(options: argparse.Namespace, in_one_arena: bool = False) -> 
 
 
 def answer_varied(options: argparse.Namespace, play: "Callable[..., MatchResult]") -> int:
-    """Play a match for each value of `--vary`, print how often the pursuer wins, and draw it where `--out` says.
-
-    Args:
-        play: plays a match and counts, as `play_match`.
-    """
+    """Play a match for each value of `--vary`, as `play_match` does, and print or draw how often the pursuer wins."""
     from apollonius.arenas.file import game_in_one_arena
     from apollonius.cli.terminal import varied_table
     from apollonius.evaluate.vary import Variation, play_varied, varied_matches

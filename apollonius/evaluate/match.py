@@ -34,11 +34,7 @@ class StartFilter(Enum):
     """Starts from which both robots can stay clear of everything (`apollonius.solve.viability`)."""
 
     def sample(self, game: Game, key: PRNGKeyArray, games: int) -> GameState:
-        """Draw initial states of several games, leaves `[games]`. The key is consumed.
-
-        Raises:
-            InvalidInput: when hardly any start of the game is viable, and as `solve_viability`.
-        """
+        """Draw initial states of several games, leaves `[games]`; errors as of `viable_starts`. The key is consumed."""
         if self is StartFilter.ALL or _starts_at_rest(game):
             return sample_starts(game, key, games)
         return viable_starts(game, solve_viability(game), key, games)
@@ -83,20 +79,10 @@ def _starts_at_rest(game: Game) -> bool:
 
 @dataclass(frozen=True)
 class Match:
-    """A match that is asked for.
+    """A match that is asked for: a number of games, from those of the game's starts that the filter lets pass.
 
     Its starts depend on the game, the number of games, the seed and the filter alone, so matches of other players with
     the same ones are paired: they meet the very same starts.
-
-    Attributes:
-        game: by whose rules.
-        players: who plays either side.
-        games: how many.
-        seed: of the starts and of everything random in the games.
-        starts: which of the game's starts are played.
-
-    Raises:
-        InvalidInput: unless `games` is at least 1 and `seed` is not negative.
     """
 
     game: Game
@@ -113,14 +99,10 @@ class Match:
     def of_names(
         cls, game: Game | str, pursuer: str, evader: str, games: int, seed: int = 0, starts: str | None = None
     ) -> "Match":
-        """Return the match of a game and two players that are named, or whose files are.
-
-        Args:
-            game: the rules, or what they are called.
-            starts: as of `starting`.
+        """Return the match of two players in a game, by their names or files; `starts` are as of `starting`.
 
         Raises:
-            InvalidInput: as `find_game` and `find_player`, and as a match.
+            InvalidInput: as `find_game` and `find_player`, for less than one game, and for a seed below 0.
         """
         rules, which = starting(find_game(game) if isinstance(game, str) else game, starts)
         names = BySide(pursuer, evader)
@@ -148,17 +130,13 @@ def keys_of(seed: UInt32[Array, ""]) -> tuple[PRNGKeyArray, PRNGKeyArray]:
     return start_key, play_key
 
 
-def play_match(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> MatchResult:
-    """Play the games of a match and count.
+def play_match(match: Match, report: Report = lambda done, total: None) -> MatchResult:
+    """Play the games of a match and count; raises InvalidInput where too few of the starts that it asks for are viable.
 
     Args:
-        slots: games under way at a time, as in `play_out`; they change nothing but the time it takes.
         report: called several times in a second with the numbers of games ended, and of games.
-
-    Raises:
-        InvalidInput: when hardly any start of the game is viable, and those are asked for.
     """
-    return count(match, play_games(match, slots, report))
+    return count(match, play_games(match, report=report))
 
 
 def play_matches(
@@ -177,7 +155,7 @@ def play_matches(
 
 
 def play_games(match: Match, slots: int | None = None, report: Report = lambda done, total: None) -> Results:
-    """Play the games of a match; arguments and errors as those of `play_match`."""
+    """Play the games of a match, in slots as `play_out`; errors are those of `play_match`."""
     return play_out(match.rules, match.pools, *begin(match), slots=slots, report=report)
 
 

@@ -12,11 +12,7 @@ Z = NormalDist().inv_cdf(0.975)
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % score interval of a rate, within [0, 1].
-
-    Raises:
-        ValueError: unless `0 <= successes <= trials` and `trials >= 1`.
-    """
+    """Return Wilson's 95 % score interval of a rate, within [0, 1]; raises ValueError for counts that cannot be."""
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes in {trials} trials")
     rate, z = successes / trials, Z
@@ -63,12 +59,6 @@ def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
 
     Args:
         counts: how often it happened and how often it could have, of each seed.
-
-    Returns:
-        Lower and upper end, in [0, 1].
-
-    Raises:
-        ValueError: without seeds, or for counts that cannot be.
     """
     times, trials = (sum(column) for column in zip(*counts, strict=True))
     of_games = wilson_interval(times, trials)

@@ -42,15 +42,7 @@ class SuiteCard:
 
 
 def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
-    """Play all rounds of an agent and return its card.
-
-    Args:
-        name: a player's, or the file of an agent from outside, which the interpreter `python` runs.
-        report: called with the games played and to play.
-
-    Raises:
-        InvalidInput: as `Benchmark.find`.
-    """
+    """Play all rounds of an agent, by its name or its file, and return its card; errors as of `Benchmark.find`."""
     agent, side = benchmark.find(name, python), "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
     for opponent, played in _play(benchmark, agent, range(ROUNDS), report):

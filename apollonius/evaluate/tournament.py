@@ -33,12 +33,7 @@ Points = Float[np.ndarray, " _"]
 
 @dataclass(frozen=True)
 class Ratings:
-    """Elo ratings of all players of a tournament.
-
-    Attributes:
-        pursuers, evaders: the ratings.
-        pursuer_reach, evader_reach: half the width of each one's 95 % interval, relative to the mean of all.
-    """
+    """Elo ratings of all players of a tournament, each with half the width of its 95 % interval (`reach`)."""
 
     pursuers: Points
     evaders: Points
@@ -52,10 +47,6 @@ def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> Ratings:
     The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), of two sides that never meet
     their own; the evader wins what the pursuer does not. Intervals are Wald's, from the curvature of the likelihood: of
     the games' chance alone, as if players did not beat each other in circles.
-
-    Args:
-        wins: of the pursuer in each match.
-        games: in each match.
     """
     pursuers, evaders = wins.shape
     trials = games + 2 * _PRIOR
@@ -75,12 +66,7 @@ def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> Ratings:
 
 @dataclass(frozen=True)
 class Tournament:
-    """The players of both sides and their matches.
-
-    Attributes:
-        pursuers, evaders: what the players are called.
-        matches: a row for each pursuer, in it a match with each evader.
-    """
+    """The names of the players of both sides and, in a row for each pursuer, its match with each evader."""
 
     pursuers: tuple[str, ...]
     evaders: tuple[str, ...]

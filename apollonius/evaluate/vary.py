@@ -23,12 +23,7 @@ from apollonius.play.playout import Report
 
 @dataclass(frozen=True)
 class Variation:
-    """A number of a game and the values that it takes.
-
-    Attributes:
-        field: dotted path of the number in the game, as `pursuer.v_max` or `arena.discs.0.radius`.
-        values: in the order in which they are played and shown.
-    """
+    """A number of a game, by its dotted path as `arena.discs.0.radius`, and its values in their order."""
 
     field: str
     values: tuple[float, ...]
@@ -36,13 +31,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class VariedMatches:
-    """Results of two players' matches over one or two varied numbers of a game.
-
-    Attributes:
-        match: the first of the matches: players, number of games, seed and starts are those of all.
-        variations: the numbers that were varied.
-        results: by the values of the first number, then of the second.
-    """
+    """Results of two players' matches over the values of one number of a game or two; `match` is the first one."""
 
     match: Match
     variations: tuple[Variation, ...]
@@ -70,11 +59,7 @@ def numbers_of(game: Game) -> dict[str, float]:
 
 
 def with_numbers(game: Game, numbers: dict[str, float]) -> Game:
-    """Return a game with other numbers at some dotted paths.
-
-    Raises:
-        InvalidInput: for a path that is not among `numbers_of`, and for values that no game can be played with.
-    """
+    """Return a game with other numbers at some dotted paths; raises InvalidInput for impossible paths and values."""
     known = numbers_of(game)
     for field in numbers:
         if field not in known:
@@ -107,11 +92,6 @@ def varied_matches(
 ) -> list[Match]:
     """Return a match of two players for each value of a number of the game, or each pair of values of two numbers.
 
-    Args:
-        names: of the players, as `find_player` takes them.
-        variations: one or two.
-        games, seed, starts: as of `Match.of_names`, the same for each match.
-
     Raises:
         InvalidInput: as `with_numbers` and `Match.of_names`.
     """
@@ -142,13 +122,10 @@ def _with_policy(match: Match, role: Role, policy: AbstractPolicy) -> Match:
 
 
 def alike(policies: Sequence[AbstractPolicy]) -> list[AbstractPolicy]:
-    """Return players whose shields all brake for as many steps and look at as many edges as any shield.
+    """Return players of one side whose shields all brake for as many steps and look at as many edges as any shield.
 
     No shield decides otherwise: a robot that has come to rest stays there, and the edges that are added are far from
     everywhere. Players without a shield are left as they are.
-
-    Args:
-        policies: of one side, in games of one arena; all behind shields, or none.
     """
     backups = [policy.backup for policy in policies if isinstance(policy, Shielded)]
     if not backups:

@@ -137,7 +137,6 @@ class Compiled:
 
     Raises:
         InvalidInput: where there is no gcc.
-        subprocess.CalledProcessError: where it complains.
     """
 
     def __init__(self, program: Program, flags: Sequence[str] = FLAGS) -> None:

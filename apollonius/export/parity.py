@@ -65,12 +65,7 @@ class Parity:
 
 
 def cases_of(player: Player, count: int, seed: int = 0) -> Cases:
-    """Return states of games against a random opponent, 100 at a time; a game that ends begins again.
-
-    Args:
-        count: how many; a multiple of 100 is played and cut.
-        seed: of starts and of everything random in the games.
-    """
+    """Return states of games against a random opponent, 100 at a time; a game that ends begins again."""
     policy = solo(player.package)
     states, memory, bits = _play(player.game, policy, player.role, jax.random.key(seed), -(-count // _GAMES))
     rows = [np.stack(jax.tree.leaves(robot), axis=-1) for robot in _own_first(states.robots, player.role)]

@@ -105,14 +105,7 @@ def _decide(role: Role, sides: BySide[int]) -> Callable[..., dict[str, Any]]:
 
 
 def side_of(name: str, given: str | None = None) -> Role:
-    """Return the side that a player plays.
-
-    Args:
-        given: the side that was asked for, for players that play either.
-
-    Raises:
-        InvalidInput: where it plays the other one only, or either and nobody said which.
-    """
+    """Return the side that a player plays, or the given one of a player of either; raises InvalidInput otherwise."""
     bare = name.removeprefix(SHIELDED)
     sides = PLAYERS[bare][1] if bare in PLAYERS else (Role[find_trained(bare)[0].header.role.upper()],)
     named = [side.name.lower() for side in sides]
@@ -122,11 +115,7 @@ def side_of(name: str, given: str | None = None) -> Role:
 
 
 def home_of(name: str) -> Game:
-    """Return the game that a player was made for; `paper` for one that was made for none.
-
-    Raises:
-        InvalidInput: where it was made for many arenas, or its file does not say.
-    """
+    """Return the game that a player was made for, `paper` for none; raises InvalidInput for many arenas."""
     bare = name.removeprefix(SHIELDED)
     if bare in PLAYERS:
         return make_game("paper")

@@ -18,14 +18,7 @@ _KEYWORDS = re.compile(
 
 @dataclass(frozen=True)
 class Leaf:
-    """An array of an argument or of the result.
-
-    Attributes:
-        name: an identifier, from its place in the pytree.
-        kind: the name of its NumPy type.
-        shape: its shape, `()` for a scalar.
-        place: which of the pytree's leaves it is.
-    """
+    """An array of an argument or of the result: its name by its place in the pytree, its NumPy type, its shape."""
 
     name: str
     kind: str

@@ -34,20 +34,17 @@ class Written:
     about: tuple[str, ...]
 
 
-def translate(function: Callable[..., Any], *arguments: Any, to: str = "c", name: str = "program") -> dict[str, str]:
-    """Return a JAX function as a program that needs no JAX: the texts of its files, by their names.
+def translate(function: Callable[..., Any], *arguments: Any, name: str = "program") -> dict[str, str]:
+    """Return a JAX function as a program in C99 that needs no JAX: the texts of a source and its header, by name.
 
     Args:
         function: a function of pytrees of arrays, which JAX can trace.
         arguments: pytrees of arrays or numbers, of the shapes that the program shall take.
-        to: the language, `c`: C99, a source and its header.
         name: what the program and its files are called: a name of C.
 
     Raises:
-        InvalidInput: for a language that is not known, and for a primitive or a number type that cannot be translated,
-            with the line that it comes from.
+        InvalidInput: for a primitive or a number type that cannot be translated, with the line that it comes from.
     """
-    require(to == "c", "to", to, "c, the language that there is")
     program = translated(function, *arguments, name=name)
     return {f"{name}.h": header(program), f"{name}.c": source(program)}
 
@@ -111,8 +108,7 @@ def _given(player: Player, constants: bool) -> tuple[Any, ...]:
 
 
 def _check(program: Program, player: Player, constants: bool, states: int) -> list[str]:
-    """Return lines that say whether, and how quickly, the program decides as the package's player; errors as of
-    `check`."""
+    """Return lines that say whether the program decides as the package's player, and how quickly, as `check`."""
     try:
         compiled = Compiled(program)
     except InvalidInput as reason:
@@ -128,11 +124,7 @@ def _check(program: Program, player: Player, constants: bool, states: int) -> li
 
 
 def check(decide: Decide, player: Player, states: int) -> list[str]:
-    """Return what comparing an exported player with the package's came to.
-
-    Raises:
-        InvalidInput: if one decision differs by more than rounding.
-    """
+    """Return what comparing a player with the package's came to; raises InvalidInput where it decides otherwise."""
     parity = compare(decide, player, cases_of(player, states))
     if parity.errors:
         raise InvalidInput(

@@ -77,13 +77,10 @@ class _Events(eqx.Module):
 
 @fusion_barrier
 def judge(game: Judged, before: GameState, after: GameState) -> tuple[Int[Array, ""], Statuses | None]:
-    """Judge a step by the states at its two ends.
+    """Return the outcome of a step by the states at its two ends, and the status of each robot; None in a game of two.
 
     A side is beaten when no robot of it is active any more. The game then has the outcome of the last one, by the order
     of `decide`: so the pursuers win by capturing the last evader, even if no pursuer is active any more.
-
-    Returns:
-        The outcome, and the status of each robot; None in a game of two, where the outcome implies it.
     """
     events = ROLES.map(lambda role: _events(game, before, after, role))
     beaten = events.map(lambda side: ~_any(robot.stays for robot in side))

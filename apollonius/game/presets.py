@@ -74,11 +74,7 @@ PRESETS: dict[str, Callable[[], Game]] = {
 
 
 def make_game(name: str) -> Game:
-    """Return the game of a name: a preset, or as `team-3v1` the `paper` game with three pursuers and one evader.
-
-    Raises:
-        InvalidInput: for an unknown name; lists the known ones.
-    """
+    """Return the game of a name: a preset, or as `team-3v1`; raises InvalidInput for an unknown one."""
     if found := TEAM.fullmatch(name):
         return in_teams(paper(), int(found[1]), int(found[2]))
     if name not in PRESETS:
@@ -123,10 +119,7 @@ _KINDS = 64
 
 def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
     """Return a game in which each start draws these numbers of the robots, their sensors and drives (domain
-    randomisation: Tobin et al., 2017; of dynamics Peng et al., 2018).
-
-    Raises:
-        InvalidInput: as `RobotKinds.spread`.
+    randomisation: Tobin et al., 2017; of dynamics Peng et al., 2018); errors as of `RobotKinds.spread`.
     """
     scenario = game.scenario
     if scenario is None:

@@ -134,11 +134,7 @@ class Scenario(eqx.Module):
 
 
 def stack_arenas(arenas: Sequence[Arena]) -> Arena:
-    """Return arenas as one, leaves `[arenas]`: those with fewer obstacles or smaller maps than others are `padded`.
-
-    Raises:
-        InvalidInput: for arenas of which only some have a territory.
-    """
+    """Return arenas as one, leaves `[arenas]`, smaller ones `padded`; raises InvalidInput unless they are alike."""
     maps = [arena.map.field.shape for arena in arenas if arena.map]
     corners_of_map = tuple(np.max(maps, axis=0).tolist()) if maps else None
     discs = max(len(arena.discs) for arena in arenas)

@@ -124,11 +124,7 @@ def check_space_to_start(arena: Arena, bodies: Bodies, starts: Starts) -> None:
 
 
 def _check_space_for_mates(bodies: Bodies, starts: Starts, free: Sequence[Points]) -> None:
-    """Refuse teams whose last robots find no start, wherever the first ones are.
-
-    Args:
-        free: some points [m] at which a pursuer can start, and some for an evader.
-    """
+    """Refuse teams whose last robots find no start among some free points [m], wherever the first ones are."""
     rng = np.random.default_rng(1)
     # In the order in which starts are drawn.
     order = [(side, body) for part in (slice(1), slice(1, None)) for side in (0, 1) for body in bodies[side][part]]

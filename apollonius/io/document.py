@@ -109,11 +109,7 @@ def parse_json(content: str | bytes, about: str) -> dict[str, Any]:
 
 
 def parse_toml(content: bytes, path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file, of which the path is for the message.
-
-    Raises:
-        InvalidInput: when it is no TOML, is nested too deeply, or has a number that is not finite.
-    """
+    """Return the tables of a TOML file, of which the path is for the message; errors as those of `parse_json`."""
     about = f"'{path}' is no TOML file; correct it"
     try:
         data = tomllib.loads(content.decode())

@@ -52,11 +52,7 @@ def unknown_name(kind: str, name: str, known: Sequence[str], others: str, meant:
 
 
 def require(holds: Any, name: str, value: object, bound: str) -> None:
-    """Refuse a value of this name, by InvalidInput, unless the condition holds.
-
-    Args:
-        bound: completes "it must be ...", with the remedy.
-    """
+    """Refuse a value of this name, by InvalidInput, unless the condition holds: "it must be" within the bound."""
     if not holds:
         raise InvalidInput(f"{name} = {shown(value)} is not possible: it must be {bound}.")
 

@@ -37,13 +37,7 @@ def available_memory() -> int:
 
 @dataclass(frozen=True)
 class Counted:
-    """The bounds of a count.
-
-    Attributes:
-        bytes_each: memory for one.
-        most: upper bound, however large the memory is.
-        least: lower bound.
-    """
+    """The bounds of a count: the memory for one [bytes], and the most and the least, however large the memory is."""
 
     bytes_each: int
     most: int = MOST_COUNTED

@@ -21,13 +21,10 @@ FIXED_TARGET, SELF_PLAY, DISTILLATION = STAGES = "fixed-target", "self-play", "d
 
 
 def require_pay_in_play(game: Game, role: Role) -> None:
-    """Refuse to train a team by a reward that comes after its robots can be out of play.
+    """Refuse to train a team by a reward that comes after its robots can be out of play: in the zero-sum profile.
 
-    A robot learns until it is out of play. By the zero-sum profile it would not learn that its side lost or won
-    after that, and leaving early would cost nothing.
-
-    Raises:
-        InvalidInput: for a side of several robots in the zero-sum profile.
+    A robot learns until it is out of play. By that profile it would not learn that its side lost or won after that,
+    and leaving early would cost nothing.
     """
     paid = len(game.bodies[role]) == 1 or game.reward.profile != "zero-sum"
     require(paid, "reward.profile", game.reward.profile, "'paper' for a team that learns, which pays robots in play")

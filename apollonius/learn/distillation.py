@@ -55,12 +55,7 @@ Labels = tuple[Float[Array, "rows size"], Float[Array, "rows 9"]]
 def start_distillation(
     plan: Plan, settings: Sequence[Setting], key: PRNGKeyArray, network: Network | None = None
 ) -> TrainState:
-    """Return the state before the first step. The key is consumed.
-
-    Args:
-        settings: one in each arena, of one shape.
-        network: the one to go on from; None starts from random weights.
-    """
+    """Return the state before the first step, from random weights where there is no network. The key is consumed."""
     network_key, start_key, train_key = jax.random.split(key, 3)
     learner = first_learner(plan, network_key, network)
     keys = jax.random.split(start_key, len(settings))

@@ -70,11 +70,7 @@ def update(learner: DQNLearner, batch: Batch, learning_rate: Scalar, config: DQN
 
 
 def step(learner: DQNLearner, gradient: Any, learning_rate: Scalar, averaging: float) -> DQNLearner:
-    """Return the learner after one step of Adam along a gradient.
-
-    Args:
-        averaging: part of the way that the averaged weights go towards the network; 1 takes the network itself.
-    """
+    """Return the learner after one step of Adam along a gradient; the averaged weights go towards the network."""
     direction, optimiser = _adam.update(gradient, learner.optimiser)
     network = eqx.apply_updates(learner.network, jax.tree.map(lambda step: -learning_rate * step, direction))
     average = network

@@ -50,11 +50,7 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
 
 @contextmanager
 def held(folder: Path) -> Generator[None, None, None]:
-    """Keep other processes from training in a run's folder, where the file system has locks.
-
-    Raises:
-        InvalidInput: when one is training there.
-    """
+    """Keep other processes from training in a run's folder, if it has locks; raises InvalidInput while one does."""
     directory = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -135,21 +131,13 @@ class Standing:
 
 
 def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
-    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one.
-
-    Raises:
-        OSError: when the disk is full or read-only; the previous checkpoint is untouched.
-    """
+    """Write a pytree of arrays and keys, and how far the run is, so that a crash leaves the old file or the new one."""
     arrays = {name: np.asarray(_without_key_type(leaf)) for name, leaf in named_leaves(state).items()}
     write_atomically(path, save(arrays, {FORMAT: to_json(asdict(standing))}))
 
 
 def load_standing(path: Path) -> Standing:
-    """Return how far the run of a checkpoint is.
-
-    Raises:
-        InvalidInput: for a missing, truncated or foreign file, and a record that cannot be.
-    """
+    """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file."""
     if not path.is_file():
         raise InvalidInput(f"there is no checkpoint '{path}': the run had not begun; start it with `apollonius train`.")
     with opened(path, "train again", "checkpoint") as file:

@@ -44,13 +44,7 @@ class Metrics(eqx.Module):
 def chunks(
     plan: Plan, game: Game, state: TrainState, fixed: Mapping[Role, Pool], done: int = 0
 ) -> Iterator[tuple[TrainState, Metrics]]:
-    """Train a stage chunk by chunk.
-
-    Args:
-        game: with the rewards of the stage.
-        state: before the next chunk; each state is consumed by the next one.
-        fixed: the players of a side that does not learn.
-    """
+    """Train a stage chunk by chunk, in the game with its rewards; each state is consumed by the next one."""
     for chunk in range(done, plan.chunks):
         if plan.renews_after(chunk):
             state = renew_opponents(plan, game, state)

@@ -61,11 +61,7 @@ class MetricsLine:
 def measure(
     stage: str, train: TrainState, metrics: Metrics, evaluation: Evaluation | None, seconds: float, speed: float
 ) -> MetricsLine:
-    """Return the line of a chunk.
-
-    Args:
-        seconds: that the stage has taken.
-        speed: env steps per second in the chunk.
+    """Return the line of a chunk, after some seconds of the stage, at a speed in env steps per second.
 
     Raises:
         InvalidInput: when the losses are beyond all bounds, so that the weights are no good.
@@ -135,11 +131,7 @@ def load_metrics(path: Path, size: int | None = None, within: Path | None = None
 
 
 def last_lines(path: Path) -> tuple[MetricsLine | None, Evaluation | None]:
-    """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any.
-
-    Raises:
-        InvalidInput: as `load_metrics`.
-    """
+    """Return the last line of a `metrics.jsonl` that may be written to, and the last evaluation in it, if any."""
     if not path.exists():
         return None, None
     *whole, _ = read_bytes(path, "a run's metrics", "train again", _MOST_BYTES).split(b"\n")

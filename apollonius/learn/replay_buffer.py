@@ -57,11 +57,7 @@ class Batch(eqx.Module):
 
 
 def init(rows: int, games: int, size: int, action: jax.ShapeDtypeStruct, of_teams: bool = False) -> ReplayBuffer[Row]:
-    """Return an empty ring for `rows` steps of `games` games, by the sizes of observations and actions.
-
-    Args:
-        of_teams: whether robots can be out of play.
-    """
+    """Return an empty ring for `rows` steps of `games` games, by the sizes of observations and actions."""
 
     def zeros(shape: tuple[int, ...] = (), dtype: Any = jnp.float32) -> Array:
         return jnp.zeros((rows, games, *shape), dtype)

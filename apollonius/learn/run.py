@@ -226,11 +226,7 @@ def train(folder: Path, should_stop: Callable[[], bool]) -> bool:
 
 
 def load_first(config: RunConfig, role: Role) -> Network | None:
-    """Return the network that a side starts from, if the config names one.
-
-    Raises:
-        InvalidInput: when there is no such agent, or the config trains another kind of network.
-    """
+    """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
     name = config.first[role]
     return None if name is None else config.learner.fitted(load_network(name, role), role.name.lower(), name)
 

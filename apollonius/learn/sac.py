@@ -72,13 +72,10 @@ def init(config: SACConfig, key: PRNGKeyArray, actor: Network | None = None) -> 
 def sample(
     actor: GaussianActor, observations: Float[Array, "batch size"], noise: Actions
 ) -> tuple[Actions, Float[Array, " batch"]]:
-    """Return actions drawn by the actor, as functions of its weights, and their log densities (Eq. 20).
+    """Return actions drawn by the actor with standard normal noise, by its weights, and their log densities (Eq. 20).
 
     With u normal and a = tanh(u), the density of a is that of u over 1 - tanh(u)^2, whose logarithm is written as
     2 (log 2 - u - softplus(-2 u)), which neither overflows nor loses its digits far out.
-
-    Args:
-        noise: standard normal numbers.
     """
     mean, deviation = actor.batch(observations)
     before = mean + deviation * noise

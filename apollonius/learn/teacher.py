@@ -85,8 +85,7 @@ class Teacher(eqx.Module):
     clearance: Clearance | None
 
     def values(self, game: Game, states: GameState, role: Role) -> Float[Array, "games 9"]:
-        """Return the values of the nine actions for one side in states, leaves `[games]`, in the player's units; the
-        best has the player's value."""
+        """Return one side's values of the nine actions in states, leaves `[games]`; the best has the player's value."""
         read, rows = perceive(self.policy.observation, game, states, role)
         bits = jnp.zeros((), jnp.uint32)
         values = jax.vmap(lambda row: self.policy.weigh(read(row), self.policy.memory, bits)[0])(rows)

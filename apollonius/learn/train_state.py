@@ -101,11 +101,7 @@ def players(
     archives: BySide[archive.Archive] | None,
     amount: Scalar,
 ) -> Pool | Assigned:
-    """Return the players of one side: the fixed ones, or its learner and, in the slots, its earlier versions.
-
-    Args:
-        amount: how much the learner explores (`apollonius.agents.trained.exploring`).
-    """
+    """Return the players of one side: the fixed ones, or its learner and, in the slots, its earlier versions."""
     if role in fixed:
         return fixed[role]
     learner = exploring(learners[role].learner.network, amount)

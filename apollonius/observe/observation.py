@@ -51,12 +51,7 @@ class AbstractObservation(Whole):
 
 @dataclass(frozen=True)
 class Charted(Whole):
-    """An observation with a chart of its own, for games whose arena has none.
-
-    Attributes:
-        observation: needs a chart.
-        chart: of the arena that is played in.
-    """
+    """An observation that needs a chart, with that of the arena, for games whose arena has none."""
 
     observation: AbstractObservation
     chart: Chart
@@ -71,9 +66,6 @@ def perceive(observation: Whole, game: Game, states: GameState, role: Role) -> t
 
     Numbers are made here, for all rows at once. A whole view is made inside the player's `vmap`: outside, all that
     games have in common would be stored once for each.
-
-    Args:
-        states: of the games, leaves `[games]`.
     """
     rows, view = rows_of(states, role), partial(look_from, game, role)
     if observation == WHOLE:

@@ -45,11 +45,7 @@ class Trajectory(eqx.Module):
 
 
 class _Recorder(AbstractWatcher):
-    """The number of steps of a game, and all robots' actions in them.
-
-    Attributes:
-        actions: of a game that has not begun, zeros for as many steps as it can last.
-    """
+    """The number of steps of a game, and all robots' actions in them; at first zeros for the longest game."""
 
     actions: AllActions
 
@@ -182,11 +178,7 @@ def save_replay(replay: Replay, path: Path) -> None:
 
 
 def load_replay(path: Path) -> Replay:
-    """Return the replay of a file.
-
-    Raises:
-        InvalidInput: when it is missing, no replay, of another version, or cannot have been played.
-    """
+    """Return the replay of a file; raises InvalidInput where it is missing or cannot have been played."""
     content = read_bytes(path, "a replay", "check the path", _MOST_BYTES)
     data = parse_json(content, f"'{path}' is no replay; record it again")
     version = data.get("format")

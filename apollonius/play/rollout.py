@@ -85,11 +85,7 @@ class Games(eqx.Module):
 
 
 def begin(game: Game, starts: GameState, players: BySide[AbstractPlayers], bits: UInt32[Array, "2 games"]) -> Games:
-    """Return games at their starts, with members drawn from both pools.
-
-    Args:
-        bits: random bits for each side of each game, of which members are drawn from the upper half.
-    """
+    """Return games at their starts, with members drawn from both pools by the upper half of random bits."""
 
     def side(role: Role) -> SideState:
         own, robots = bits[role], len(starts.robots[role])
@@ -175,11 +171,7 @@ def step_driven(
 def decide(
     players: AbstractPlayers, side: SideState, seen: tuple[Read, Any], bits: UInt32[Array, " games"]
 ) -> tuple[tuple[Actions, ...], Memory]:
-    """Return the actions of each of a side's robots in many games, and their next memory.
-
-    Args:
-        seen: by its robots, from `apollonius.observe.observation.perceive`.
-    """
+    """Return the actions of a side's robots in many games, who see what `perceive` returned, and their next memory."""
     read, rows = seen
     robots = side.episode_return[0].size
     memory = jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1).reshape(-1, *leaf.shape[2:]), side.memory)

@@ -26,16 +26,7 @@ def reproduce(
     report: Callable[[str], None] = print,
     on: str = "processes",
 ) -> bool:
-    """Train the agents of all seeds, then make every section and write the report.
-
-    Args:
-        budget: name of a training preset.
-        seeds: how many, from 0.
-        resume: go on with a study that was stopped.
-        on: where trainings run, as `run_jobs` has it.
-
-    Returns:
-        Whether it is finished; False after Ctrl-C.
+    """Train the agents of seeds from 0 by a preset, make every section and write the report; return False after Ctrl-C.
 
     Raises:
         InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
@@ -60,10 +51,7 @@ def reproduce(
 
 
 def _train_missing(study: Study, report: Callable[[str], None], on: str) -> bool:
-    """Train the runs that are not finished, several at a time; those that were stopped are resumed.
-
-    Returns:
-        Whether all are finished.
+    """Train the runs that are not finished, or resume them, several at a time; return whether all are finished.
 
     Raises:
         InvalidInput: when a run's folder holds another training than asked for, before anything is trained; when a

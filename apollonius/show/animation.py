@@ -35,11 +35,7 @@ _SIGN = 12
 
 
 class Captioned:
-    """A game under way: above the arena names and legend, below it the clock and at the end the outcome.
-
-    Args:
-        speed: seconds of the game in one of the picture, which is named where it is not 1.
-    """
+    """A game under way: above the arena names and legend, below it the clock and at the end the outcome."""
 
     def __init__(self, replay: Replay, speed: float = 1.0) -> None:
         self._replay, self._canvas = replay, Canvas(replay.game)

@@ -20,8 +20,7 @@ _SIDES = {"pursuer": palette.PURSUER, "evader": palette.EVADER}
 
 
 def learning_pictures(lines: Sequence[MetricsLine], against: Sequence[str]) -> list[Markup]:
-    """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, as far as they were measured;
-    stage 1 is `against` these evaders."""
+    """Return curves of greedy games, rewards and losses of a stage as `<svg>` elements, if they were measured."""
     stage = lines[0].stage
     evaluations = evaluations_of(lines, stage)
     pictures = []

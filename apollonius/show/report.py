@@ -45,11 +45,7 @@ _HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Shown:
-    """A game to watch.
-
-    Attributes:
-        times: how many games of this pairing ended in this way.
-    """
+    """A game to watch, and how many games of its pairing ended in this way."""
 
     replay: Replay
     times: int
@@ -81,11 +77,7 @@ class Shown:
 
 
 def games_to_show(match: Match) -> list[Shown]:
-    """Return one game for each outcome that occurs in a match, in the order of `worst_first`.
-
-    Raises:
-        InvalidInput: when its games may last for more than `LONGEST` steps.
-    """
+    """Return one game for each outcome of a match, in the order of `worst_first`; raises InvalidInput if too long."""
     bound = f"at most {LONGEST:,}, or no page could hold them"
     require(match.game.max_steps <= LONGEST, "steps of a game that a report shows", match.game.max_steps, bound)
     results = play_games(match)
@@ -98,11 +90,7 @@ def games_to_show(match: Match) -> list[Shown]:
 
 @dataclass(frozen=True)
 class Judged:
-    """The result of a match between two agents.
-
-    Attributes:
-        paper: the paper's shares of outcomes for such a pairing, as far as it reports them.
-    """
+    """The result of a match between two agents, and the paper's shares of outcomes, as far as it reports them."""
 
     pursuer: str
     evader: str
@@ -116,11 +104,7 @@ class Judged:
 
 
 def load_matches(path: Path) -> list[Judged]:
-    """Return the matches of an `evaluation.json`; none where the run was not judged.
-
-    Raises:
-        InvalidInput: when it is not what training writes, or leads outside its folder.
-    """
+    """Return the matches of an `evaluation.json`, or nothing without one; raises InvalidInput for another file."""
     if not path.exists():
         return []
     remedy, run = "remove it, or train again", path.parent.resolve().name
@@ -135,11 +119,7 @@ def load_matches(path: Path) -> list[Judged]:
 
 
 def report_of(folder: Path) -> dict[str, Any]:
-    """Return all that the report of a training run shows, finished or not, by the names that `report.html` has for it.
-
-    Raises:
-        InvalidInput: when a file of the run is missing or not what training writes.
-    """
+    """Return all that the report of a training run shows, finished or not, by the names in `report.html`."""
     config, lines = load_config(folder / "config.toml", folder), load_metrics(folder / "metrics.jsonl", within=folder)
     plans = {FIXED_TARGET: config.fixed_target, SELF_PLAY: config.self_play}
     stages = {name: plan for name, plan in plans.items() if config.stages in (name, "both")}

@@ -48,11 +48,7 @@ def slice_values(
     opponent: RobotState,
     cells: int = CELLS,
 ) -> Slice:
-    """Return the values of all actions over the arena, on a number of cells along each side.
-
-    Args:
-        own: speed [m/s] and heading [rad] of the player's robot, the same everywhere.
-    """
+    """Return the values of all actions over the arena, at the player's own speed [m/s] and heading [rad]."""
     arena = game.arena
     x, y = (
         float(low) + float(high - low) * (np.arange(cells, dtype=np.float32) + 0.5) / cells

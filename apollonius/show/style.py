@@ -55,10 +55,7 @@ def picture(path: Path, columns: int = 1, width: float = 4.6, height: float = 3.
 def inline_svg(draw: Callable[[Axes], None], label: str) -> str:
     """Return a figure of one panel as an `<svg>` for a page that defines the palette's colours as CSS variables.
 
-    The same figure serves light and dark pages. Letters stay text.
-
-    Args:
-        label: what the figure shows, for readers who do not see it; plain text that needs no escaping.
+    The same figure serves light and dark pages. Letters stay text; the label is plain text for who does not see it.
     """
     settings: dict[Any, Any] = _SETTINGS | {"svg.fonttype": "none", "svg.hashsalt": label}
     with mpl.rc_context(settings):

@@ -75,12 +75,9 @@ def load_drive(path: Path | None) -> Drive:
 
 @dataclass
 class References:
-    """What the drives of a batch of robots are following. It changes as they go.
+    """What the drives of a batch of robots are following: speed [m/s], turn rate [rad/s], and controls now in force.
 
-    Attributes:
-        v: speed [m/s].
-        turn_rate: [rad/s].
-        controls: acceleration [m/s^2] and turn rate [rad/s] now in force; new ones replace them after the latency.
+    It changes as they go; new controls replace those after the latency.
     """
 
     v: Float[np.ndarray, "games robots"]

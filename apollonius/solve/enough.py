@@ -35,13 +35,7 @@ ALWAYS = 3
 
 @dataclass(frozen=True)
 class Reading:
-    """A graph and its verdict.
-
-    Attributes:
-        tiling: the graph.
-        core: those of its nodes on which the game is solved.
-        pursuers: how many are enough on it.
-    """
+    """A graph, those of its nodes on which the game is solved, and how many pursuers are enough on it."""
 
     tiling: Tiling
     core: Int[np.ndarray, " kept"]
@@ -50,12 +44,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Enough:
-    """The number of pursuers that are enough in an arena.
-
-    Attributes:
-        space: the arena.
-        readings: of graphs from coarse to fine.
-    """
+    """The number of pursuers that are enough in an arena, by readings of graphs from coarse to fine."""
 
     space: FreeSpace
     readings: tuple[Reading, ...]
@@ -82,12 +71,7 @@ class Enough:
 
 
 def how_many(space: FreeSpace, report: Callable[[float], None]) -> Enough:
-    """Judge an arena on graphs from coarse to fine, until three in a row see every island and agree.
-
-    Args:
-        space: where robots can be.
-        report: called before each graph with the spacing of its cells [m].
-    """
+    """Judge an arena on graphs from coarse to fine, of reported spacings [m], until three in a row agree."""
     readings: list[Reading] = []
     for number, size in enumerate(SIZES):
         spacing = float(np.sqrt(2 * space.area / np.sqrt(3) / size))

@@ -113,14 +113,8 @@ def _around(position: Scalar, count: int) -> Beside:
 
 
 def make_grid(arena: Arena, body: Unicycle, counts: tuple[int, ...]) -> Grid:
-    """Return the grid of one robot in an arena.
-
-    Args:
-        counts: number of nodes along x, y, v and heading.
-
-    Raises:
-        InvalidInput: unless there are four numbers, and at least 2 nodes along each axis and 3 headings.
-    """
+    """Return the grid of one robot in an arena; raises InvalidInput for fewer than 2 nodes along an axis, or 3
+    headings."""
     written = "x".join(map(str, counts))
     require(len(counts) == len(AXES), "grid", written, f"four whole numbers for {', '.join(AXES)}, as 101x101x9x47")
     require(min(counts[:3]) >= 2 and counts[3] >= 3, "grid", written, "2x2x2x3 at least, as values lie between nodes")

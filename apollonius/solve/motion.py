@@ -84,11 +84,7 @@ def last(course: RobotState) -> RobotState:
 
 
 def motion_of(game: Game, role: Role, steps: int) -> Motion:
-    """Return the motion of one side's robot.
-
-    Raises:
-        InvalidInput: unless an action is held for at least one step, and for no more than memory has room for.
-    """
+    """Return the motion of one side's robot; raises InvalidInput for a hold of no step, or too long for memory."""
     HOLD.require("hold", steps)
     game.require_one_arena("a table")
     game.require_two("a table")

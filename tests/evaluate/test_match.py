@@ -12,7 +12,7 @@ from apollonius.agents.classical import Still, Uniform
 from apollonius.arenas.suite import scenario_game
 from apollonius.cli.terminal import match_table
 from apollonius.evaluate import match
-from apollonius.evaluate.match import Match, StartFilter, count, play_match, record_game
+from apollonius.evaluate.match import Match, StartFilter, count, play_games, play_match, record_game
 from apollonius.evaluate.result import count_robots, read_result
 from apollonius.evaluate.statistics import wilson_interval
 from apollonius.game.by_side import BySide
@@ -62,7 +62,8 @@ def test_every_game_is_counted_once(random_match):
 @pytest.mark.parametrize(("cores", "slots"), [(1, 17), (3, 17), (2, GAMES)])
 def test_one_seed_gives_one_result_however_many_games_are_under_way(cores, slots, random_match, monkeypatch):
     monkeypatch.setattr(playout, "available_cores", lambda: range(cores))
-    assert play_match(a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0), slots=slots) == random_match
+    asked = a_match(PAPER, Uniform(), Uniform(), GAMES, seed=0)
+    assert count(asked, play_games(asked, slots)) == random_match
 
 
 def test_other_players_meet_the_same_starts(starts):

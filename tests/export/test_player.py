@@ -238,8 +238,6 @@ def test_a_function_of_ones_own_becomes_c():
     files = apollonius.translate(law, {"turn": 0.8}, jnp.zeros(3), name="home")
     assert sorted(files) == ["home.c", "home.h"]
     assert "void home(const home_limits *limits, const float *state, float *result);" in files["home.h"]
-    with pytest.raises(InvalidInput, match="to = rust"):
-        apollonius.translate(law, {"turn": 0.8}, jnp.zeros(3), to="rust")
 
 
 @needs_gcc

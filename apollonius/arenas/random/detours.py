@@ -51,11 +51,7 @@ def _openings(wide: float, gap: float, rng: np.random.Generator) -> list[tuple[f
 
 
 def floors(layout: Layout, rng: np.random.Generator) -> Arena:
-    """Build a floor: rooms on both sides of a corridor, each with a door, and some with one to the next room.
-
-    Raises:
-        InvalidInput: where rooms on both sides do not fit.
-    """
+    """Build rooms on both sides of a corridor, each with a door, some with one to the next; errors as of `fences`."""
     along_y = layout.height > layout.width
     long, wide = max(layout.width, layout.height), min(layout.width, layout.height)
     gap, thin = layout.gap, _thickness(layout)
