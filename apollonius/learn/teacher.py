@@ -13,14 +13,14 @@ from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
 from apollonius.arenas.suite import each_alone
 from apollonius.catalogue import TABLE, find_player, price_of_losing
 from apollonius.game.game import Game
-from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role, Scalar
+from apollonius.game.types import NUM_ACTIONS, GameState, Real, RobotState, Role
 from apollonius.io.errors import require
 from apollonius.learn.config import RunConfig
 from apollonius.observe.observation import perceive
-from apollonius.solve.grid import Grid, make_grid
-from apollonius.solve.motion import Motion, last, motion_of
+from apollonius.solve.grid import make_grid
+from apollonius.solve.motion import motion_of
 from apollonius.solve.players import SaddlePolicy
-from apollonius.solve.safety import solve_safety
+from apollonius.solve.safety import KeptClearance, solve_safety
 from apollonius.solve.solving import cached_tables, reference_grid
 
 TABLES = "tables"
@@ -36,18 +36,9 @@ COSTLIEST = 0.8
 """Largest cost of missing clearance."""
 
 
-class Clearance(eqx.Module):
-    """The clearance that a robot can keep for ever after each of its actions, by the safety table of `solve.safety`.
+class Clearance(KeptClearance):
+    """The cost of missing clearance, of what is `wanted` [m] after `_AHEAD` steps."""
 
-    Attributes:
-        motion: of the robot, for the steps of `_AHEAD`.
-        grid, table: the clearance [m] at the nodes.
-        wanted: clearance beyond which it does not count [m].
-    """
-
-    motion: Motion
-    grid: Grid
-    table: Float[Array, "v heading x y"]
     wanted: Real
 
     def weighed(self, behind: Float[Array, "9"], robot: RobotState) -> Float[Array, "9"]:
@@ -56,19 +47,10 @@ class Clearance(eqx.Module):
         As clearance runs out, the given differences fade, and clearance alone decides in the end: a wall is reached by
         many steps, none of which leaves much less clearance than another would.
         """
-        left = jnp.minimum(self.after(robot), self.wanted)
+        left = jnp.minimum(self.after(robot, jnp.arange(NUM_ACTIONS)), self.wanted)
         most = jnp.max(left)
         ease = jnp.clip(most / self.wanted, 0.0, 1.0)
         return ease * behind - jnp.minimum(STEEPNESS * (most - left), COSTLIEST)
-
-    def after(self, robot: RobotState) -> Float[Array, "9"]:
-        """Return the clearance after each action [m]."""
-
-        def clearance(action: Array) -> Scalar:
-            course = self.motion.hold(robot, action)
-            return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
-
-        return jax.vmap(clearance)(jnp.arange(NUM_ACTIONS))
 
 
 class Teacher(eqx.Module):

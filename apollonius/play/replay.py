@@ -120,7 +120,8 @@ class Replay:
 
         The number of steps stands for an outcome that differs where no state does.
         """
-        states, outcomes = self._again()
+        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
+        states, outcomes = play_actions(self.game, start, jnp.asarray(self.actions))
         away = np.abs(as_rows(states) - self.states)
         away[:, 3::4] = np.minimum(away[:, 3::4], 2 * np.pi - away[:, 3::4])  # headings of -pi and pi are the same
         differs = np.any(away > self.tolerance, axis=1)
@@ -147,11 +148,6 @@ class Replay:
         """Return how and when the game ended, as `captured after 12.3 s`."""
         outcome = self.outcome.name.lower().replace("_", " ")
         return f"{outcome} after {len(self.actions) * float(self.game.dt):.1f} s"
-
-    def _again(self) -> tuple[GameState, Int[Array, " steps"]]:
-        """Play the game again, as `play_actions`."""
-        start = as_state(jnp.asarray(self.states[0]), jnp.asarray(0), len(self.game.bodies.pursuer))
-        return play_actions(self.game, start, jnp.asarray(self.actions))
 
 
 def as_rows(states: GameState) -> Float32[np.ndarray, "rows numbers"]:

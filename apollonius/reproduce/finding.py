@@ -27,16 +27,6 @@ class Finding:
     """The numbers behind it, besides the claims, as JSON-like data."""
 
 
-def as_markdown(finding: Finding) -> str:
-    """Return a finding under its title, with its pictures."""
-    pictures = "".join(f"\n\n![{finding.title}]({picture})" for picture in finding.pictures)
-    return f"## {finding.title}\n\n{finding.text}{pictures}"
-
-
-def percent(rate: float) -> str:
-    return f"{rate:.1%}"
-
-
 Shares = dict[str, list[float]]
 """By outcome, its share of the games in the matches of each seed."""
 
@@ -88,11 +78,12 @@ def win_count(result: MatchResult) -> tuple[int, int]:
 def write_report(study: Study, findings: Sequence[Finding]) -> None:
     """Write both files into the study's folder, atomically."""
     claims = [claim for finding in findings for claim in finding.claims]
+    intervals = "of the mean over seeds (Student's t)" if len(study.seeds) > 1 else "of the games of the one seed"
     results = {
         "budget": study.budget,
         "seeds": list(study.seeds),
         "games": study.games,
-        "intervals": _intervals(study),
+        "intervals": intervals,
         "claims": [claim.to_dict(study.is_full) for claim in claims],
         "findings": {
             finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
@@ -102,35 +93,22 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     sections = [
         "# The paper's evaluation, again",
         f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
-        f"the same starts. Intervals are 95 %, {_intervals(study)}. A verdict takes {FEWEST_SEEDS} "
+        f"the same starts. Intervals are 95 %, {intervals}. A verdict takes {FEWEST_SEEDS} "
         f"seeds of the budget `{FULL_BUDGET}`.",
         claim_table(claims, study.is_full),
-        *[as_markdown(finding) for finding in findings],
     ]
+    for finding in findings:
+        pictures = [f"![{finding.title}]({picture})" for picture in finding.pictures]
+        sections += [f"## {finding.title}", finding.text, *pictures]
     write_atomically(study.folder / "results.json", to_json(results, indent=1).encode())
     write_atomically(study.folder / "report.md", ("\n\n".join(sections) + "\n").encode())
 
 
-def _intervals(study: Study) -> str:
-    if len(study.seeds) == 1:
-        return "of the games of the one seed"
-    return "of the mean over seeds (Student's t)"
-
-
 def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
     """Return all claims with the paper's value, ours, its interval and the verdict as a Markdown table."""
-    head = ["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]
-    return markdown_table(head, [[*_claim_row(claim), claim.verdict(is_full)] for claim in claims])
-
-
-def _claim_row(claim: Claim) -> list[str]:
-    low, high = claim.interval
-    return [
-        claim.name,
-        claim.source,
-        percent(claim.paper),
-        percent(claim.bound),
-        percent(claim.mean),
-        f"{percent(low)} to {percent(high)}",
-        ", ".join(percent(value) for value in claim.seeds),
-    ]
+    rows = [["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]]
+    for claim in claims:
+        numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, claim.mean)]
+        interval, seeds = "{:.1%} to {:.1%}".format(*claim.interval), ", ".join(f"{one:.1%}" for one in claim.seeds)
+        rows.append([claim.name, claim.source, *numbers, interval, seeds, claim.verdict(is_full)])
+    return markdown_table(rows[0], rows[1:])

@@ -6,6 +6,7 @@ import math
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -62,43 +63,32 @@ class Captioned:
     def picture(self) -> Image.Image:
         page, step = self._page.copy(), self._step
         page.paste(self._canvas.picture(self._fog and (self._fog[1][step], self._fog[0])), self.corner)
-        draw = ImageDraw.Draw(page)
+        write = partial(ImageDraw.Draw(page).text, fill=INK, font=self._font)
         clock = f"{step * float(self._replay.game.dt):.1f} s"
         if step == len(self._replay.actions):
             clock = self._replay.ending()
-        self._write(draw, MARGIN, self._below, f"{clock}{self._pace}", INK)
+        write((MARGIN, self._below), f"{clock}{self._pace}", anchor="lm")
         now = _standing(self._replay.game, self._here, self._in_play[step].tolist())
-        self._write(draw, page.width - MARGIN, self._below, now, INK, "rm")
+        write((page.width - MARGIN, self._below), now, anchor="rm")
         return page
 
     def _head(self, draw: ImageDraw.ImageDraw) -> None:
         """Draw the signs of both robots with their players' names, and the reach of a capture."""
-        right = self._page.width - MARGIN
+        right, write = self._page.width - MARGIN, partial(draw.text, font=self._font)
         first, second = (MARGIN + LINE // 2 + LINE * line for line in range(2))
         reach = f"capture within {float(self._replay.game.capture_distance):g} m"
-        self._write(draw, right, first, reach, PURSUER, "rm")
+        write((right, first), reach, PURSUER, anchor="rm")
         left = right - self._font.getlength(reach) - 6 - _SIGN
         draw.circle((left + _SIGN / 2, first), _SIGN / 2, outline=PURSUER)
         if self._fog:
             shade = f"shaded: where the {_side_name(self._replay.game, self._fog[0])} can be"
-            self._write(draw, right, second, shade, (PURSUER, EVADER)[self._fog[0]], "rm")
+            write((right, second), shade, (PURSUER, EVADER)[self._fog[0]], anchor="rm")
             right -= self._font.getlength(shade) + 6
         names, colours = (self._replay.pursuer, self._replay.evader), (PURSUER, EVADER)
         for role, name, colour, row, end in zip(Role, names, colours, (first, second), (left, right), strict=True):
             draw_robot(draw, (MARGIN + _SIGN / 2, float(row)), _SIGN / 2, role)
             begins, side = MARGIN + _SIGN + 10, _side_name(self._replay.game, role)
-            self._write(draw, begins, row, self._fit(f"{side} {name}", end - begins - MARGIN), colour)
-
-    def _write(
-        self,
-        draw: ImageDraw.ImageDraw,
-        column: float | int,
-        row: float | int,
-        text: str,
-        colour: str,
-        anchor: str = "lm",
-    ) -> None:
-        draw.text((column, row), text, fill=colour, font=self._font, anchor=anchor)
+            write((begins, row), self._fit(f"{side} {name}", end - begins - MARGIN), colour, anchor="lm")
 
     def _fit(self, text: str, width: float | int) -> str:
         """Return as much of a text as fits into a width [pixels]."""

@@ -203,12 +203,3 @@ def save_side_by_side(pictures: Mapping[str, Image.Image], path: Path, columns: 
     content = io.BytesIO()
     whole.save(content, "PNG", optimize=True)
     write_atomically(path, content.getvalue())
-
-
-def save_gallery(games: Mapping[str, Game], path: Path, columns: int = 4) -> None:
-    """Write a picture of games' arenas, each above its name and size."""
-    pictures: dict[str, Image.Image] = {}
-    for name, game in games.items():
-        width, height = game.arena.x_max - game.arena.x_min, game.arena.y_max - game.arena.y_min
-        pictures[f"{name}\n{float(width):.3g} x {float(height):.3g} m"] = Canvas(game).picture()
-    save_side_by_side(pictures, path, columns, size=SIZE // 2)

@@ -69,27 +69,35 @@ def _sweep(
     return after, jnp.max(table - after)
 
 
-class Steering(eqx.Module):
-    """The manoeuvre that brakes and turns as a table of clearances advises, one step ahead.
+class KeptClearance(eqx.Module):
+    """The clearance that a robot can keep for ever after each of its actions, by the table of `solve_safety`.
 
     Attributes:
-        motion: the robot, one step at a time.
-        grid, table: the clearance [m] that can be kept.
+        motion: of the robot, for as many steps as an action is held.
+        grid, table: the clearance [m] at the nodes.
     """
 
     motion: Motion
     grid: Grid
     table: Float[Array, "v heading x y"]
 
-    def __call__(self, robot: RobotState) -> Int[Array, ""]:
-        """Return the braking action after which the largest clearance can be kept."""
+    def after(self, robot: RobotState, actions: Int[Array, " actions"]) -> Float[Array, " actions"]:
+        """Return the clearance after each action [m]."""
 
         def clearance(action: Int[Array, ""]) -> Scalar:
             course = self.motion.hold(robot, action)
             return jnp.minimum(self.motion.clearance(course), self.grid.interpolate(self.table, last(course)))
 
+        return jax.vmap(clearance)(actions)
+
+
+class Steering(KeptClearance):
+    """The manoeuvre that brakes and turns so that the largest clearance can be kept, one step ahead."""
+
+    def __call__(self, robot: RobotState) -> Int[Array, ""]:
+        """Return the braking action after which that is so."""
         actions = jnp.array(BRAKING)
-        return actions[jnp.argmax(jax.vmap(clearance)(actions))]
+        return actions[jnp.argmax(self.after(robot, actions))]
 
 
 def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]) -> Backup:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from apollonius.arenas.file import GALLERY, about_game, find_game, game_names
 from apollonius.arenas.survey import survey
@@ -31,10 +30,7 @@ def test_each_is_sound_and_its_starts_have_room(name):
     assert game.arena.polygons
 
 
-def test_the_command_lists_and_draws_them(tmp_path, capsys):
-    picture = tmp_path / "new" / "gallery.png"
-    assert main(["arena", "list", "--out", str(picture)]) == 0
+def test_the_command_lists_them(capsys):
+    assert main(["arena", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == game_names()
-    with Image.open(picture) as drawn:
-        assert drawn.width == 4 * 256 + 16

@@ -91,7 +91,7 @@ LEFT = np.linspace(0.005, 0.025, NUM_ACTIONS)
 class Cramped(Clearance):
     """Leaves the same room, wherever the robot is."""
 
-    def after(self, robot):
+    def after(self, robot, actions):
         return jnp.float32(LEFT)
 
 
@@ -110,7 +110,7 @@ def test_what_leaves_too_little_room_is_worth_less(visited):
     table = solve_safety(GAME, Role.EVADER, grid, hold).table
     room = Clearance(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
     moving = jax.jit(query_states)(GAME, visited, jax.random.key(1))
-    left = np.asarray(of_views(lambda view: room.after(view.own.state), GAME, moving, Role.EVADER))
+    left = np.asarray(of_views(lambda view: room.after(view.own.state, jnp.arange(9)), GAME, moving, Role.EVADER))
     most = left.max(axis=1, keepdims=True)
     wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
     values = np.asarray(teacher_of(wanted, room).values(GAME, moving, Role.EVADER))

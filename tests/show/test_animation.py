@@ -22,7 +22,7 @@ from apollonius.play.random_bits import random_bits_of
 from apollonius.play.replay import Replay
 from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
-from apollonius.show.canvas import SIZE, Canvas, save_gallery, save_side_by_side
+from apollonius.show.canvas import SIZE, Canvas, save_side_by_side
 from apollonius.show.fog import fog
 from apollonius.show.palette import PAPER
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
@@ -209,7 +209,7 @@ def test_a_full_disk_spares_the_old_file(replay, tmp_path, name):
     resource = pytest.importorskip("resource")
     write = {
         "panel.png": save_panel,
-        "gallery.png": lambda path: save_gallery({"paper": replay.game}, path),
+        "gallery.png": lambda path: save_side_by_side({"paper": Canvas(replay.game).picture()}, path, 1, SIZE),
     }.get(name, lambda path: save_animation(replay, path))
     (tmp_path / name).write_bytes(b"good")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
