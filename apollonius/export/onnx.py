@@ -22,13 +22,10 @@ _ERRORS = 3
 
 
 def model_of(player: Player) -> bytes:
-    """Return the model.
+    """Return the model; raises InvalidInput for what jax2onnx cannot take, with its reason.
 
     Inputs are `state`, in teams `active`, the arrays of a memory, `memory_0` and so on, and `bits`; outputs `action`,
     `controls`, and `next_memory_0` and so on: see `Player.decide`.
-
-    Raises:
-        InvalidInput: for what jax2onnx cannot take, with its reason.
     """
     policy, game, *rest = player.arguments
     leaves, shape = jax.tree.flatten(tuple(rest))

@@ -101,12 +101,9 @@ class Steering(KeptClearance):
 
 
 def steered_brakes(game: Game, role: Role, grid: Grid, table: Float[Array, "v heading x y"]) -> Backup:
-    """Return the shield's manoeuvres, and one more that steers by the table of `solve_safety`.
+    """Return the shield's manoeuvres, and one more that steers by the table of `solve_safety`; errors as of `brakes`.
 
     All that they show to be safe is safe, whatever the grid: they are played in the continuous game.
-
-    Raises:
-        InvalidInput: when that side's robot cannot brake to rest.
     """
     backup = brakes(game, role)
     steering = Steering(motion_of(game, role, 1), grid, table)

@@ -124,15 +124,7 @@ class ZeroSumGame(eqx.Module):
 
 
 def make_zero_sum_game(game: Game, grids: tuple[Grid, Grid], hold: int, role: Role) -> ZeroSumGame:
-    """Return the two-robot game from one side.
-
-    Args:
-        grids: the pursuer's and the evader's.
-        hold: control steps for which actions are held.
-
-    Raises:
-        InvalidInput: unless an action is held for 1 to 127 steps.
-    """
+    """Return the two-robot game from one side; raises InvalidInput unless actions are held for 1 to 127 steps."""
     JOINT_HOLD.require("hold", hold)
     roles, by_role = (role, role.other), BySide(*grids)
     motions = motion_of(game, roles[0], hold), motion_of(game, roles[1], hold)
