@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from apollonius.agents.built_in import BuiltIn
 from apollonius.agents.classical import BRAKE_STRAIGHT, Still, Uniform
 from apollonius.agents.greedy import Greedy, SquashedMean
-from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
+from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import SEARCHING, SHIELDED
 from apollonius.agents.network import QNetwork, valuing
 from apollonius.agents.policy import AbstractActionValuePolicy, AbstractPolicy
@@ -29,24 +29,22 @@ TABLE = "table"
 """Instead of a player's name, where both sides are solved anyway: the player by the game solved for that side."""
 
 
-def find_player(name: str, role: Role, game: Game | None = None) -> Named:
+def find_player(name: str, role: Role, game: Game) -> Named:
     """Return the player of this name: built in, in the zoo, of a training run, or a file; greedy if it was trained.
 
     Args:
         name: `shielded:` before it puts the player behind a shield (`apollonius.agents.shield`), then `searching:`
             makes a pursuer search (`apollonius.agents.searching`). `RUN/NAME` is an agent of a training run, by the
             run's folder or its name among `runs`; `zoo/NAME` is one of the zoo.
-        role: the side it is to play.
-        game: what is played, which shields, classical players and those of solved games have to know.
 
     Raises:
-        InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, it has to
-            know the game and none is given, or a shield cannot help.
+        InvalidInput: when nobody has it, its file is bad or of another game, it plays the other side only, or a shield
+            cannot help.
     """
     require(isinstance(cast(object, name), str), "player", name, "a name, or the path of a file")
     if name.startswith(SHIELDED):
         bare = find_player(name.removeprefix(SHIELDED), role, game)
-        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, known_game(game, name), role))
+        return replace(bare, name=SHIELDED + bare.name, policy=shielded(bare.policy, game, role))
     if name.startswith(SEARCHING):
         bare = find_player(name.removeprefix(SEARCHING), role, game)
         values, searches = bare.policy, find_player("search", role, game).policy
@@ -78,7 +76,7 @@ def player_names(role: Role, game: Game) -> list[str]:
     return [name for kind in KINDS for name in kind.names() if kind.fits(name, role, game)]
 
 
-def find_pool(names: Sequence[str], role: Role, game: Game | None = None) -> Pool:
+def find_pool(names: Sequence[str], role: Role, game: Game) -> Pool:
     """Return the pool of the players of these names; each game meets one.
 
     Several must be trained agents with networks of one shape, or `random` or `still` beside discrete ones.

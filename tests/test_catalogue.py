@@ -25,6 +25,8 @@ from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from tests.acting import act, act_in_rows
 
+PAPER = make_game("paper")
+
 
 @pytest.fixture(scope="module")
 def pursuer():
@@ -33,11 +35,11 @@ def pursuer():
 
 def test_a_file_plays_greedily_its_own_side_and_brings_its_header(pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "chaser.safetensors")
-    found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER)
+    found = find_player(str(tmp_path / "chaser.safetensors"), Role.PURSUER, PAPER)
     assert (found.name, type(found.policy), found.header) == ("chaser", Greedy, pursuer.header)
     assert eqx.tree_equal(found.policy.network, pursuer.network)
     with pytest.raises(InvalidInput, match="plays the pursuer, not the evader"):
-        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER)
+        find_player(str(tmp_path / "chaser.safetensors"), Role.EVADER, PAPER)
 
 
 def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tmp_path, monkeypatch):
@@ -47,18 +49,19 @@ def test_an_agent_of_a_run_is_called_after_it_and_found_by_that_name(pursuer, tm
     file.parent.mkdir(parents=True)
     save_agent(pursuer, file)
     for name in ("demo/P_stage1", "runs/demo/P_stage1", str(file), str(file.resolve())):
-        found = find_player(name, Role.PURSUER)
+        found = find_player(name, Role.PURSUER, PAPER)
         assert found.name == "demo/P_stage1"
         assert found.header == pursuer.header
-    shielded = find_player("shielded:demo/P_stage1", Role.PURSUER, make_game("paper"))
+    shielded = find_player("shielded:demo/P_stage1", Role.PURSUER, PAPER)
     assert shielded.name == "shielded:demo/P_stage1"
-    assert find_player("P_stage1", Role.PURSUER).name == "P_stage1"
-    assert find_player("zoo/P_stage1", Role.PURSUER).name == "zoo/P_stage1"
+    assert find_player("P_stage1", Role.PURSUER, PAPER).name == "P_stage1"
+    assert find_player("zoo/P_stage1", Role.PURSUER, PAPER).name == "zoo/P_stage1"
     assert eqx.tree_equal(
-        find_player("zoo/P_stage1", Role.PURSUER).policy, find_player("P_stage1", Role.PURSUER).policy
+        find_player("zoo/P_stage1", Role.PURSUER, PAPER).policy,
+        find_player("P_stage1", Role.PURSUER, PAPER).policy,
     )
     with pytest.raises(InvalidInput, match="'demo/P_stage2': choose one of"):
-        find_player("demo/P_stage2", Role.PURSUER)
+        find_player("demo/P_stage2", Role.PURSUER, PAPER)
 
 
 class Echo(AbstractKind):
@@ -72,22 +75,22 @@ class Echo(AbstractKind):
 
 def test_a_new_kind_is_known_everywhere_once_it_is_registered(monkeypatch):
     with pytest.raises(InvalidInput, match="no agent is called 'always:1'"):
-        find_player("always:1", Role.EVADER)
+        find_player("always:1", Role.EVADER, PAPER)
     monkeypatch.setattr(catalogue, "KINDS", (*catalogue.KINDS, Echo()))
-    assert isinstance(find_player("always:1", Role.EVADER).policy, Still)
-    guarded = find_player("shielded:always:1", Role.EVADER, make_game("paper"))
+    assert isinstance(find_player("always:1", Role.EVADER, PAPER).policy, Still)
+    guarded = find_player("shielded:always:1", Role.EVADER, PAPER)
     assert (guarded.name, type(guarded.policy)) == ("shielded:always:1", Shielded)
-    assert isinstance(find_pool(["always:1"], Role.EVADER).members, Still)
+    assert isinstance(find_pool(["always:1"], Role.EVADER, PAPER).members, Still)
     with pytest.raises(InvalidInput, match=r"'always:2': .*a file of a solved game, .*always:ACTION"):
-        find_player("always:2", Role.EVADER)
+        find_player("always:2", Role.EVADER, PAPER)
 
 
 def test_which_side_an_agent_of_the_zoo_plays_its_file_says(monkeypatch, pursuer, tmp_path):
     save_agent(pursuer, tmp_path / "Eager.safetensors")
     for module in (names, trained):
         monkeypatch.setattr(module, "ZOO", tmp_path)
-    assert "Eager" in player_names(Role.PURSUER, make_game("paper"))
-    assert "Eager" not in player_names(Role.EVADER, make_game("paper"))
+    assert "Eager" in player_names(Role.PURSUER, PAPER)
+    assert "Eager" not in player_names(Role.EVADER, PAPER)
 
 
 def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_path):
@@ -96,14 +99,14 @@ def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_pa
     for index, agent in enumerate((pursuer, other)):
         files.append(str(tmp_path / f"{index}.safetensors"))
         save_agent(agent, tmp_path / f"{index}.safetensors")
-    pool = find_pool([files[0], "random", files[1], "still"], Role.PURSUER)
+    pool = find_pool([files[0], "random", files[1], "still"], Role.PURSUER, PAPER)
     assert pool.size == 4
     observation = jnp.tile(jnp.linspace(-1, 1, 17), (2000, 1))
     words = jax.random.bits(jax.random.key(2), (2000,))
     acts = jax.jit(act_in_rows)
     actions = [np.asarray(acts(pool, jnp.full(2000, member), observation, words)) for member in range(4)]
     for member, name in ((0, files[0]), (2, files[1]), (3, "still")):
-        alone = act(find_player(name, Role.PURSUER).policy, observation[0], words[0])
+        alone = act(find_player(name, Role.PURSUER, PAPER).policy, observation[0], words[0])
         assert (actions[member] == int(alone)).all()
     assert np.bincount(actions[1], minlength=9).min() > 150
 
@@ -111,7 +114,7 @@ def test_a_pool_has_trained_agents_random_and_still_side_by_side(pursuer, tmp_pa
 @pytest.mark.parametrize("names", [[], ["random", "still"], ["random", "random"]], ids=str)
 def test_players_that_do_not_go_together_make_no_pool(names):
     with pytest.raises(InvalidInput, match="pursuers = "):
-        find_pool(names, Role.PURSUER)
+        find_pool(names, Role.PURSUER, PAPER)
 
 
 @pytest.mark.parametrize("name", zoo_names())
@@ -124,10 +127,10 @@ def test_an_agent_of_the_zoo_is_small_and_says_where_it_comes_from(name):
 
 
 def test_it_is_known_who_has_learned_in_another_arena_only():
-    paper, maze = make_game("paper"), find_game("maze")
-    prioritised = find_player("P_prioritised", Role.PURSUER)
+    paper, maze = PAPER, find_game("maze")
+    prioritised = find_player("P_prioritised", Role.PURSUER, PAPER)
     assert not learned_elsewhere(prioritised, paper)
     assert not learned_elsewhere(prioritised, charted(paper))
     assert learned_elsewhere(prioritised, maze)
     assert not learned_elsewhere(find_player("P_any", Role.PURSUER, maze), maze)
-    assert not learned_elsewhere(find_player("still", Role.PURSUER), maze)
+    assert not learned_elsewhere(find_player("still", Role.PURSUER, PAPER), maze)

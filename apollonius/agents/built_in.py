@@ -6,7 +6,7 @@ from apollonius.agents.chasing import Intercept, PurePursuit
 from apollonius.agents.classical import AbstractClassical, Still, Uniform
 from apollonius.agents.fleeing import Flee, FleeAware
 from apollonius.agents.guarding import Territory
-from apollonius.agents.kind import AbstractKind, Named, known_game
+from apollonius.agents.kind import AbstractKind, Named
 from apollonius.agents.names import BUILT_IN
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.agents.searching import Hide, Search
@@ -39,12 +39,12 @@ class BuiltIn(AbstractKind):
         policy, sides = PLAYERS[name]
         return role in sides and (not issubclass(policy, AbstractClassical) or policy.fits(game))
 
-    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> Named | None:
         if name not in PLAYERS:
             return None
         policy, sides = PLAYERS[name]
         side, only = role.name.lower(), sides[0].name.lower()
         require(role in sides, side, f"'{name}'", f"another player, as this one plays the {only} only")
         if issubclass(policy, AbstractClassical):
-            return Named(name, policy.for_side(known_game(game, name), role))
+            return Named(name, policy.for_side(game, role))
         return Named(name, policy())

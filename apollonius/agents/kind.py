@@ -36,12 +36,8 @@ class AbstractKind(ABC):
         return True
 
     @abstractmethod
-    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
-        """Return the player of this name; None where this kind does not know the name.
-
-        Raises:
-            InvalidInput: when its file is bad, it plays the other side only, or it has to know the game.
-        """
+    def find(self, name: str, role: Role, game: Game) -> Named | None:
+        """Return the player of this name, None where this kind does not know it; raises InvalidInput for the others."""
 
 
 def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
@@ -50,10 +46,3 @@ def unknown(name: str, *kinds: AbstractKind) -> InvalidInput:
     known = [one for kind in kinds for one in kind.names()]
     meant = None if name in BUILT_IN or any(mark in name for mark in "/:") else nearest(name, known)
     return InvalidInput(unknown_name("agent", name, known, looks, meant))
-
-
-def known_game(game: Game | None, name: str) -> Game:
-    """Return the game, for a player that has to know it; raises InvalidInput where it is not known."""
-    if game is None:
-        raise InvalidInput(f"'{name}' needs a game that it knows: give one, or name a player that needs none.")
-    return game

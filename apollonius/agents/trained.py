@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from apollonius.agents.greedy import EpsilonGreedy, Greedy, SquashedGaussian, SquashedMean
-from apollonius.agents.kind import AbstractKind, Named, known_game, unknown
+from apollonius.agents.kind import AbstractKind, Named, unknown
 from apollonius.agents.names import AGENTS, FROM_ZOO, ZOO, agents_folders, zoo_names
 from apollonius.agents.network import Network, QNetwork
 from apollonius.agents.store import Agent, load_agent, load_header
@@ -47,13 +47,13 @@ class Trained(AbstractKind):
     def fits(self, name: str, role: Role, game: Game) -> bool:
         return load_header(ZOO / f"{name}.safetensors").role == role.name.lower()
 
-    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> Named | None:
         if _file_of(name) is None:
             return None
         agent, path = _find_for(name, role)
         policy = greedy(agent.network)
-        if policy.charted and (known := known_game(game, name)).scenario is None:
-            policy = replace(policy, chart=charted(known).arena.chart)
+        if policy.charted and game.scenario is None:
+            policy = replace(policy, chart=charted(game).arena.chart)
         return Named(name if name.startswith(FROM_ZOO) else called(path), policy, agent.header)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 
-from apollonius.agents.kind import AbstractKind, Named, known_game
+from apollonius.agents.kind import AbstractKind, Named
 from apollonius.arenas.record import from_dict, to_dict
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
@@ -93,11 +93,11 @@ class SolvedGame(AbstractKind):
 
     looks = "a file of a solved game"
 
-    def find(self, name: str, role: Role, game: Game | None) -> Named | None:
+    def find(self, name: str, role: Role, game: Game) -> Named | None:
         """Return the player of the file, called after it."""
         if not is_solution(Path(name)):
             return None
-        policy, side = table_player(Path(name), known_game(game, name)), role.name.lower()
+        policy, side = table_player(Path(name), game), role.name.lower()
         solved_for = policy.zero_sum_game.role.name.lower()
         require(solved_for == side, side, f"'{name}'", f"a file solved for the {side}; this is the {solved_for}'s")
         return Named(Path(name).stem, policy)

@@ -160,9 +160,7 @@ def test_each_is_found_by_name_and_acts_within_what_is_allowed(name, role):
     assert find_player(f"shielded:{name}", role, game).policy.policy == player
 
 
-def test_a_classical_player_needs_a_game_and_its_own_side():
-    with pytest.raises(InvalidInput, match="'flee' needs a game"):
-        find_player("flee", Role.EVADER)
+def test_a_classical_player_needs_its_own_side():
     with pytest.raises(InvalidInput, match=r"pursuer = 'flee' .* plays the evader only"):
         find_player("flee", Role.PURSUER, PAPER)
     with pytest.raises(InvalidInput, match=r"arena.territory = none .* to guard or to reach"):

@@ -18,6 +18,7 @@ from apollonius.agents.store import describe, save_agent
 from apollonius.agents.trained import exploring, greedy
 from apollonius.catalogue import find_pool
 from apollonius.cli.main import main
+from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
@@ -98,8 +99,8 @@ def test_trained_ones_go_together_but_not_with_random_and_have_no_values(tmp_pat
     for seed in range(2):
         files.append(str(tmp_path / f"E_{seed}.safetensors"))
         save_agent(describe(make_actor("paper", 8, 1, jax.random.key(seed)), Role.EVADER, {}, {}), tmp_path / files[-1])
-    assert find_pool(files, Role.EVADER).size == 2
+    assert find_pool(files, Role.EVADER, make_game("paper")).size == 2
     with pytest.raises(InvalidInput, match="random and still beside discrete ones"):
-        find_pool([files[0], "random"], Role.EVADER)
+        find_pool([files[0], "random"], Role.EVADER, make_game("paper"))
     assert main(["slice", files[0], "--opponent", "5", "5", "--out", str(tmp_path / "a.png")]) == 2
     assert "continuous actions and values none" in capsys.readouterr().err

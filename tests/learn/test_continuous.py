@@ -51,7 +51,7 @@ def test_a_pursuer_learns_to_catch_a_standing_evader():
     plan = Plan(config, StageConfig(env_steps=300_000))
     game = make_game("paper")
     game = replace(game, arena=replace(game.arena, discs=()), capture_distance=0.6)
-    still = find_player("still", Role.EVADER).policy
+    still = find_player("still", Role.EVADER, game).policy
     network = best_response(plan, game, still, Role.PURSUER, seed=0)
     learned, random = (
         play_match(a_match(game, policy, still, 200, seed=5)) for policy in (SquashedMean(network), Uniform())

@@ -519,7 +519,7 @@ def test_the_player_on_the_page_is_made_of_the_one_in_the_document(spiral):
 
 
 def test_a_player_that_the_page_cannot_play_is_refused_and_so_is_a_compiler_that_is_missing(spiral, tmp_path):
-    team = find_player("P_smooth", Role.PURSUER).policy
+    team = find_player("P_smooth", Role.PURSUER, make_game("paper")).policy
     with pytest.raises(InvalidInput, match=r"player = .* discrete actions and without a memory"):
         player_program(team)
     if find_spec("ziglang") is None:
