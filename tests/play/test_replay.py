@@ -20,7 +20,8 @@ from apollonius.io.errors import InvalidInput
 from apollonius.play.replay import load_replay, save_replay
 
 GAMES = 24
-PLAYERS = BySide(find_player("P_stage1", Role.PURSUER), find_player("random", Role.EVADER))
+PAPER = make_game("paper")
+PLAYERS = BySide(find_player("P_stage1", Role.PURSUER, PAPER), find_player("random", Role.EVADER, PAPER))
 MATCH = Match(make_game("paper"), PLAYERS, GAMES, seed=3)
 
 
@@ -56,7 +57,7 @@ def test_a_replay_survives_its_file_and_plays_again_to_the_same_bits(replay, pat
 def test_a_game_of_both_kinds_of_players_survives_its_file_and_plays_again_to_the_same_bits(tmp_path):
     actor = make_actor("paper", 8, 1, jax.random.key(0))
     wild = Named("wild", SquashedGaussian(actor, jnp.asarray(1.0)))
-    for pair in ((wild, find_player("random", Role.EVADER)), (wild, wild)):
+    for pair in ((wild, find_player("random", Role.EVADER, PAPER)), (wild, wild)):
         kept = record_game(Match(make_game("paper"), BySide(*pair), games=4, seed=3), index=2)
         assert kept.actions.shape == (len(kept.states) - 1, 2, 2)
         save_replay(kept, tmp_path / "both.json")

@@ -176,7 +176,7 @@ def outside(path):
 
 
 def test_games_that_no_page_could_hold_are_not_played():
-    policies = BySide(*(find_player("still", role) for role in (Role.PURSUER, Role.EVADER)))
+    policies = BySide(*(find_player("still", role, make_game("paper")) for role in (Role.PURSUER, Role.EVADER)))
     with pytest.raises(InvalidInput, match=r"steps of a game that a report shows = 50001 .*at most 50,000"):
         games_to_show(Match(replace(make_game("paper"), max_steps=50_001), policies, GAMES, SEED))
 
