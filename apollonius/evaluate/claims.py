@@ -1,10 +1,11 @@
 """A claim of the paper against what was measured: the value, the interval, and the verdict."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apollonius.evaluate.statistics import mean_interval, rate_interval
+import numpy as np
+
+from apollonius.evaluate.statistics import Prediction, predict
 
 STAGE_1 = 0.96
 """Share of games captured against an evader that stays, after 200,000 episodes (section IV, Fig. 4)."""
@@ -50,48 +51,43 @@ FEWEST_SEEDS = 3
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper with a bound that our agents have to reach. Rates are in [0, 1]."""
+    """A statement of the paper with a bound that our agents have to reach.
+
+    Attributes:
+        name: what is claimed.
+        source: where, as `Table II`.
+        paper: the paper's value.
+        bound: what has to be reached.
+        values: measured: a row for each training of the pursuer, a column for each of the evader where it is trained.
+        least: what a value can be at least; 1 at most.
+    """
 
     name: str
     source: str
-    """Where it comes from, as `Table II`."""
     paper: float
-    """The paper's value."""
     bound: float
-    """What has to be reached."""
-    seeds: tuple[float, ...]
-    """Measured, seed by seed."""
-    interval: tuple[float, float]
-    """95 % interval of the mean: over seeds, or of a single one over its games."""
+    values: tuple[tuple[float, ...], ...]
+    least: float = 0.0
 
     @property
-    def mean(self) -> float:
-        """Mean over seeds."""
-        return sum(self.seeds) / len(self.seeds)
+    def prediction(self) -> Prediction:
+        """The value that another pair of trainings would show."""
+        return predict(np.array(self.values), self.least, 1.0)
 
     def verdict(self, is_full: bool = True) -> str:
-        """Return `holds` or `does not hold` where the whole interval says so, else `undecided`.
+        """Return `holds` or `does not hold` where the whole prediction interval says so, else `a draw among draws`.
 
         `not enough` is said of fewer than three trainings, and of shorter ones than the paper's (`is_full` is False).
         """
-        if len(self.seeds) < FEWEST_SEEDS or not is_full:
+        if len(self.values) < FEWEST_SEEDS or not is_full:
             return "not enough"
-        low, high = self.interval
+        low, high = self.prediction.interval
         if low >= self.bound:
             return "holds"
-        return "does not hold" if high < self.bound else "undecided"
+        return "does not hold" if high < self.bound else "a draw among draws"
 
     def to_dict(self, is_full: bool = True) -> dict[str, Any]:
-        """Return the claim with its mean, interval and verdict, as JSON-like data."""
-        return asdict(self) | {"mean": self.mean, "verdict": self.verdict(is_full)}
-
-
-def rate_claim(name: str, source: str, paper: float, bound: float, counts: Sequence[tuple[int, int]]) -> Claim:
-    """Return a claim about how often something happens; `counts` are (times, games) of each seed."""
-    return Claim(name, source, paper, bound, tuple(times / games for times, games in counts), rate_interval(counts))
-
-
-def difference_claim(name: str, source: str, paper: float, bound: float, rates: Sequence[tuple[float, float]]) -> Claim:
-    """Return a claim about how much more often one thing happens than another; `rates` are both, of each seed."""
-    differences = tuple(first - second for first, second in rates)
-    return Claim(name, source, paper, bound, differences, mean_interval(differences, -1.0, 1.0))
+        """Return the claim with its mean, prediction, chance to reach the bound and verdict, as JSON-like data."""
+        found = self.prediction
+        derived = {"mean": found.mean, "interval": found.interval, "chance": found.chance(self.bound)}
+        return asdict(self) | derived | {"verdict": self.verdict(is_full)}

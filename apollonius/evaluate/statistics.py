@@ -1,7 +1,8 @@
 """How sure a rate is."""
 
 from collections.abc import Sequence
-from math import inf, sqrt
+from dataclasses import dataclass
+from math import inf, isinf, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -51,21 +52,64 @@ def mean_interval(
     return max(float(low), least), min(float(high), most)
 
 
-def rate_interval(counts: Sequence[tuple[int, int]]) -> tuple[float, float]:
-    """Return the 95 % interval of a rate: of one seed over its games, of several over the seeds.
+@dataclass(frozen=True)
+class Prediction:
+    """The value that another training, or another pair of trainings, would show, by Student's t.
 
-    Over seeds it is Student's, which games make wider as they make seeds differ; but never narrower than Wilson's of
-    all games together, for seeds that happen to agree, as (0, 2000) three times, know no more than their games do.
+    Attributes:
+        mean: of the values that were measured.
+        spread: standard deviation of a new value's distance from it; infinite where it is unknown.
+        freedom: degrees of freedom.
+        least, most: what values can be at all.
+    """
+
+    mean: float
+    spread: float
+    freedom: int
+    least: float
+    most: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % prediction interval."""
+        if isinf(self.spread):
+            return self.least, self.most
+        reach = self.spread * float(scipy.stats.t.ppf(0.975, self.freedom))
+        return max(self.mean - reach, self.least), min(self.mean + reach, self.most)
+
+    def chance(self, bound: float) -> float | None:
+        """Return the probability that a new value reaches a bound; None where the spread is unknown."""
+        if isinf(self.spread):
+            return None
+        if self.spread == 0:
+            return float(self.mean >= bound)
+        return float(scipy.stats.t.sf((bound - self.mean) / self.spread, self.freedom))
+
+
+def predict(values: Float[np.ndarray, "rows columns"], least: float, most: float) -> Prediction:
+    """Return what a pair of a new row and a new column would show.
+
+    Rows and columns are trainings of the two sides, drawn at random, every pair of which was measured; a single column
+    is an opponent that is not trained. The variances of rows, of columns and of the rest are those of the analysis of
+    variance (Searle, Casella and McCulloch, "Variance Components", 1992); the degrees of freedom are the fewer of the
+    two sides', on the safe side. One training of a side says nothing of another.
 
     Args:
-        counts: how often it happened and how often it could have, of each seed.
+        least, most: what values can be at all.
     """
-    times, trials = (sum(column) for column in zip(*counts, strict=True))
-    of_games = wilson_interval(times, trials)
-    if len(counts) == 1:
-        return of_games
-    low, high = mean_interval([here / there for here, there in counts], 0.0, 1.0)
-    return min(low, of_games[0]), max(high, of_games[1])
+    (rows, columns), mean = values.shape, float(values.mean())
+    if rows == 1:
+        return Prediction(mean, inf, 0, least, most)
+    by_row, by_column = values.mean(axis=1), values.mean(axis=0)
+    if columns == 1:
+        return Prediction(mean, float(by_row.std(ddof=1)) * sqrt(1 + 1 / rows), rows - 1, least, most)
+    rest = np.sum((values - by_row[:, None] - by_column[None, :] + mean) ** 2) / ((rows - 1) * (columns - 1))
+    of_rows, of_columns = (
+        max(means.var(ddof=1) - rest / others, 0.0) * (1 + 1 / len(means))
+        for means, others in ((by_row, columns), (by_column, rows))
+    )
+    spread = sqrt(of_rows + of_columns + rest * (1 + 1 / (rows * columns)))
+    return Prediction(mean, spread, min(rows, columns) - 1, least, most)
 
 
 def mean_band(curves: Float[np.ndarray, "seeds points"]) -> tuple[Float[np.ndarray, " points"], ...]:

@@ -5,16 +5,26 @@ from pathlib import Path
 import jax.numpy as jnp
 
 from apollonius import Outcome
-from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, difference_claim, rate_claim
+from apollonius.evaluate.claims import STAGE_1, TABLE_2, TABLE_3, Claim
 from apollonius.evaluate.match import record_game
 from apollonius.game.outcome import pursuer_wins
 from apollonius.play.replay import Replay
-from apollonius.reproduce.finding import Finding, as_data, beside_the_paper, outcome_shares, outcome_table, win_count
+from apollonius.reproduce.finding import (
+    Finding,
+    as_data,
+    beside_the_paper,
+    captured,
+    differences,
+    outcome_shares,
+    outcome_table,
+    rates,
+    won,
+)
 from apollonius.reproduce.study import Study
 from apollonius.show import palette, style
 from apollonius.show.animation import last_frame
 from apollonius.show.canvas import SIZE, save_side_by_side
-from apollonius.show.style import Curve, draw_bars, draw_seeds, smooth
+from apollonius.show.style import Curve, draw_seeds, draw_strips, smooth
 
 _WINDOW = 50
 """Chunks over which the reward is averaged."""
@@ -28,8 +38,8 @@ def figure_4(study: Study) -> Finding:
     for seed in study.seeds:
         evaluations = study.evaluations("curriculum", seed, "fixed-target")
         games = sum(evaluations[0].outcomes.values())
-        rates = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
-        successes.append(([evaluation.episodes for evaluation in evaluations], rates))
+        success = [100 * evaluation.outcomes["captured"] / games for evaluation in evaluations]
+        successes.append(([evaluation.episodes for evaluation in evaluations], success))
         rewards.append(_rewards(study, "curriculum", seed, "fixed-target"))
     with style.picture(study.folder / "figure4.png", columns=2) as (left, right):
         draw_seeds(left, successes, palette.PURSUER, "greedy")
@@ -40,7 +50,7 @@ def figure_4(study: Study) -> Finding:
         right.set(title="average reward of an episode", xlabel="episodes", ylabel="reward")
         right.legend(loc="lower right")
     matches = study.matches("P_stage1", "still")
-    claim = rate_claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, [win_count(m) for m in matches])
+    claim = Claim("stage 1: success", "section IV, Fig. 4", STAGE_1, STAGE_1, rates(matches, won))
     episodes = ", ".join(f"{x[-1]:,}" for x, _ in successes)
     text = f"Left: greedy games from fixed starts. Right: the games of training. Episodes in all, by seed: {episodes}."
     return Finding(
@@ -58,7 +68,7 @@ def figure_5(study: Study) -> Finding:
     """Draw the first game of the match between both sides of the first seed, as they were at each moment."""
     seed, games = study.seeds[0], {}
     for percent in MOMENTS:
-        match = study.pairing("P_curriculum", "E_curriculum", seed, percent)
+        match = study.pairing("P_curriculum", "E_curriculum", (seed, seed), percent)
         games[f"after {percent} % of self-play"] = record_game(match, index=0)
     ends = _draw_games(games, study.folder / "figure5.png")
     moments = "; ".join(f"{percent} %: {end}" for percent, end in zip(MOMENTS, ends, strict=True))
@@ -75,21 +85,21 @@ def _draw_games(games: dict[str, Replay], path: Path) -> list[str]:
 def figure_6(study: Study) -> Finding:
     """Draw how often pursuers of the curriculum win, and its evaders stay undefeated, against agents from scratch."""
     chasing, fleeing = study.matches("P_curriculum", "E_scratch"), study.matches("P_scratch", "E_curriculum")
-    undefeated = [(round(match.evader_undefeated_rate * match.games), match.games) for match in fleeing]
+    undefeated = rates(fleeing, lambda match: match.evader_undefeated_rate)
     claims = (
-        rate_claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, [win_count(match) for match in chasing]),
-        rate_claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
+        Claim("P_curriculum beats E_scratch", "Fig. 6", 0.70, 0.70, rates(chasing, won)),
+        Claim("E_curriculum undefeated by P_scratch", "Fig. 6", 0.70, 0.70, undefeated),
     )
-    colours = [palette.PURSUER, palette.EVADER]
     names = ["P_curriculum wins\nagainst E_scratch", "E_curriculum undefeated\nby P_scratch"]
     with style.picture(study.folder / "figure6.png") as (axes,):
-        draw_bars(axes, names, [claim.mean for claim in claims], [claim.interval for claim in claims], colours)
+        draw_strips(axes, names, [claim.values for claim in claims], [claim.prediction.interval for claim in claims])
         axes.axhline(70, color=palette.INK, linewidth=0.8, linestyle=":")
         axes.set_title("against agents from scratch (dotted: the paper's 70 %)")
     titles = ("P_curriculum v E_scratch", "P_scratch v E_curriculum")
     text = outcome_table(
         [(title, outcome_shares(found)) for title, found in zip(titles, (chasing, fleeing), strict=True)]
     )
+    text += "\n\nDots: pairs of trainings; colours: the pursuer's; lines: the evader's; bars: predictions."
     data = as_data({"chasing": chasing, "fleeing": fleeing})
     return Finding("Fig. 6: curriculum against scratch", text, ("figure6.png",), claims, data)
 
@@ -121,13 +131,14 @@ def _both_stages(study: Study, seed: int) -> Curve:
 def figure_8(study: Study) -> Finding:
     """Draw the first game in which P_random crashes and P_curriculum wins, or else the first that it loses."""
     seed = study.seeds[0]
-    ours, theirs = (study.play(name, "E_scratch", seed).outcome for name in ("P_curriculum", "P_random"))
+    ours, theirs = (study.play(name, "E_scratch", (seed, seed)).outcome for name in ("P_curriculum", "P_random"))
     wanted = pursuer_wins(ours) & (theirs == Outcome.PURSUER_HIT_OBSTACLE)
     if not wanted.any():
         wanted = theirs != Outcome.CAPTURED
     index, pursuers = int(jnp.argmax(wanted)), ("P_random", "P_curriculum")
     games = {
-        f"{name} against E_scratch": record_game(study.pairing(name, "E_scratch", seed), index) for name in pursuers
+        f"{name} against E_scratch": record_game(study.pairing(name, "E_scratch", (seed, seed)), index)
+        for name in pursuers
     }
     found = _draw_games(games, study.folder / "figure8.png")
     ends = [f"{name}: {end}" for name, end in zip(pursuers, found, strict=True)]
@@ -138,16 +149,14 @@ def figure_8(study: Study) -> Finding:
 def table_2(study: Study) -> Finding:
     """Play both pursuers against the random evader: wins, and direct captures."""
     results = {name: study.matches(name, "random") for name in TABLE_2}
-    captures = {
-        name: [result.outcomes["captured"] / result.games for result in matches] for name, matches in results.items()
-    }
-    wins = {name: [win_count(result) for result in matches] for name, matches in results.items()}
+    captures = {name: rates(matches, captured) for name, matches in results.items()}
+    wins = {name: rates(matches, won) for name, matches in results.items()}
     claims = (
-        rate_claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
-        rate_claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
-        difference_claim(
+        Claim("P_curriculum beats random", "Table II", 0.93, 0.93, wins["P_curriculum"]),
+        Claim("P_random beats random", "Table II", 0.91, 0.91, wins["P_random"]),
+        Claim(
             "direct captures of random: P_random minus P_curriculum", "Table II", (336 - 62) / 500, 0.2,
-            list(zip(captures["P_random"], captures["P_curriculum"], strict=True)),
+            differences(captures["P_random"], captures["P_curriculum"]), least=-1.0,
         ),
     )  # fmt: skip
     text = beside_the_paper(results, TABLE_2)
@@ -157,10 +166,10 @@ def table_2(study: Study) -> Finding:
 def table_3(study: Study) -> Finding:
     """Play both pursuers against the evader of self-play from scratch."""
     results = {name: study.matches(name, "E_scratch") for name in TABLE_3}
-    pairs = zip(results["P_curriculum"], results["P_random"], strict=True)
-    rates = [(one.pursuer_win_rate, other.pursuer_win_rate) for one, other in pairs]
-    claim = difference_claim(
-        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1, rates
-    )
+    wins = {name: rates(matches, won) for name, matches in results.items()}
+    claim = Claim(
+        "wins against E_scratch: P_curriculum minus P_random", "Table III", 0.706 - 0.434, 0.1,
+        differences(wins["P_curriculum"], wins["P_random"]), least=-1.0,
+    )  # fmt: skip
     text = beside_the_paper(results, TABLE_3)
     return Finding("Table III: against E_scratch", text, claims=(claim,), data=as_data(results))

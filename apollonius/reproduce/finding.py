@@ -1,6 +1,6 @@
 """The findings of figures and tables: words, pictures, numbers and verdicts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,7 +28,7 @@ class Finding:
 
 
 Shares = dict[str, list[float]]
-"""By outcome, its share of the games in the matches of each seed."""
+"""By outcome, its share of the games with each training of the pursuer."""
 
 
 def outcome_table(columns: Sequence[tuple[str, Shares]]) -> str:
@@ -53,12 +53,43 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
-def outcome_shares(results: Sequence[MatchResult]) -> Shares:
-    """Return the share of each outcome in the matches of several seeds."""
-    return {outcome: [result.outcomes[outcome] / result.games for result in results] for outcome in results[0].outcomes}
+Matches = list[list[MatchResult]]
+"""Matches as `Study.matches` returns them: a row for each training of the pursuer."""
+Rates = tuple[tuple[float, ...], ...]
+"""A value of each of such matches."""
 
 
-def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dict[str, int]]) -> str:
+def rates(matches: Matches, share: Callable[[MatchResult], float]) -> Rates:
+    """Return a share of the games of each match."""
+    return tuple(tuple(share(match) for match in row) for row in matches)
+
+
+def differences(first: Rates, second: Rates) -> Rates:
+    """Return how much larger each value of the first is than that of the second."""
+    return tuple(
+        tuple(one - other for one, other in zip(*rows, strict=True)) for rows in zip(first, second, strict=True)
+    )
+
+
+def won(match: MatchResult) -> float:
+    """Return the share of games that the pursuer won."""
+    return match.pursuer_win_rate
+
+
+def captured(match: MatchResult) -> float:
+    """Return the share of games that ended in a capture."""
+    return match.outcomes["captured"] / match.games
+
+
+def outcome_shares(matches: Matches) -> Shares:
+    """Return the share of each outcome with each training of the pursuer, over those of the evader."""
+    return {
+        outcome: [float(np.mean([one.outcomes[outcome] / one.games for one in row])) for row in matches]
+        for outcome in matches[0][0].outcomes
+    }
+
+
+def beside_the_paper(results: dict[str, Matches], paper: dict[str, dict[str, int]]) -> str:
     """Return the shares of outcomes here and in the paper as a Markdown table."""
     columns = [(name, outcome_shares(matches)) for name, matches in results.items()]
     for name, counts in paper.items():
@@ -67,23 +98,17 @@ def beside_the_paper(results: dict[str, list[MatchResult]], paper: dict[str, dic
     return outcome_table(columns)
 
 
-def as_data(results: dict[str, list[MatchResult]]) -> dict[str, list[dict[str, Any]]]:
-    return {name: [match.to_dict() for match in matches] for name, matches in results.items()}
-
-
-def win_count(result: MatchResult) -> tuple[int, int]:
-    return round(result.pursuer_win_rate * result.games), result.games
+def as_data(results: dict[str, Matches]) -> dict[str, list[list[dict[str, Any]]]]:
+    return {name: [[match.to_dict() for match in row] for row in matches] for name, matches in results.items()}
 
 
 def write_report(study: Study, findings: Sequence[Finding]) -> None:
     """Write both files into the study's folder, atomically."""
     claims = [claim for finding in findings for claim in finding.claims]
-    intervals = "of the mean over seeds (Student's t)" if len(study.seeds) > 1 else "of the games of the one seed"
     results = {
         "budget": study.budget,
         "seeds": list(study.seeds),
         "games": study.games,
-        "intervals": intervals,
         "claims": [claim.to_dict(study.is_full) for claim in claims],
         "findings": {
             finding.title: {"text": finding.text, "pictures": finding.pictures, "data": finding.data}
@@ -93,8 +118,9 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
     sections = [
         "# The paper's evaluation, again",
         f"Budget `{study.budget}`, seeds {', '.join(map(str, study.seeds))}, {study.games:,} games in a match, all on "
-        f"the same starts. Intervals are 95 %, {intervals}. A verdict takes {FEWEST_SEEDS} "
-        f"seeds of the budget `{FULL_BUDGET}`.",
+        "the same starts, every training of the pursuer against every one of the evader. Intervals are 95 % prediction "
+        "intervals of another pair of trainings, the chance that of its reaching the bound (Student's t). A verdict "
+        f"takes {FEWEST_SEEDS} seeds of the budget `{FULL_BUDGET}`.",
         claim_table(claims, study.is_full),
     ]
     for finding in findings:
@@ -105,10 +131,13 @@ def write_report(study: Study, findings: Sequence[Finding]) -> None:
 
 
 def claim_table(claims: Sequence[Claim], is_full: bool) -> str:
-    """Return all claims with the paper's value, ours, its interval and the verdict as a Markdown table."""
-    rows = [["claim", "source", "paper", "to reach", "here", "95 % interval", "by seed", "verdict"]]
+    """Return all claims with the paper's value, ours, the prediction and the verdict as a Markdown table."""
+    head = ["claim", "source", "paper", "to reach", "here", "95 % prediction", "chance", "by training", "verdict"]
+    rows: list[list[str]] = []
     for claim in claims:
-        numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, claim.mean)]
-        interval, seeds = "{:.1%} to {:.1%}".format(*claim.interval), ", ".join(f"{one:.1%}" for one in claim.seeds)
-        rows.append([claim.name, claim.source, *numbers, interval, seeds, claim.verdict(is_full)])
-    return markdown_table(rows[0], rows[1:])
+        found, chance = claim.prediction, claim.prediction.chance(claim.bound)
+        numbers = [f"{rate:.1%}" for rate in (claim.paper, claim.bound, found.mean)]
+        prediction = ["{:.1%} to {:.1%}".format(*found.interval), "-" if chance is None else f"{chance:.0%}"]
+        trainings = "; ".join(", ".join(f"{value:.1%}" for value in row) for row in claim.values)
+        rows.append([claim.name, claim.source, *numbers, *prediction, trainings, claim.verdict(is_full)])
+    return markdown_table(head, rows)

@@ -60,7 +60,7 @@ class Study:
     seeds: tuple[int, ...]
     games: int = 10_000
     """Games in a match."""
-    _played: dict[tuple[str, str, int], Results] = field(default_factory=dict, repr=False)
+    _played: dict[tuple[str, str, int, int], Results] = field(default_factory=dict, repr=False)
 
     @property
     def is_full(self) -> bool:
@@ -80,21 +80,28 @@ class Study:
         player = str(agent_file(self.run(RUN_OF[name], seed), name, moment)) if name in RUN_OF else name
         return replace(find_player(player, role, self.game), name=name)
 
-    def pairing(self, pursuer: str, evader: str, seed: int, percent: int = 100) -> Match:
-        """Return the match between two agents of a seed, as `agent` finds them."""
-        chasing = self.agent(pursuer, Role.PURSUER, seed, percent)
-        fleeing = self.agent(evader, Role.EVADER, seed, percent)
+    def pairing(self, pursuer: str, evader: str, seeds: tuple[int, int], percent: int = 100) -> Match:
+        """Return the match between two agents of these seeds, as `agent` finds them."""
+        chasing = self.agent(pursuer, Role.PURSUER, seeds[0], percent)
+        fleeing = self.agent(evader, Role.EVADER, seeds[1], percent)
         return Match(self.game, BySide(chasing, fleeing), self.games, MATCH_SEED)
 
-    def play(self, pursuer: str, evader: str, seed: int) -> Results:
-        named = (pursuer, evader, seed)
+    def play(self, pursuer: str, evader: str, seeds: tuple[int, int]) -> Results:
+        named = (pursuer, evader, *seeds)
         if named not in self._played:
-            self._played[named] = play_games(self.pairing(*named))
+            self._played[named] = play_games(self.pairing(pursuer, evader, seeds))
         return self._played[named]
 
-    def matches(self, pursuer: str, evader: str) -> list[MatchResult]:
-        pairs = [(self.pairing(pursuer, evader, seed), self.play(pursuer, evader, seed)) for seed in self.seeds]
-        return [count(match, results) for match, results in pairs]
+    def matches(self, pursuer: str, evader: str) -> list[list[MatchResult]]:
+        """Return the matches of every training of the pursuer with every one of the evader, where that is trained."""
+        evaders = self.seeds if evader in RUN_OF else self.seeds[:1]
+        return [
+            [
+                count(self.pairing(pursuer, evader, (row, column)), self.play(pursuer, evader, (row, column)))
+                for column in evaders
+            ]
+            for row in self.seeds
+        ]
 
     def evaluations(self, name: str, seed: int, stage: str) -> list[Evaluation]:
         return evaluations_of(self.metrics(name, seed, stage), stage)

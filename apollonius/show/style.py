@@ -1,4 +1,4 @@
-"""The style of all figures, and their parts: curves over training, bars with intervals."""
+"""The style of all figures, and their parts: curves over training, strips of trainings."""
 
 import io
 import re
@@ -111,23 +111,27 @@ def smooth(values: Sequence[float | int], window: int) -> list[float]:
     return list(uniform_filter1d(np.asarray(values, float), window, mode="nearest"))
 
 
-def draw_bars(
+def draw_strips(
     axes: Axes,
     names: Sequence[str],
-    rates: Sequence[float],
+    values: Sequence[Sequence[Sequence[float]]],
     intervals: Sequence[tuple[float, float]],
-    colours: Sequence[str],
 ) -> None:
-    """Draw rates [%] with their intervals as bars, each with its figure."""
-    heights = 100 * np.asarray(rates)
-    low, high = 100 * np.asarray(intervals).T
-    errors = np.stack([heights - low, high - heights])
-    axes.bar(names, heights, color=list(colours), width=0.6, yerr=np.maximum(errors, 0), capsize=3, ecolor="#555555")
-    for index, (height, top) in enumerate(zip(heights, high, strict=True)):
-        inside = height > 15  # where no other line runs through the figure
-        text = axes.text(index, height / 2 if inside else top, f"{height:.1f} %", ha="center", va="bottom", fontsize=8)
-        if inside:
-            text.set(va="center", color="white")
-    axes.set_ylim(0, 108)
+    """Draw rates [%] of pairs of trainings as dots, a strip of dots for each name, and an interval beside each.
+
+    Args:
+        values: for each name a row for each training of one side; its dots have a colour and a place of their own.
+            Lines join those of each training of the other side.
+        intervals: for each name.
+    """
+    for index, (rows, (low, high)) in enumerate(zip(values, intervals, strict=True)):
+        places = np.linspace(-0.15, 0.15, len(rows)) if len(rows) > 1 else np.zeros(1)
+        axes.plot(index + places, 100 * np.asarray(rows), color=GRID, linewidth=1, zorder=1)
+        for number, (place, row) in enumerate(zip(places, rows, strict=True)):
+            axes.plot([index + place] * len(row), 100 * np.asarray(row), "o", color=f"C{number}", markersize=4)
+        axes.vlines(index + 0.3, 100 * low, 100 * high, color=INK, linewidth=2)
+    axes.set_xticks(range(len(names)), names)
+    axes.set_xlim(-0.5, len(names) - 0.4)
+    axes.set_ylim(0, 103)
     axes.set_ylabel("games [%]")
     axes.grid(axis="x", visible=False)

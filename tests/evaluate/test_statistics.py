@@ -7,9 +7,8 @@ import pytest
 
 from apollonius.evaluate.statistics import (
     mean_band,
-    mean_interval,
     paired_difference_interval,
-    rate_interval,
+    predict,
     wilson_interval,
 )
 
@@ -38,26 +37,35 @@ def test_the_band_of_a_mean_is_students():
     np.testing.assert_allclose(high, [2 + reach, 5], rtol=1e-6)
 
 
-@pytest.mark.parametrize(("mean", "spread", "seeds"), [(0.7, 0.04, 3), (0.7, 0.0, 5), (0.02, 0.005, 3)])
-def test_the_interval_of_a_rate_over_seeds_holds_it_at_least_as_often_as_it_says(mean, spread, seeds):
-    """Where seeds do not differ it is that of their games, or Student's, whichever reaches further."""
-    generator = np.random.default_rng(2)
-    studies = generator.binomial(2000, np.clip(generator.normal(mean, spread, size=(1000, seeds)), 0, 1))
-    covered = []
-    for study in studies:
-        low, high = rate_interval([(int(times), 2000) for times in study])
-        assert 0 <= low <= study.mean() / 2000 <= high <= 1
-        covered.append(low <= mean <= high)
-    assert np.mean(covered) > 0.937  # 0.95 less two standard errors of this mean
+@pytest.mark.parametrize(("of_rows", "of_columns", "rest", "size"), [
+    (0.1, 0.0, 0.0, (3, 1)), (0.1, 0.1, 0.05, (3, 3)), (0.0, 0.2, 0.02, (4, 4)), (0.02, 0.02, 0.2, (3, 5)),
+])  # fmt: skip
+def test_another_pair_is_within_its_prediction_as_often_as_it_says(of_rows, of_columns, rest, size):
+    """In 3,000 studies of rows and columns that add up, with a rest; 0.01 is two standard errors of the share."""
+    generator, within = np.random.default_rng(1), []
+    for _ in range(3000):
+        rows = generator.normal(0, of_rows, (size[0] + 1, 1))
+        columns = generator.normal(0, of_columns, (1, size[1] + 1)) if size[1] > 1 else np.zeros((1, 2))
+        values = rows + columns + generator.normal(0, rest, (len(rows), columns.size))
+        low, high = predict(values[:-1, :-1], -9.0, 9.0).interval
+        within.append(low <= values[-1, -1] <= high)
+    assert np.mean(within) > 0.94
 
 
-def test_the_interval_of_a_rate_is_students_where_seeds_differ_and_wilsons_where_they_agree():
-    counts = [(600, 1000), (700, 1000), (800, 1000)]
-    assert rate_interval(counts) == pytest.approx(mean_interval([0.6, 0.7, 0.8]))
-    assert rate_interval([(700, 1000)] * 3) == wilson_interval(2100, 3000)
-    assert rate_interval([(0, 2000)] * 3) == wilson_interval(0, 6000)
-    assert rate_interval(counts[:1]) == wilson_interval(600, 1000)
-    assert rate_interval([(0, 10), (10, 10)]) == (0, 1)
+def test_a_prediction_without_columns_is_the_textbooks_and_its_chance_is_students():
+    values = np.array([[0.6], [0.7], [0.8]])
+    found = predict(values, 0.0, 1.0)
+    reach = 4.302653 * 0.1 * math.sqrt(4 / 3)
+    assert found.interval == pytest.approx((0.7 - reach, 1.0))
+    assert found.chance(0.7) == pytest.approx(0.5)
+    assert found.chance(0.7 - reach) == pytest.approx(0.975)
+    same = predict(np.full((3, 1), 0.5), 0.0, 1.0)
+    assert (same.interval, same.chance(0.5), same.chance(0.51)) == ((0.5, 0.5), 1.0, 0.0)
+
+
+def test_one_training_of_a_side_says_nothing_of_another():
+    found = predict(np.array([[0.6]]), -1.0, 1.0)
+    assert (found.mean, found.interval, found.chance(0.5)) == (0.6, (-1.0, 1.0), None)
 
 
 def test_a_lone_seed_has_no_band():

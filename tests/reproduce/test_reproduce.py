@@ -73,11 +73,11 @@ def test_claims_and_words_are_those_of_the_matches(study):
     stage, _, fight, _, second, third, same = [found | found["data"] for found in results["findings"].values()]
 
     def share(matches, outcomes="captured, evader_hit_obstacle, evader_out_of_range"):
-        return sum(matches[0]["outcomes"][outcome] for outcome in outcomes.split(", ")) / GAMES
+        return sum(matches[0][0]["outcomes"][outcome] for outcome in outcomes.split(", ")) / GAMES
 
     captures = [share(second[name], "captured") for name in ("P_random", "P_curriculum")]
     expected = [
-        share(stage["matches"]), share(fight["chasing"]), 1 - share(fight["fleeing"] ), share(second["P_curriculum"]),
+        share(stage["matches"]), share(fight["chasing"]), 1 - share(fight["fleeing"]), share(second["P_curriculum"]),
         share(second["P_random"]), captures[0] - captures[1], share(third["P_curriculum"]) - share(third["P_random"]),
     ]  # fmt: skip
     assert [claim["mean"] for claim in results["claims"]] == pytest.approx(expected)

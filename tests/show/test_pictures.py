@@ -14,7 +14,7 @@ from apollonius.game.presets import make_game
 from apollonius.show import palette, style
 from apollonius.show.arena import draw_arena
 from apollonius.show.palette import DARK, LIGHT
-from apollonius.show.style import draw_bars, draw_rate, draw_seeds, smooth
+from apollonius.show.style import draw_rate, draw_seeds, draw_strips, smooth
 
 
 @pytest.fixture
@@ -81,10 +81,19 @@ def test_running_means_are_of_neighbours():
     assert smooth([1.0, 1.0, 4.0, 1.0, 1.0], 3) == pytest.approx([1, 2, 2, 2, 1])
 
 
-def test_bars_carry_their_figures(axes):
-    draw_bars(axes, ["a", "b"], [0.5, 0.25], [(0.4, 0.6), (0.2, 0.3)], ["blue", "red"])
-    assert [patch.get_height() for patch in axes.patches] == [50, 25]
-    assert [text.get_text() for text in axes.texts] == ["50.0 %", "25.0 %"]
+def test_strips_have_a_dot_for_each_pair_of_trainings_and_an_interval_beside_them(axes):
+    draw_strips(axes, ["a", "b"], [[[0.5, 0.6], [0.25, 0.3]], [[0.9]]], [(0.2, 0.7), (0.8, 1.0)])
+    dots = [(line.get_xdata(), line.get_ydata(), line.get_color()) for line in axes.lines if line.get_marker() == "o"]
+    joined = [line.get_ydata().tolist() for line in axes.lines if line.get_marker() != "o"]
+    assert joined == [[50, 25], [60, 30], [90]]
+    assert [y.tolist() for _, y, _ in dots] == [[50, 60], [25, 30], [90]]
+    assert [list(x) for x, _, _ in dots] == [[-0.15] * 2, [0.15] * 2, [1.0]]
+    assert dots[0][2] != dots[1][2]
+    assert [path.vertices[:, 1].tolist() for bars in axes.collections for path in bars.get_paths()] == [
+        [20, 70],
+        [80, 100],
+    ]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
 
 
 def luminance(colour):
