@@ -2,7 +2,17 @@
 
 import argparse
 
-from apollonius.cli.options import AGENT, add_game_options, add_json, answer, chosen_rules, command, finish, warn
+from apollonius.cli.options import (
+    AGENT,
+    add_game_options,
+    add_json,
+    add_workers,
+    answer,
+    chosen_rules,
+    command,
+    finish,
+    warn,
+)
 from apollonius.cli.values import agent_of, count, new_file
 from apollonius.io.limits import GAMES
 
@@ -22,6 +32,7 @@ def add_tournament(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
+    add_workers(parser, "matches", None)
     add_json(parser)
     parser.set_defaults(run=run_tournament)
 
@@ -31,7 +42,8 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_player, player_names
     from apollonius.cli.terminal import tournament_table
     from apollonius.evaluate.match import Match, MatchResult, starting
-    from apollonius.evaluate.tournament import play_tournament
+    from apollonius.evaluate.tournament import play_tournament, play_tournament_on
+    from apollonius.game.by_side import BySide
     from apollonius.game.types import Role
 
     game, starts = starting(find_game(options.game), options.starts)
@@ -49,7 +61,15 @@ def run_tournament(options: argparse.Namespace) -> int:
 
     options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
     report = options.display.report
-    tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, starts, report)
+    if options.on:
+        names = BySide(
+            options.pursuers or [player.name for player in pursuers],
+            options.evaders or [player.name for player in evaders],
+        )
+        settings = options.game, options.games, options.seed, options.starts
+        tournament = play_tournament_on(options.on, names, settings, options.display.tell)
+    else:
+        tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, starts, report)
     if options.plot:
         from apollonius.show.matches import draw_tournament
 

@@ -12,10 +12,12 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match, play_matches
+from apollonius.evaluate.result import read_result
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
+from apollonius.io.calls import call_all
 from apollonius.io.errors import require
 from apollonius.play.playout import Report
 
@@ -121,10 +123,48 @@ def play_tournament(
     Raises:
         InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
     """
-    for side, players in (("pursuers", pursuers), ("evaders", evaders)):
-        names = [player.name for player in players]
+    names = _each_once(*([player.name for player in players] for players in (pursuers, evaders)))
+    matches = [Match(game, BySide(*pair), games, seed, starts) for pair in itertools.product(pursuers, evaders)]
+    return _in_rows(names, play_matches(matches, on_match, report))
+
+
+def play_tournament_on(
+    workers: str,
+    names: BySide[Sequence[str]],
+    settings: tuple[str, int, int, str | None],
+    report: Callable[[str], None],
+) -> Tournament:
+    """Play a tournament of players by name as `play_tournament` does, each match as a job.
+
+    Args:
+        workers: one of `apollonius.io.workers.WORKERS`.
+        settings: the game's name, the number of games in a match, their seed, and which starts, as of `starting`.
+        report: called with a line whenever a match ends.
+
+    Raises:
+        InvalidInput: as `play_tournament` and `run_jobs`.
+    """
+    names, (game, games, seed, starts) = _each_once(*names), settings
+    calls = {
+        f"{pursuer} against {evader}": (match_of_names, game, pursuer, evader, games, seed, starts)
+        for pursuer, evader in itertools.product(*names)
+    }
+    found = call_all(calls, report, workers)
+    return _in_rows(names, [read_result(data, name) for name, data in found.items()])
+
+
+def match_of_names(*of: Any) -> dict[str, Any]:
+    """Play a match; arguments as those of `Match.of_names`."""
+    return play_match(Match.of_names(*of)).to_dict()
+
+
+def _each_once(pursuers: Sequence[str], evaders: Sequence[str]) -> BySide[Sequence[str]]:
+    for side, names in (("pursuers", pursuers), ("evaders", evaders)):
         require(names and len(set(names)) == len(names), side, ", ".join(names) or "none", "one at least, each once")
-    pairs = itertools.product(pursuers, evaders)
-    results = play_matches([Match(game, BySide(*pair), games, seed, starts) for pair in pairs], on_match, report)
-    rows = tuple(tuple(results[first : first + len(evaders)]) for first in range(0, len(results), len(evaders)))
-    return Tournament(tuple(p.name for p in pursuers), tuple(e.name for e in evaders), rows)
+    return BySide(pursuers, evaders)
+
+
+def _in_rows(names: BySide[Sequence[str]], results: Sequence[MatchResult]) -> Tournament:
+    count = len(names.evader)
+    rows = tuple(tuple(results[first : first + count]) for first in range(0, len(results), count))
+    return Tournament(tuple(names.pursuer), tuple(names.evader), rows)

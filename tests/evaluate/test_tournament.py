@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from scipy.special import expit
 from apollonius.catalogue import find_player
 from apollonius.cli.main import main
 from apollonius.cli.terminal import tournament_table
-from apollonius.evaluate.match import Match, MatchResult, StartFilter
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
 from apollonius.evaluate.tournament import MEAN, SCALE, play_tournament, rate
 from apollonius.game.by_side import BySide
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
+from apollonius.io.workers import WORKERS
 
 GAME = replace(make_game("paper"), max_steps=60)
 
@@ -32,7 +34,7 @@ def played(monkeypatch):
         matches.append(match)
         return MatchResult(counts_by_name([0, wins, 0, 0, 40 - wins, 0, 0, 0, 0]), 9.0, 4.0, 0.0)
 
-    monkeypatch.setattr("apollonius.evaluate.match.play_match", play)
+    monkeypatch.setattr("apollonius.evaluate.tournament.play_matches", partial(play_matches, play=play))
     return matches
 
 
@@ -97,6 +99,17 @@ def test_a_side_without_players_or_with_one_twice_is_refused(players):
         play_tournament(GAME, pursuers, [], games=1, seed=0)
     with pytest.raises(InvalidInput, match=r"pursuers = random, random .* each once"):
         play_tournament(GAME, pursuers[:1] * 2, evaders, games=1, seed=0)
+
+
+def test_matches_as_jobs_come_to_the_same(tmp_path, monkeypatch, capsys):
+    """Here one after the other in this process; as JSON but for players' names nothing differs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(WORKERS, "processes", lambda jobs, asked, logs: ((job, job.run(asked)) for job in jobs))
+    arguments = ["tournament", "--pursuers", "random", "pure-pursuit", "--evaders", "still", "--games", "3", "--json"]
+    assert main(arguments) == main([*arguments, "--on", "processes"]) == 0
+    alone, as_jobs = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert as_jobs == alone
+    assert not list(tmp_path.iterdir())
 
 
 def test_one_match_is_rated_by_its_odds():
