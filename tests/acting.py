@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from apollonius.game.types import GameState, RobotState
+from apollonius.observe.registry import find_observation
 from apollonius.observe.view import look
 
 
@@ -25,6 +26,11 @@ def act(player, seen, bits):
 def act_in_rows(players, member, seen, bits):
     """Return the actions of a pool's members for rows of numbers."""
     return players.act(member, lambda row: row, seen, players.memory, bits)[0]
+
+
+def observe(game, state, role, name):
+    """Return the observation of this name for one side."""
+    return find_observation(name)(look(game, state, role))
 
 
 def of_views(function, game, states, role, *rest):

@@ -174,10 +174,10 @@ def _is_tie(player: Player, cases: Cases, place: int, driven: np.ndarray) -> boo
     return bool((np.abs(controls - driven) <= TOLERANCE * player.largest).all(axis=1).any())
 
 
-def microseconds(call: Callable[[], object], calls: int = 10_000) -> float:
-    """Return the median time of a call."""
+def microseconds(call: Callable[[], object]) -> float:
+    """Return the median time of 10,000 calls."""
     spent = []
-    for _ in range(calls):
+    for _ in range(10_000):
         began = time.perf_counter_ns()
         call()
         spent.append(time.perf_counter_ns() - began)

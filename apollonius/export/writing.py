@@ -76,7 +76,7 @@ def write_c(player: Player, out: Path, constants: bool = False, states: int = ST
     return Written(tuple(files), (f"The {player.role.name.lower()} {player.name}", *checked))
 
 
-def write_onnx(player: Player, out: Path, states: int = STATES) -> Written:
+def write_onnx(player: Player, out: Path) -> Written:
     """Write a player as an ONNX model, by jax2onnx over the function that plays. Nothing is written unless it decides
     as the package's player does.
 
@@ -91,7 +91,7 @@ def write_onnx(player: Player, out: Path, states: int = STATES) -> Written:
 
     model = model_of(player)
     decide, again = load(model)
-    lines = check(decide, player, states)
+    lines = check(decide, player, STATES)
     write_atomically(out, model)
     timed = f"one decision in onnxruntime, median of 10,000: {microseconds(again):.1f} us"
     return Written((out,), (f"The {player.role.name.lower()} {player.name}", *lines, timed))

@@ -1,9 +1,5 @@
 """All observations by name: a new one is a file beside this one, and a line here."""
 
-from jaxtyping import Array, Float
-
-from apollonius.game.game import Game
-from apollonius.game.types import GameState, Role
 from apollonius.io.errors import require
 from apollonius.observe.believing import BELIEVING
 from apollonius.observe.egocentric import EGOCENTRIC
@@ -11,7 +7,6 @@ from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
 from apollonius.observe.team import TEAM
-from apollonius.observe.view import look
 
 _ALL = PAPER, ENCODED, EGOCENTRIC, TEAM, BELIEVING
 OBSERVATIONS: dict[str, AbstractObservation] = {one.name: one for one in _ALL}
@@ -22,8 +17,3 @@ def find_observation(name: str) -> AbstractObservation:
     """Return the observation of this name; raises InvalidInput for an unknown one, and lists the known ones."""
     require(name in OBSERVATIONS, "observation", name, f"one of {', '.join(OBSERVATIONS)}")
     return OBSERVATIONS[name]
-
-
-def observe(game: Game, state: GameState, role: Role, name: str) -> Float[Array, " size"]:
-    """Return the observation of this name for one side; errors as `find_observation`."""
-    return find_observation(name)(look(game, state, role))

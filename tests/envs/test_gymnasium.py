@@ -16,8 +16,8 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.registry import observe
 from apollonius.show.palette import EVADER, PURSUER
+from tests.acting import observe
 
 
 @pytest.mark.parametrize(

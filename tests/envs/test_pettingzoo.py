@@ -15,7 +15,7 @@ from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Outcome, Role
 from apollonius.io.errors import InvalidInput
-from apollonius.observe.registry import observe
+from tests.acting import observe
 
 AGENTS = {"pursuer_0": Role.PURSUER, "evader_0": Role.EVADER}
 PAPER = make_game("paper")

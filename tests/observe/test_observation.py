@@ -9,7 +9,7 @@ from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
 from apollonius.game.types import Role
-from apollonius.observe.registry import observe as observe_one
+from tests.acting import observe as observe_one
 from tests.acting import state
 
 GAME = Game(

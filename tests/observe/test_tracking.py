@@ -20,9 +20,8 @@ from apollonius.game.sensing import Noise, Sensing, Sensors
 from apollonius.game.types import ROLES, Role
 from apollonius.observe import belief, tracking
 from apollonius.observe.observation import WHOLE, perceive
-from apollonius.observe.registry import observe
 from apollonius.play.rollout import begin, collect, reset_where_done, step_games
-from tests.acting import robot
+from tests.acting import observe, robot
 
 LIDAR = Sensors(line_of_sight=True, range=4.0)
 ROUGH = Sensors(

@@ -27,10 +27,9 @@ from apollonius.game.types import GameState, Outcome, RobotState, Role
 from apollonius.observe.encoded import ENCODED
 from apollonius.observe.observation import AbstractObservation
 from apollonius.observe.paper import PAPER
-from apollonius.observe.registry import observe
 from apollonius.play.playout import play_out
 from apollonius.play.rollout import begin, collect
-from tests.acting import identical
+from tests.acting import identical, observe
 
 AGILE = Unicycle(v_max=2.0, u1_max=4.0, u2_max=3.0)
 GAME = Game(AGILE, AGILE, Arena(0.0, 4.0, 0.0, 4.0, discs=(Disc(2.0, 2.0, 0.3),)), max_steps=25)
