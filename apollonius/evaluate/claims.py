@@ -10,28 +10,19 @@ from apollonius.evaluate.statistics import Prediction, predict
 STAGE_1 = 0.96
 """Share of games captured against an evader that stays, after 200,000 episodes (section IV, Fig. 4)."""
 
-TABLE_2 = {
-    "P_random": {
-        "captured": 336, "pursuer_hit_obstacle": 28, "evader_hit_obstacle": 26,
-        "pursuer_out_of_range": 17, "evader_out_of_range": 93, "no_result": 0,
-    },
-    "P_curriculum": {
-        "captured": 62, "pursuer_hit_obstacle": 15, "evader_hit_obstacle": 52,
-        "pursuer_out_of_range": 19, "evader_out_of_range": 351, "no_result": 1,
-    },
-}  # fmt: skip
-"""Games of 500 against the random evader, by pursuer."""
+_COUNTED = (
+    "captured", "pursuer_hit_obstacle", "evader_hit_obstacle",
+    "pursuer_out_of_range", "evader_out_of_range", "no_result",
+)  # fmt: skip
 
-TABLE_3 = {
-    "P_random": {
-        "captured": 115, "pursuer_hit_obstacle": 69, "evader_hit_obstacle": 66,
-        "pursuer_out_of_range": 13, "evader_out_of_range": 36, "no_result": 201,
-    },
-    "P_curriculum": {
-        "captured": 188, "pursuer_hit_obstacle": 62, "evader_hit_obstacle": 135,
-        "pursuer_out_of_range": 22, "evader_out_of_range": 30, "no_result": 63,
-    },
-}  # fmt: skip
+
+def _counted(*games: int) -> dict[str, int]:
+    return dict(zip(_COUNTED, games, strict=True))
+
+
+TABLE_2 = {"P_random": _counted(336, 28, 26, 17, 93, 0), "P_curriculum": _counted(62, 15, 52, 19, 351, 1)}
+"""Games of 500 against the random evader, by pursuer."""
+TABLE_3 = {"P_random": _counted(115, 69, 66, 13, 36, 201), "P_curriculum": _counted(188, 62, 135, 22, 30, 63)}
 """Games of 500 against the evader of self-play from scratch, by pursuer."""
 
 

@@ -265,10 +265,6 @@ def test_a_game_that_is_shared_is_played_again(desk, tmp_path):
     for damaged in (link[:-20], link[:30] + "A" * 9, "#replay=", link + "A" * 20_000):
         page = desk.open(damaged)
         assert page.inner_text("#message") == "The link's game cannot be played again; copy the whole link"
-    page.click("#menu")
-    page.click("#today")
-    page.wait_for_selector("#go:enabled")
-    assert re.search(r"game=blocks&difficulty=fair&seed=\d+$", page.url)
 
 
 def test_a_slider_shows_how_the_opponent_learned(desk):

@@ -3,7 +3,7 @@
 import { Choices, asChoice, levelButtons } from "./choices.js";
 import { saveAs } from "./files.js";
 import { EVADER, PURSUER } from "./game.js";
-import { LEVELS, SHARES, learner, withOpenFloor } from "./levels.js";
+import { SHARES, learner, withOpenFloor } from "./levels.js";
 import { Session } from "./session.js";
 import { asReplayLink, drawCard, fromReplayLink, record } from "./share.js";
 import { Stage } from "./stage.js";
@@ -13,7 +13,6 @@ import { describeGoal, wordsOf } from "./words.js";
 import { Workshop } from "./workshop.js";
 
 const element = (id) => document.getElementById(id);
-const TODAY = 6; // the level of which everybody has the same start on one day
 const steering = new Steering();
 const stage = new Stage(element, steering);
 const page = new Session((role, together) => steering.action(role, together), showPhase);
@@ -78,7 +77,6 @@ const actions = {
   },
   show: () => share().catch((error) => (element("message").textContent = `Not shared: ${error.message}`)),
   film: () => film().catch((error) => (element("message").textContent = `No film: ${error.message}`)),
-  today: () => choose({ ...asChoice(LEVELS[TODAY - 1]), seed: daysPassed(), level: null }),
 };
 
 /** Copy a link that plays the game again, and save or hand on its picture. */
@@ -101,9 +99,6 @@ async function film() {
   const video = await made.finally(() => (element("film").disabled = false));
   saveAs(`apollonius.${video.type.includes("mp4") ? "mp4" : "webm"}`, video, video.type);
 }
-
-/** The days since 1970, in the person's own time zone. */
-const daysPassed = () => Math.floor(Date.now() / 86_400_000 - new Date().getTimezoneOffset() / 1440);
 
 function choose(choice) {
   element("games").close();
