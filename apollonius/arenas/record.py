@@ -37,17 +37,16 @@ def from_dict(kind: type[T], data: dict[str, Any], source: str, folder: Path = P
     Raises:
         InvalidInput: for an unknown key, a value of the wrong kind, or an impossible one.
     """
-    hooks = {Arena: partial(_with_map, folder=folder), Scenario: _scenario}
+    hooks = {
+        Arena: partial(_with_map, folder=folder),
+        Scenario: lambda named: named if isinstance(named, Scenario) else find_scenario(named),
+    }
     return read_record(kind, data, source, hooks, named=(Scenario, OccupancyMap))
 
 
 def _name(scenario: Scenario) -> str:
     require(scenario.name, "scenario", "without a name", "written as a game in each of its arenas, as no file holds it")
     return scenario.name
-
-
-def _scenario(named: Any) -> Scenario:
-    return named if isinstance(named, Scenario) else find_scenario(named)
 
 
 def _with_map(arena: Any, folder: Path) -> Any:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -125,10 +124,7 @@ def randomised(game: Game, spreads: Sequence[Spread]) -> Game:
     if scenario is None:
         alone = stack_arenas([replace(game.arena, chart=None)])
         scenario = Scenario(replace(alone, chart=game.arena.chart), 1)
-    kinds = scenario.kinds or RobotKinds(*(_alike(one) for one in (game.pursuer, game.evader, game.capture_distance)))
+    known = game.pursuer, game.evader, game.capture_distance
+    kinds = scenario.kinds or RobotKinds(*jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), known))
     kinds = replace(kinds, sensors=kinds.sensors or game.sensors, drives=kinds.drives or game.drives)
     return replace(game, scenario=replace(scenario, kinds=kinds.spread(spreads)))
-
-
-def _alike(part: Any) -> Any:
-    return jax.tree.map(lambda leaf: jnp.full(_KINDS, leaf, jnp.float32), part)

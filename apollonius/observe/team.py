@@ -49,13 +49,11 @@ class Team(AbstractObservation):
             numbers = [_of_a_robot(chart, view, ends, own_length, robot) for robot in robots[:slots]]
             return jnp.concatenate([*numbers, jnp.zeros((slots - len(numbers)) * OF_A_ROBOT, jnp.float32)])
 
-        mates, opponents = (_in_order(own, robots) for robots in (view.mates, view.opponents))
+        mates, opponents = (
+            by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
+            for robots in (view.mates, view.opponents)
+        )
         return jnp.concatenate([first, of(mates, MATES), of(opponents[1:], OPPONENTS)])
-
-
-def _in_order(own: RobotState, robots: Sequence[Robot]) -> Sequence[Robot]:
-    """Return the robots by distance, active ones first."""
-    return by_distance(own, [robot.state for robot in robots], [robot.active for robot in robots], robots)
 
 
 def _path_length(chart: Chart, start: tuple[RobotState, CellWeights], end: tuple[RobotState, CellWeights]) -> Scalar:
