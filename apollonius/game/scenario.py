@@ -128,7 +128,7 @@ class Scenario(eqx.Module):
     def arena(self, place: Int[Array, ""]) -> Arena:
         """Return the arena of a place. Its chart stays with all others: it is too large to copy for each game."""
         number = place % self.count
-        arena = jax.tree.map(lambda leaf: leaf[number], replace(self.arenas, chart=None))
+        arena = jax.tree.map(lambda leaf: jnp.take(leaf, number, 0, mode="clip"), replace(self.arenas, chart=None))
         chart = self.arenas.chart
         return arena if chart is None else replace(arena, chart=replace(chart, member=number))
 

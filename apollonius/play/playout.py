@@ -105,9 +105,9 @@ def play_out(
     total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"
     slots, cores = slots or (64 if on_cpu else 512), len(available_cores()) if on_cpu else 1
     width = 2 ** (slots - 1).bit_length()
-    under_way = _zeros(lambda: _empty(game, players, key, watcher, _cut(rows, 0, width)))
+    under_way = _zeros(jax.eval_shape(_empty, game, players, key, watcher, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
-    results = _zeros(lambda: _no_results(watcher, total, under_way.games))
+    results = _zeros(jax.eval_shape(lambda: _no_results(watcher, total, under_way.games)))
     advance = partial(_advance, game, players, key, watcher)
     shares = max(1, min(cores, total // width))
     ends = [total * share // shares for share in range(shares + 1)]
@@ -157,6 +157,7 @@ def _play_share(
     yield new
 
 
+@jax.jit  # so that what is asked for its shapes alone is traced once
 def _empty(
     game: Game, players: BySide[Pool], key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
 ) -> _Slots:
@@ -239,9 +240,9 @@ def _advance(
     return jax.lax.while_loop(goes_on, one_step, carry)[:3]
 
 
-def _zeros(make: Callable[[], Any]) -> Any:
-    """Return zeros in the shape of what a function returns; nothing is computed."""
-    return jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), jax.eval_shape(make))
+def _zeros(shapes: Any) -> Any:
+    """Return zeros of these shapes."""
+    return jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
 
 
 def _cut(rows: GameState, first: int, count: int) -> GameState:
