@@ -24,7 +24,7 @@ os.environ.setdefault(VARIABLE, str(Path(__file__).parents[1] / ".jax_cache"))
 keep_compilations()
 gc.freeze()
 gc.set_threshold(100_000, 50, 100)  # tracing makes many objects, of which hardly any go in circles
-MOST_MAPS = 20_000
+MOST_MAPS = 40_000
 """Memory maps of a process at which it forgets its compilations; Linux allows 65,530."""
 MOST_GROWTH = 2 << 30
 """Bytes of memory by which it has grown since it last did so, at which it does so again."""

@@ -12,8 +12,8 @@ from apollonius.agents.pool import solo
 from tests.acting import act, act_in_rows
 
 NETWORK = make_network("encoded", 16, 3, jax.random.key(0))
-SEEN = jax.random.normal(jax.random.key(1), (40, 17))
-WANTED = jax.random.normal(jax.random.key(2), (40, 9))
+SEEN = jnp.asarray(np.random.default_rng(1).normal(size=(40, 17)).astype(np.float32))
+WANTED = jnp.asarray(np.random.default_rng(2).normal(size=(40, 9)).astype(np.float32))
 
 
 def one_by_one(network, seen):

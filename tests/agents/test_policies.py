@@ -16,8 +16,8 @@ from apollonius.game.presets import make_game
 from apollonius.game.types import NUM_ACTIONS, GameState, RobotState
 from tests.acting import act
 
-WORDS = jax.random.bits(jax.random.key(7), (200_000,), jnp.uint32)
-NOTHING = jnp.zeros(8)
+WORDS = jnp.asarray(np.random.default_rng(7).integers(2**32, size=200_000, dtype=np.uint32))
+NOTHING = jnp.asarray(np.zeros(8, np.float32))
 
 
 def network_with(values):

@@ -24,9 +24,9 @@ from apollonius.io.errors import InvalidInput
 from apollonius.observe.paper import PAPER
 from tests.acting import act, act_in_rows
 
-WORDS = jax.random.bits(jax.random.key(3), (20_000,), jnp.uint32)
+WORDS = jnp.asarray(np.random.default_rng(3).integers(2**32, size=20_000, dtype=np.uint32))
 ACTOR = make_actor("paper", 8, 2, jax.random.key(1))
-SEEN = jnp.linspace(-1, 1, 8)
+SEEN = jnp.asarray(np.linspace(-1, 1, 8, dtype=np.float32))
 
 
 class Wants(AbstractContinuous):

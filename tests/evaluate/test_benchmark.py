@@ -114,28 +114,28 @@ def test_an_agent_from_outside_plays_whole_games_bit_for_bit(tmp_path):
     assert agent.policy.process.decisions >= 2 * sum(first.steps)
 
 
-@pytest.mark.parametrize(
-    ("code", "reason"),
-    [
-        ("import time\ndef act(*_): time.sleep(100)", "no answer"),
-        ("def act(*_): raise ZeroDivisionError('mine')", "ZeroDivisionError: mine"),
-        ("import os\ndef act(*_): os._exit(3)", "status 3"),
-        ("def act(*_): return 'garbage'", "Error"),
-        ("def act(seen, *_): return [1] * (len(seen) + 7)", "Error"),
-        ("def act(seen, *_): return seen[:, 0]", "Cannot cast"),
-        ("import os\ndef act(*_):\n    for one in range(3, 9):\n        try: os.write(one, b'x' * 5000)\n"
-         "        except OSError: pass", "too long|status|Error"),
-        ("def act(*_): return bytearray(1 << 34)", "MemoryError"),
-    ],
-)  # fmt: skip
-def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(tmp_path, monkeypatch, code, reason):
-    if reason == "no answer":
-        monkeypatch.setattr(entrant, "DECISION_SECONDS", 0.3)
-    one, agent = entered(tmp_path, code)
-    played = one.play(agent, "still", 0)
-    assert played.outcomes == (FORFEIT,) * 3
-    assert re.search(reason, agent.policy.process.reason)
-    assert one.score({"still": [played]}).worth == -1
+FAILING = {
+    "import time\ndef act(*_): time.sleep(100)": "no answer",
+    "def act(*_): raise ZeroDivisionError('mine')": "ZeroDivisionError: mine",
+    "import os\ndef act(*_): os._exit(3)": "status 3",
+    "def act(*_): return 'garbage'": "Error",
+    "def act(seen, *_): return [1] * (len(seen) + 7)": "Error",
+    "def act(seen, *_): return seen[:, 0]": "Cannot cast",
+    "def act(*_): return bytearray(1 << 34)": "MemoryError",
+    "import os\ndef act(*_):\n    for one in range(3, 9):\n        try: os.write(one, b'x' * 5000)\n"
+    "        except OSError: pass": "too long|status|Error",
+}
+"""Agents from outside, and why they fail."""
+
+
+def test_an_agent_that_fails_costs_itself_its_games_and_nothing_else(tmp_path, monkeypatch):
+    for code, reason in FAILING.items():
+        monkeypatch.setattr(entrant, "DECISION_SECONDS", 0.3 if reason == "no answer" else 10.0)
+        one, agent = entered(tmp_path, code)
+        played = one.play(agent, "still", 0)
+        assert played.outcomes == (FORFEIT,) * 3
+        assert re.search(reason, agent.policy.process.reason)
+        assert one.score({"still": [played]}).worth == -1
     healthy = one.play(one.find("intercept", sys.executable), "still", 0)
     assert FORFEIT not in healthy.outcomes
 

@@ -18,7 +18,7 @@ from tests.acting import robot
 from tests.oracle.numpy_sight import meets_cells, meets_disc, meets_polygon
 
 OPEN = Arena()
-WORDS = jax.random.bits(jax.random.key(0), (4000,), jnp.uint32)
+WORDS = jnp.asarray(np.random.default_rng(0).integers(2**32, size=4000, dtype=np.uint32))
 YES = jnp.ones((), bool)
 
 

@@ -129,15 +129,15 @@ def played(game, count=4):
 
 
 def test_teams_play_on_without_those_that_are_out_and_their_replays_say_who():
-    match, found = played(replace(find_game("team-3v2"), max_steps=150))
-    assert found.states.shape[1] == 20
-    assert found.actions.shape[1] == 5
+    match, found = played(replace(find_game("team-2v1"), max_steps=150))
+    assert found.states.shape[1] == 12
+    assert found.actions.shape[1] == 3
     for index in range(4):
         replay = record_course(found, match, index)
         in_play = replay.in_play()
         status = [np.asarray(one)[index] for side in found.results.status for one in side]
         assert in_play[-1].tolist() == [one == RobotStatus.ACTIVE for one in status]
-        for robot in range(5):
+        for robot in range(3):
             out, v = np.flatnonzero(~in_play[:, robot]), replay.states[:, 4 * robot + 2]
             if len(out) > 45:
                 assert abs(v[-1]) < max(0.05, abs(v[out[0]]) / 4)

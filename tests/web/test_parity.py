@@ -1,5 +1,6 @@
 """The page's modules in Node: what it runs does what the package does, and what is drawn on it is the package's."""
 
+import functools
 import json
 import shutil
 import subprocess
@@ -112,9 +113,8 @@ def as_on_the_page(game):
 
 
 def crowd(arena):
-    """Three pursuers of different kinds and two evaders, whose bodies are wide."""
-    wide, quick = Unicycle(radius=0.25), Unicycle(v_max=1.8, u1_max=0.9, radius=0.1)
-    teams = Teams((wide, quick), (Unicycle(v_max=1.0, radius=0.15),))
+    """Two pursuers of different kinds and two evaders, some of whose bodies are wide."""
+    teams = Teams((Unicycle(v_max=1.8, u1_max=0.9, radius=0.25),), (Unicycle(v_max=1.0, radius=0.15),))
     return Game(arena=arena, capture_distance=0.6, teams=teams)
 
 
@@ -123,6 +123,7 @@ def fast(arena):
 
 
 GAMES = {
+    "paper": lambda: make_game("paper"),
     "territory": lambda: make_game("territory"),
     "map": lambda: fast(on_a_floor()),
     "crowd": lambda: crowd(among_polygons()),
@@ -145,26 +146,29 @@ def slow(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
-def drawn(game, clearance, count):
-    """Starts of fast robots close to obstacles and to each other, as rows."""
-    starts = Starts(speed="moving", clearance=clearance, separation=game.capture_distance)
-    return np.asarray(as_rows(reset_batch(replace(game, starts=starts), jax.random.key(1), count)))
+@functools.cache
+def drawn(name, count=200):
+    """A game, and starts of fast robots in it close to obstacles and to each other, as rows."""
+    game = GAMES[name]()
+    starts = Starts(speed="moving", clearance=0.05, separation=game.capture_distance)
+    draw = jax.jit(reset_batch, static_argnames="games")
+    return game, np.asarray(as_rows(draw(replace(game, starts=starts), jax.random.key(1), games=count)))
 
 
 @pytest.mark.parametrize(("name", "draw"), [("crowd", any_actions), ("map", any_levels), slow("crowd", any_levels)])
 def test_games_come_out_the_same(name, draw):
     """Random play: states, the status of every robot after every step, outcomes."""
-    game, count, steps, held = GAMES[name](), 80, 45, 5
-    pursuers, robots = len(game.bodies.pursuer), sum(map(len, game.bodies))
-    rows = drawn(game, 0.1, count)
+    (game, rows), count, steps, held = drawn(name), 80, 45, 5
+    pursuers, robots, rows = len(game.bodies.pursuer), sum(map(len, game.bodies)), rows[:count]
     actions = draw(np.random.default_rng(1), (count, steps // held, robots)).repeat(held, axis=1)
     play = jax.jit(jax.vmap(lambda row, taken: play_actions(game, as_state(row, jnp.asarray(0), pursuers), taken)))
     states, outcomes = play(jnp.asarray(rows), jnp.asarray(actions))
     outcomes = np.asarray(outcomes)
     expected = np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(states.robots)], axis=-1)
     lengths = [int(np.argmax(over)) + 1 if over.any() else steps for over in outcomes != Outcome.ONGOING]
+    record = as_on_the_page(game)
     told = [
-        {"game": as_on_the_page(game), "states": [row.tolist()], "actions": taken[:length].tolist()}
+        {"game": record, "states": [row.tolist()], "actions": taken[:length].tolist()}
         for row, taken, length in zip(rows, actions, lengths, strict=True)
     ]
     for index, (played, length) in enumerate(zip(ask(games=told), lengths, strict=True)):
@@ -189,9 +193,8 @@ def test_games_come_out_the_same(name, draw):
 )
 def test_robots_see_and_do_the_same(name, role, number):
     """All observations, all rules, and the room that all actions leave, with some other robots out of play."""
-    game = charted(GAMES[name]())
-    counts = [len(side) for side in game.bodies]
-    rows = drawn(game, 0.05, 200)
+    game, rows = drawn(name)
+    game, counts = charted(game), [len(side) for side in game.bodies]
     statuses = np.where(np.random.default_rng(3).random((len(rows), sum(counts))) < 0.3, RobotStatus.CAPTURED, 0)
     statuses[:, [number + role * counts[0], 0 if role == Role.EVADER else counts[0]]] = RobotStatus.ACTIVE
 
@@ -290,8 +293,7 @@ def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(foggy):
 @pytest.mark.parametrize("name", ["smooth", slow("plain"), slow("P_pool")])
 def test_networks_and_shields_choose_the_same_actions(name, request):
     path = ZOO / "P_pool.safetensors" if name == "P_pool" else request.getfixturevalue(name)
-    game, role = make_game("paper"), Role[load_agent(path).header.role.upper()]
-    rows = drawn(game, 0.05, 5000)
+    (game, rows), role = drawn("paper", 2000), Role[load_agent(path).header.role.upper()]
     agent, guarded = (find_player(f"{prefix}{path}", role, game).policy for prefix in ("", "shielded:"))
 
     @jax.jit
