@@ -105,7 +105,7 @@ def play_out(
     total, on_cpu = len(rows.steps), jax.default_backend() == "cpu"
     slots, cores = slots or (64 if on_cpu else 512), len(available_cores()) if on_cpu else 1
     width = 2 ** (slots - 1).bit_length()
-    under_way = _zeros(jax.eval_shape(_empty, game, players, key, watcher, _cut(rows, 0, width)))
+    under_way = _zeros(jax.eval_shape(jax.jit(_empty), game, players, key, watcher, _cut(rows, 0, width)))
     under_way.index[:] = _NOBODY
     results = _zeros(jax.eval_shape(lambda: _no_results(watcher, total, under_way.games)))
     advance = partial(_advance, game, players, key, watcher)
@@ -157,7 +157,6 @@ def _play_share(
     yield new
 
 
-@jax.jit  # so that what is asked for its shapes alone is traced once
 def _empty(
     game: Game, players: BySide[Pool], key: PRNGKeyArray, watcher: AbstractWatcher | None, starts: GameState
 ) -> _Slots:
