@@ -35,6 +35,10 @@ _GLANCES = 16
 _SHARE = 0.8
 """Share of the distance between two cells' middles that an opponent needs to cross the one, at least."""
 _NOBODY = -1.0
+_ROUNDING = 0.01
+"""Clearance [m] up to which a middle counts as in an obstacle, whose edges are often just there."""
+_SEEN, _BLOCKED = -1, -2
+"""In place of the number of a cell that is hidden: its middle is seen, or it is in an obstacle."""
 
 
 class Belief(eqx.Module):
@@ -103,16 +107,25 @@ def looked(
 ) -> Belief:
     """Return the belief without the cells that a side's robots see, none of which holds an opponent.
 
-    A cell is seen where its middle is, and those of the cells beside it to which a robot could go.
+    A cell is seen where its middle is, and those of the cells beside it to which a robot could go; also those in which
+    none fits in the middle, but that belong to this cell at their edges.
     """
     clear = functools.reduce(
         jnp.logical_or,
         [there & visible(chart, sensors, robot) for robot, there in zip(percept.own, active, strict=True)],
     )
-    seen = clear & percept.looked
-    for _, is_entered, there in _beside(_links(chart), clear, True):
-        seen &= there | ~is_entered
+    seen, number = clear & percept.looked, jnp.arange(COARSE**2).reshape(COARSE, COARSE)
+    hidden = jnp.where(clear, _SEEN, _owners(chart))
+    for _, is_entered, there in _beside(_links(chart), hidden, _SEEN):
+        seen &= (there == _SEEN) | ~(is_entered | (there == number))
     return Belief(jnp.where(seen, _NOBODY, belief.credit), jnp.where(seen, 0.0, belief.unseen))
+
+
+def _owners(chart: Chart) -> Int[Array, "rows columns"]:
+    """Return the number of the cell that each cell's middle belongs to."""
+    x, y = jnp.broadcast_arrays(*chart.middles())
+    clearance, owner = (jax.vmap(jax.vmap(read))(x, y) for read in (chart.clearance, chart.nearest_cell))
+    return jnp.where(clearance > _ROUNDING, owner, _BLOCKED)
 
 
 def at(chart: Chart, robot: RobotState, bound: Scalar) -> Float[Array, "rows columns"]:
@@ -173,7 +186,7 @@ def _profile(chart: Chart, robot: RobotState, margin: Scalar) -> Float[Array, " 
     return jax.lax.fori_loop(0, _GLANCES, on, jnp.zeros(RAYS))
 
 
-def _beside(links: Array, values: Array, outside: float | bool) -> Iterator[tuple[float, Array, Array]]:
+def _beside(links: Array, values: Array, outside: float | int) -> Iterator[tuple[float, Array, Array]]:
     """Yield for each of a cell's neighbours their distance [cells], whether it is entered from there, and its value."""
     wide = jnp.pad(values, 2, constant_values=outside)
     for bit, (right, up) in enumerate(STEPS):
