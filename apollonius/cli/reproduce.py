@@ -33,8 +33,7 @@ def run_reproduce(options: argparse.Namespace) -> int:
     go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
 
     display.begin("reproducing the paper")
-    if not reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on):
-        raise KeyboardInterrupt
+    reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on)
     display.end()
     finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))
     return 0

@@ -98,11 +98,9 @@ def train_all(runs: Sequence[Path], folder: Path, options: argparse.Namespace) -
     display.begin(f"training {len(runs)} runs, on {on}")
     jobs = [Job(str(run), train_and_judge, (run.absolute(),)) for run in runs]
     try:
-        finished = run_jobs(jobs, tell, on, folder / "slurm")
+        run_jobs(jobs, tell, on, folder / "slurm")
     finally:
         display.end()
         print(runs_table([progress_of(run) for run in runs_below(folder)], folder), flush=True)
-    if not finished:
-        raise KeyboardInterrupt
     finish(folder, then=command("runs", folder))
     return 0

@@ -116,14 +116,10 @@ def tournament_table(tournament: "Tournament", starts: str) -> str:
         table.append([name, *[f"{rate:.1%}" for rate in [*row, row.mean()]]])
     ends = [match.pursuer_win_interval for row in tournament.matches for match in row]
     widest = 50 * max(high - low for low, high in ends)
-    ratings = tournament.ratings
     lines = [*columns(table), f"Starts: {starts}. 95 % intervals are within {widest:.1f} points of the rates.", "Elo:"]
-    for side, names, points, reach in (
-        ("pursuers", tournament.pursuers, ratings.pursuers, ratings.pursuer_reach),
-        ("evaders", tournament.evaders, ratings.evaders, ratings.evader_reach),
-    ):
-        ranked = sorted(zip(points, reach, names, strict=True), reverse=True)
-        lines.append(f"  {side} " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
+    for side, names, rated in zip(SIDES, (tournament.pursuers, tournament.evaders), tournament.ratings, strict=True):
+        ranked = sorted(zip(rated.points, rated.reach, names, strict=True), reverse=True)
+        lines.append(f"  {side}s " + ", ".join(f"{name} {elo:.0f} ± {half:.0f}" for elo, half, name in ranked))
     return "\n".join(lines)
 
 

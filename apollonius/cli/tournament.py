@@ -44,28 +44,22 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.evaluate.match import Match, MatchResult, starting
     from apollonius.evaluate.tournament import play_tournament, play_tournament_on
     from apollonius.game.by_side import BySide
-    from apollonius.game.types import Role
+    from apollonius.game.types import ROLES
 
     game, starts = starting(find_game(options.game), options.starts)
-    pursuers, evaders = (
-        [find_player(name, role, game) for name in names or player_names(role, game)]
-        for role, names in ((Role.PURSUER, options.pursuers), (Role.EVADER, options.evaders))
-    )
-
+    asked = BySide(options.pursuers, options.evaders)
+    names = ROLES.map(lambda role: asked[role] or player_names(role, game))
+    pursuers, evaders = ([find_player(name, role, game) for name in names[role]] for role in ROLES)
     warn(options, game, (*pursuers, *evaders))
 
     def tell(match: Match, result: MatchResult) -> None:
         if not options.json:
-            names = " against ".join(player.name for player in match.players)
-            options.display.tell(f"{names}: {result.pursuer_win_rate:.1%}")
+            who = " against ".join(player.name for player in match.players)
+            options.display.tell(f"{who}: {result.pursuer_win_rate:.1%}")
 
     options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
     report = options.display.report
     if options.on:
-        names = BySide(
-            options.pursuers or [player.name for player in pursuers],
-            options.evaders or [player.name for player in evaders],
-        )
         settings = options.game, options.games, options.seed, options.starts
         tournament = play_tournament_on(options.on, names, settings, options.display.tell)
     else:
@@ -77,14 +71,7 @@ def run_tournament(options: argparse.Namespace) -> int:
     settings = {"game": options.game, "starts": starts.word(game), "games": options.games, "seed": options.seed}
     answer(options, settings | tournament.to_dict(), tournament_table(tournament, starts.word(game)))
     if options.plot:
-        ratings = tournament.ratings
-        best = [
-            (asked or names)[points.tolist().index(max(points))]
-            for asked, names, points in (
-                (options.pursuers, tournament.pursuers, ratings.pursuers),
-                (options.evaders, tournament.evaders, ratings.evaders),
-            )
-        ]
+        best = [side[rated.points.argmax()] for side, rated in zip(names, tournament.ratings, strict=True)]
         then = command("show", *best, *chosen_rules(options), "--out", "best.gif")
         finish(options.plot, then=then, json=options.json)
     return 0

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,9 @@ from apollonius.evaluate.result import read_result
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.io.calls import call_all
+from apollonius.io.document import parse_json, to_json, write_atomically
 from apollonius.io.errors import require
+from apollonius.io.workers import Job, run_jobs
 from apollonius.play.playout import Report
 
 SCALE = 400 / log(10)
@@ -35,15 +38,13 @@ Points = Float[np.ndarray, " _"]
 
 @dataclass(frozen=True)
 class Ratings:
-    """Elo ratings of all players of a tournament, each with half the width of its 95 % interval (`reach`)."""
+    """Elo ratings of the players of one side, each with half the width of its 95 % interval (`reach`)."""
 
-    pursuers: Points
-    evaders: Points
-    pursuer_reach: Points
-    evader_reach: Points
+    points: Points
+    reach: Points
 
 
-def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> Ratings:
+def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> BySide[Ratings]:
     """Return the most likely ratings where pursuer i beats evader j with the odds exp((r_i - s_j) / SCALE).
 
     The model of Bradley and Terry, "Rank analysis of incomplete block designs" (1952), of two sides that never meet
@@ -63,7 +64,7 @@ def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> Ratings:
         covariance = scipy.linalg.pinvh(curvature)
         strength = strength + covariance @ design.T @ (won - trials * expected)
     rating, reach = MEAN + SCALE * (strength - strength.mean()), Z * SCALE * np.sqrt(np.diag(covariance))
-    return Ratings(rating[:pursuers], rating[pursuers:], reach[:pursuers], reach[pursuers:])
+    return BySide(Ratings(rating[:pursuers], reach[:pursuers]), Ratings(rating[pursuers:], reach[pursuers:]))
 
 
 @dataclass(frozen=True)
@@ -80,17 +81,16 @@ class Tournament:
         return np.array([[match.pursuer_win_rate for match in row] for row in self.matches])
 
     @cached_property
-    def ratings(self) -> Ratings:
+    def ratings(self) -> BySide[Ratings]:
         """Elo ratings of all players."""
         wins = np.array([[match.pursuer_wins for match in row] for row in self.matches], float)
         return rate(wins, self.matches[0][0].games)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tournament as JSON-like data; `ratings` are Elo points with 95 % intervals."""
-        ratings = self.ratings
 
-        def rated(names: tuple[str, ...], points: Points, reach: Points) -> dict[str, dict[str, float]]:
-            columns = zip(names, points.tolist(), reach.tolist(), strict=True)
+        def rated(names: tuple[str, ...], ratings: Ratings) -> dict[str, dict[str, float]]:
+            columns = zip(names, ratings.points.tolist(), ratings.reach.tolist(), strict=True)
             return {name: {"elo": elo, "low": elo - half, "high": elo + half} for name, elo, half in columns}
 
         return {
@@ -102,8 +102,8 @@ class Tournament:
                 for evader, match in zip(self.evaders, row, strict=True)
             ],
             "ratings": {
-                "pursuers": rated(self.pursuers, ratings.pursuers, ratings.pursuer_reach),
-                "evaders": rated(self.evaders, ratings.evaders, ratings.evader_reach),
+                "pursuers": rated(self.pursuers, self.ratings.pursuer),
+                "evaders": rated(self.evaders, self.ratings.evader),
             },
         }
 
@@ -143,19 +143,22 @@ def play_tournament_on(
 
     Raises:
         InvalidInput: as `play_tournament` and `run_jobs`.
+        KeyboardInterrupt: when the jobs were stopped; what has been played is lost.
     """
-    names, (game, games, seed, starts) = _each_once(*names), settings
-    calls = {
-        f"{pursuer} against {evader}": (match_of_names, game, pursuer, evader, games, seed, starts)
-        for pursuer, evader in itertools.product(*names)
-    }
-    found = call_all(calls, report, workers)
-    return _in_rows(names, [read_result(data, name) for name, data in found.items()])
+    names, (game, *rest) = _each_once(*names), settings
+    with TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd()) as folder:  # where workers elsewhere find it, too
+        files = {pair: Path(folder) / f"{i}.json" for i, pair in enumerate(itertools.product(*names))}
+        jobs = [Job(" against ".join(pair), play_to_file, (file, game, *pair, *rest)) for pair, file in files.items()]
+        run_jobs(jobs, report, workers, Path(folder))
+        results = [read_result(parse_json(file.read_bytes(), str(file)), str(file)) for file in files.values()]
+    return _in_rows(names, results)
 
 
-def match_of_names(*of: Any) -> dict[str, Any]:
-    """Play a match; arguments as those of `Match.of_names`."""
-    return play_match(Match.of_names(*of)).to_dict()
+def play_to_file(file: Path, *rest: Any) -> bool:
+    """Play a match as a job that writes its result; arguments as those of `Match.of_names`."""
+    *of, _ = rest  # a match is too short to be stopped
+    write_atomically(file, to_json(play_match(Match.of_names(*of)).to_dict()).encode())
+    return True
 
 
 def _each_once(pursuers: Sequence[str], evaders: Sequence[str]) -> BySide[Sequence[str]]:

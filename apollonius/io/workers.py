@@ -116,7 +116,7 @@ Workers = Callable[[Sequence[Job], Callable[[], bool], Path], Iterator[tuple[Job
 """Runs jobs and yields each with its ending, as `in_processes` does; logs go to the folder."""
 
 
-def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "processes", logs: Path = Path()) -> bool:
+def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "processes", logs: Path = Path()) -> None:
     """Run all jobs; one that fails does not end the others.
 
     Args:
@@ -124,10 +124,8 @@ def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "proc
         on: one of `WORKERS`.
         logs: folder of what jobs print on Slurm.
 
-    Returns:
-        Whether all came to their ends; False after Ctrl-C, when every job that was running has stopped by itself.
-
     Raises:
+        KeyboardInterrupt: after Ctrl-C, when every job that was running has stopped by itself.
         InvalidInput: when jobs failed, after all others; when a library or Slurm is missing.
     """
     require(on in WORKERS, "on", on, f"one of {', '.join(WORKERS)}")
@@ -139,7 +137,8 @@ def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "proc
     failed = [name for name, ending in endings.items() if ending not in (DONE, STOPPED)]
     if failed:
         raise InvalidInput(f"{len(failed)} of {len(jobs)} failed ({', '.join(failed)}): mend the cause and go on.")
-    return len(endings) == len(jobs) and STOPPED not in endings.values()
+    if len(endings) < len(jobs) or STOPPED in endings.values():
+        raise KeyboardInterrupt
 
 
 def on_slurm(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iterator[tuple[Job, str]]:

@@ -25,10 +25,11 @@ def reproduce(
     games: int = 10_000,
     report: Callable[[str], None] = print,
     on: str = "processes",
-) -> bool:
-    """Train the agents of seeds from 0 by a preset, make every section and write the report; return False after Ctrl-C.
+) -> None:
+    """Train the agents of seeds from 0 by a preset, make every section and write the report.
 
     Raises:
+        KeyboardInterrupt: after Ctrl-C, once the trainings have stopped.
         InvalidInput: for an unknown budget, no seeds or no games, or a folder that holds something already where
             `resume` is not given.
     """
@@ -40,18 +41,16 @@ def reproduce(
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    if not _train_missing(study, report, on):
-        return False
+    _train_missing(study, report, on)
     findings = []
     for section in SECTIONS:
         findings.append(section(study))
         report(f"done: {findings[-1].title}")
     write_report(study, findings)
-    return True
 
 
-def _train_missing(study: Study, report: Callable[[str], None], on: str) -> bool:
-    """Train the runs that are not finished, or resume them, several at a time; return whether all are finished.
+def _train_missing(study: Study, report: Callable[[str], None], on: str) -> None:
+    """Train the runs that are not finished, or resume them, several at a time.
 
     Raises:
         InvalidInput: when a run's folder holds another training than asked for, before anything is trained; when a
@@ -67,4 +66,4 @@ def _train_missing(study: Study, report: Callable[[str], None], on: str) -> bool
             missing.append(folder)
     report(f"{len(missing)} of {len(study.trainings())} trainings to do")
     jobs = [Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing]
-    return run_jobs(jobs, report, on, study.folder / "slurm")
+    run_jobs(jobs, report, on, study.folder / "slurm")

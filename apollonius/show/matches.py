@@ -41,13 +41,12 @@ def _draw_win_rates(axes: Axes, tournament: Tournament) -> None:
 
 def _draw_ratings(axes: Axes, tournament: Tournament) -> None:
     """Draw Elo ratings of both sides, each with its 95 % interval."""
-    ratings = tournament.ratings
-    for points, reach, first, colour, label, sign in (
-        (ratings.pursuers, ratings.pursuer_reach, 0, palette.PURSUER, "pursuers", "o"),
-        (ratings.evaders, ratings.evader_reach, len(tournament.pursuers), palette.EVADER, "evaders", "D"),
+    for rated, first, colour, label, sign in (
+        (tournament.ratings.pursuer, 0, palette.PURSUER, "pursuers", "o"),
+        (tournament.ratings.evader, len(tournament.pursuers), palette.EVADER, "evaders", "D"),
     ):
-        lines = first + np.arange(len(points))
-        axes.errorbar(points, lines, xerr=reach, fmt=sign, color=colour, markersize=4, label=label)
+        lines = first + np.arange(len(rated.points))
+        axes.errorbar(rated.points, lines, xerr=rated.reach, fmt=sign, color=colour, markersize=4, label=label)
     names = [*tournament.pursuers, *tournament.evaders]
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()

@@ -70,7 +70,7 @@ def test_the_table_has_a_row_for_each_pursuer_and_the_means(tournament):
     assert cells[3] == ["mean", *[f"{rate:.1%}" for rate in (*rates.mean(axis=0), rates.mean())]]
     intervals = [match.pursuer_win_interval for row in tournament.matches for match in row]
     assert f"within {50 * max(high - low for low, high in intervals):.1f} points" in lines[4]
-    assert lines[6].startswith(f"  pursuers pure-pursuit {tournament.ratings.pursuers[1]:.0f} ± ")
+    assert lines[6].startswith(f"  pursuers pure-pursuit {tournament.ratings.pursuer.points[1]:.0f} ± ")
 
 
 def test_as_data_it_is_json_with_every_count(tournament):
@@ -114,11 +114,11 @@ def test_matches_as_jobs_come_to_the_same(tmp_path, monkeypatch, capsys):
 
 def test_one_match_is_rated_by_its_odds():
     """With half a win added to either side: 75.5 of 101 games."""
-    ratings = rate(np.array([[75.0]]), 100)
-    assert ratings.pursuers[0] - ratings.evaders[0] == pytest.approx(SCALE * np.log(75.5 / 25.5), abs=1e-3)
-    assert ratings.pursuers[0] + ratings.evaders[0] == pytest.approx(2 * MEAN)
+    pursuer, evader = rate(np.array([[75.0]]), 100)
+    assert pursuer.points[0] - evader.points[0] == pytest.approx(SCALE * np.log(75.5 / 25.5), abs=1e-3)
+    assert pursuer.points[0] + evader.points[0] == pytest.approx(2 * MEAN)
     # Wald's interval of the log-odds; either player has half of the difference.
-    assert 2 * ratings.pursuer_reach[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
+    assert 2 * pursuer.reach[0] == pytest.approx(1.96 * SCALE * np.sqrt(1 / 75.5 + 1 / 25.5), rel=1e-3)
 
 
 def test_known_strengths_are_found_and_intervals_cover_them():
@@ -129,15 +129,12 @@ def test_known_strengths_are_found_and_intervals_cover_them():
     covered = []
     for _ in range(40):
         ratings = rate(rng.binomial(200, chance).astype(float), 200)
-        for found, reach, true in (
-            (ratings.pursuers, ratings.pursuer_reach, pursuers),
-            (ratings.evaders, ratings.evader_reach, evaders),
-        ):
-            covered.extend(np.abs(found - MEAN - SCALE * (true - mean)) < reach)
+        for found, true in zip(ratings, (pursuers, evaders), strict=True):
+            covered.extend(np.abs(found.points - MEAN - SCALE * (true - mean)) < found.reach)
     assert 0.92 < np.mean(covered) < 0.98
 
 
 def test_who_wins_or_loses_every_game_has_a_rating():
-    ratings = rate(np.array([[50.0, 50.0], [0.0, 25.0]]), 50)
-    assert np.isfinite([*ratings.pursuers, *ratings.evaders, *ratings.pursuer_reach]).all()
-    assert ratings.pursuers[0] > ratings.pursuers[1]
+    pursuers, evaders = rate(np.array([[50.0, 50.0], [0.0, 25.0]]), 50)
+    assert np.isfinite([*pursuers.points, *evaders.points, *pursuers.reach]).all()
+    assert pursuers.points[0] > pursuers.points[1]
