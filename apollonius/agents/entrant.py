@@ -18,6 +18,7 @@ from jaxtyping import Array, Float, Int, UInt32
 
 from apollonius.agents import entrant_process
 from apollonius.agents.classical import BRAKE_STRAIGHT
+from apollonius.agents.entrant_process import STATE
 from apollonius.agents.policy import AbstractPolicy
 from apollonius.game.types import NUM_ACTIONS, Action
 from apollonius.io.document import read_bytes, to_json
@@ -30,13 +31,8 @@ DECISION_SECONDS = 0.01
 """Time for a decision [s]: a request has that for each of its rows, or a second if that is more."""
 START_SECONDS = 60.0
 """Time until the process answers for the first time [s]."""
-LIMITS = {"RLIMIT_AS": 4 << 30, "RLIMIT_CPU": 60, "RLIMIT_FSIZE": 0, "RLIMIT_CORE": 0}
-"""Memory [bytes], time on a core [s] in a round, size of files written, by the names of Python's `resource`."""
 _MOST_BYTES = 1 << 26
 _LONGEST_LINE = 1 << 12
-_SYSTEM = ("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev")
-"""Folders that an agent can read, beside those of its interpreter."""
-_STATE = "state"
 _OF_A_ROBOT = 6
 """Numbers of a robot in the observation `state`."""
 
@@ -64,9 +60,9 @@ class EntrantProcess:
         require(path.suffix in ENTRANTS, "entrant", path, f"a file that ends in {' or '.join(ENTRANTS)}")
         self.content = read_bytes(path, "an agent's file", "check the path", _MOST_BYTES)
         self._path, self._python = path, python
-        self._sizes = {_STATE: _OF_A_ROBOT * robots} | {name: one.size for name, one in OBSERVATIONS.items()}
-        self._about = {"suffix": path.suffix, "bytes": len(self.content), "limits": LIMITS, "readable": _SYSTEM}
-        self._about |= {"observations": self._sizes, "game": game}
+        self._sizes = {STATE: _OF_A_ROBOT * robots} | {name: one.size for name, one in OBSERVATIONS.items()}
+        about = {"suffix": path.suffix, "bytes": len(self.content), "observations": self._sizes, "game": game}
+        self._about = to_json(about).encode()
         self._running: subprocess.Popen[bytes] | None = None
         self.seconds, self.decisions, self.reason = 0.0, 0, ""
         try:
@@ -94,7 +90,7 @@ class EntrantProcess:
                 [self._python, "-I", entrant_process.__file__], stdin=theirs.fileno(), stdout=theirs.fileno(),
                 stderr=subprocess.PIPE, bufsize=0, cwd=os.sep, env=variables, start_new_session=True,
             )  # fmt: skip
-        return json.loads(self._exchange(to_json(self._about).encode() + b"\n" + self.content, None, START_SECONDS))
+        return json.loads(self._exchange(self._about + b"\n" + self.content, None, START_SECONDS))
 
     def end(self) -> None:
         """End the process and all that it has started in its session."""
@@ -186,7 +182,7 @@ class Entrant(AbstractPolicy):
 
     def __call__(self, seen: View, memory: Int[Array, ""], bits: UInt32[Array, ""]) -> tuple[Action, Int[Array, ""]]:
         process = self.process
-        numbers = _state(seen) if process.observation == _STATE else OBSERVATIONS[process.observation](seen)
+        numbers = _state(seen) if process.observation == STATE else OBSERVATIONS[process.observation](seen)
         kind = ((), jnp.int32) if process.is_discrete else ((2,), jnp.float32)
         given = numbers, memory, jnp.asarray(seen.chart.member)
         action = jax.pure_callback(process.ask, jax.ShapeDtypeStruct(*kind), *given, vmap_method="broadcast_all")

@@ -21,7 +21,11 @@ _READ = 1 | 4 | 8
 """Landlock's rights to run and read files and to list folders."""
 _CREATE, _ADD, _RESTRICT, _NO_NEW_PRIVILEGES = 444, 445, 446, 38
 """Numbers of Landlock's system calls, and of an operation of `prctl`."""
-_STATE = "state"
+LIMITS = {resource.RLIMIT_AS: 4 << 30, resource.RLIMIT_CPU: 60, resource.RLIMIT_FSIZE: 0, resource.RLIMIT_CORE: 0}
+"""Memory [bytes], time on a core [s] in a round, size of files written [bytes]."""
+_SYSTEM = ("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev")
+"""Folders that an agent can read, beside those of its interpreter."""
+STATE = "state"
 """Name of the observation of those who name none."""
 
 
@@ -33,9 +37,9 @@ def main() -> None:
         os.dup2(nowhere, stream)
     about = json.loads(requests.readline())
     content = requests.read(about["bytes"])
-    for name, most in about["limits"].items():
-        resource.setrlimit(getattr(resource, name), (most, most))
-    isolated = _shut_in([sys.prefix, sys.base_prefix, *about["readable"]])
+    for kind, most in LIMITS.items():
+        resource.setrlimit(kind, (most, most))
+    isolated = _shut_in([sys.prefix, sys.base_prefix, *_SYSTEM])
     load = _load_python if about["suffix"] == ".py" else _load_onnx
     act, said = load(content, about)
     answers.write(json.JSONEncoder().encode(said | {"isolated": isolated}).encode() + b"\n")
@@ -59,7 +63,7 @@ def _load_python(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, 
     if "begin" in names:
         names["begin"](about["game"])
     return names["act"], {
-        "observation": names.get("OBSERVATION", _STATE),
+        "observation": names.get("OBSERVATION", STATE),
         "actions": names.get("ACTIONS", "discrete"),
     }
 
@@ -73,7 +77,7 @@ def _load_onnx(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, st
     options.log_severity_level, options.intra_op_num_threads = 3, 1
     session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     name, size = session.get_inputs()[0].name, session.get_inputs()[0].shape[-1]
-    (observation,) = [known for known, numbers in about["observations"].items() if numbers == size and known != _STATE]
+    (observation,) = [known for known, numbers in about["observations"].items() if numbers == size and known != STATE]
 
     def run(seen: Any, *_: Any) -> Any:
         made = np.asarray(session.run(None, {name: seen})[0])

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,8 +38,6 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
 
 
 def run_judge(options: argparse.Namespace) -> int:
-    from dataclasses import asdict
-
     from apollonius.evaluate.benchmark import Benchmark
     from apollonius.evaluate.suite_card import judge
     from apollonius.export.player import side_of
@@ -67,8 +66,6 @@ def run_verify(options: argparse.Namespace) -> int:
 
 
 def _answer(options: argparse.Namespace, card: "SuiteCard", before: str = "") -> None:
-    from dataclasses import asdict
-
     score = card.score
     text = (
         f"{before}{card.agent} ({card.side}, {card.track}): {score.worth:+.3f} [{score.interval[0]:+.3f}, "

@@ -167,7 +167,8 @@ def _requested_config(options: argparse.Namespace) -> "RunConfig":
 def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: str | None = None) -> int:
     """Train to the end or to Ctrl-C; at the end judge the new agents."""
     from apollonius.arenas.suite import each_alone
-    from apollonius.cli.terminal import training_notes
+    from apollonius.cli.terminal import match_table, training_notes
+    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
     from apollonius.learn.metrics import Tracker
     from apollonius.learn.run import Run
     from apollonius.learn.teacher import TABLES
@@ -183,6 +184,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
             except Exception as error:  # of any kind: each library has its own
                 trackers.clear()
                 display.tell(f"{to} takes no more ({error}); apollonius track {folder} --to {to} sends all afterwards")
+
+    def tell(match: "Match", result: "MatchResult") -> None:
+        print(match_table(match, result), end="\n\n", flush=True)
 
     run = Run(config, folder, report)
     distils = config.stages == "distillation"
@@ -204,19 +208,9 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
         display.end()
         (agent,) = (folder / "agents").glob("*.safetensors")
         finish(folder, then=command("exploit", config.distillation.role, agent))
-    else:
-        _judge(config, folder, display)
-    return 0
-
-
-def _judge(config: "RunConfig", folder: Path, display: "Display") -> None:
-    from apollonius.cli.terminal import match_table
-    from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
-
-    def tell(match: "Match", result: "MatchResult") -> None:
-        print(match_table(match, result), end="\n\n", flush=True)
-
+        return 0
     display.begin("judging", compiles=True)
     evaluate_run(folder, config.game, JUDGED_GAMES, tell, display.report)
     display.end()
     finish(folder, then=command("report", folder))
+    return 0

@@ -125,11 +125,6 @@ def named(text: str) -> str:
     return text
 
 
-def known_agent(text: str) -> str:
-    """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
-    return _known_agent(None, text)
-
-
 def known_entrant(text: str) -> str:
     """Return a player's name or file, or the file of an agent from outside."""
     return str(existing_file(text)) if named(text).endswith(ENTRANTS) else known_agent(text)
@@ -137,10 +132,11 @@ def known_entrant(text: str) -> str:
 
 def agent_of(side: str) -> Callable[[str], str]:
     """Return the reader of a player of a side, which refuses those of the other one where their names tell."""
-    return partial(_known_agent, side)
+    return partial(known_agent, side=side)
 
 
-def _known_agent(side: str | None, text: str) -> str:
+def known_agent(text: str, side: str | None = None) -> str:
+    """Return a player's name or file; one that nobody has is refused here, where JAX is not needed for it."""
     bare = named(text).removeprefix(SHIELDED).removeprefix(SEARCHING)
     if bare.endswith(_FILES):
         existing_file(bare)

@@ -1,19 +1,12 @@
 """The benchmark's tracks and panels by name, known without JAX."""
 
-PANELS = {
-    "full": {
-        "pursuer": ("pure-pursuit", "intercept", "P_any", "shielded:P_any"),
-        "evader": ("still", "hide", "E_any", "shielded:E_any"),
-    },
-    "lidar": {
-        "pursuer": ("intercept", "search", "searching:P_any", "shielded:searching:P_any"),
-        "evader": ("still", "hide", "E_any", "shielded:E_any"),
-    },
-    "team": {
-        "pursuer": ("pure-pursuit", "intercept", "P_team", "shielded:P_team"),
-        "evader": ("still", "hide", "E_any", "shielded:E_any"),
-    },
+_EVADERS = ("still", "hide", "E_any", "shielded:E_any")
+_PURSUERS = {
+    "full": ("pure-pursuit", "intercept", "P_any", "shielded:P_any"),
+    "lidar": ("intercept", "search", "searching:P_any", "shielded:searching:P_any"),
+    "team": ("pure-pursuit", "intercept", "P_team", "shielded:P_team"),
 }
+PANELS = {track: {"pursuer": pursuers, "evader": _EVADERS} for track, pursuers in _PURSUERS.items()}
 """By track: the players of either side that an agent of the other one meets. They never change: other panels are
 another benchmark."""
 SUITE, PART = "suite-v2", "held-out"

@@ -40,6 +40,11 @@ class SuiteCard:
     failure: str = ""
     format: Literal[1] = 1
 
+    @property
+    def benchmark(self) -> Benchmark:
+        """The track, for agents of its side."""
+        return Benchmark(self.track, Role[self.side.upper()])
+
 
 def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
     """Play all rounds of an agent, by its name or its file, and return its card; errors as of `Benchmark.find`."""
@@ -72,7 +77,7 @@ def load_card(path: Path) -> SuiteCard:
     """
     about = f"'{path}' is no card of the benchmark; judge the agent again"
     card = from_dict(SuiteCard, parse_json(read_bytes(path, "a card", "check the path"), about), f"'{path}'")
-    benchmark = benchmark_of(card)
+    benchmark = card.benchmark
     for what, found in benchmark.digests.items():
         bound = f"{found[:12]}..., as of this version; judge the agent again"
         require(card.digests.get(what) == found, f"'{path}': digest of the {what}", card.digests.get(what), bound)
@@ -89,11 +94,6 @@ def load_card(path: Path) -> SuiteCard:
     return card
 
 
-def benchmark_of(card: SuiteCard) -> Benchmark:
-    """Return the track and side of a card."""
-    return Benchmark(card.track, Role[card.side.upper()])
-
-
 def verify(
     path: Path, file: str | None, python: str, every: bool, report: Report = lambda done, total: None
 ) -> SuiteCard:
@@ -103,7 +103,7 @@ def verify(
         InvalidInput: as `load_card`; for another agent than the card's, and where a game does not come out.
     """
     card = load_card(path)
-    benchmark, name = benchmark_of(card), file or card.agent
+    benchmark, name = card.benchmark, file or card.agent
     require(file_of(name)[1] == card.sha256, f"'{path}': SHA-256 of the agent", card.sha256, f"that of '{name}'")
     seeds = range(ROUNDS) if every else [secrets.randbelow(ROUNDS)]
     for opponent, again in _play(benchmark, benchmark.find(name, python), seeds, report):

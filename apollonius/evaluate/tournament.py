@@ -32,16 +32,14 @@ _PRIOR = 0.5
 """Wins and losses that are added to every match, or a player who wins every game would have no rating (Haldane and
 Anscombe's correction of log-odds)."""
 _NEWTON_STEPS = 30
-Points = Float[np.ndarray, " _"]
-"""Numbers of the players of one side."""
 
 
 @dataclass(frozen=True)
 class Ratings:
     """Elo ratings of the players of one side, each with half the width of its 95 % interval (`reach`)."""
 
-    points: Points
-    reach: Points
+    points: Float[np.ndarray, " players"]
+    reach: Float[np.ndarray, " players"]
 
 
 def rate(wins: Float[np.ndarray, "pursuers evaders"], games: int) -> BySide[Ratings]:

@@ -112,10 +112,6 @@ def _work(job: Job, core: int, parent: int) -> None:
     sys.exit(_STOPPED_STATUS if ending == STOPPED else 0)
 
 
-Workers = Callable[[Sequence[Job], Callable[[], bool], Path], Iterator[tuple[Job, str]]]
-"""Runs jobs and yields each with its ending, as `in_processes` does; logs go to the folder."""
-
-
 def run_jobs(jobs: Sequence[Job], report: Callable[[str], None], on: str = "processes", logs: Path = Path()) -> None:
     """Run all jobs; one that fails does not end the others.
 
@@ -224,5 +220,5 @@ def on_ray(jobs: Sequence[Job], asked: Callable[[], bool], logs: Path) -> Iterat
             ray.shutdown()
 
 
-WORKERS: dict[str, Workers] = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}
-"""All kinds of workers, by name."""
+WORKERS = {"processes": in_processes, "slurm": on_slurm, "ray": on_ray}
+"""All kinds of workers, by name: each runs jobs and yields them with their endings; logs go to the folder."""

@@ -3,12 +3,11 @@
 import difflib
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from apollonius.arenas.record import from_dict, to_dict
-from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
 from apollonius.game.presets import make_game
 from apollonius.game.types import Role
@@ -89,11 +88,6 @@ class RunConfig:
         require(games - attackers >= len(stage.opponents), "games", games, bound)
 
     @property
-    def first(self) -> BySide[str | None]:
-        """Names of the agents that the sides go on from."""
-        return BySide(self.pursuer, self.evader)
-
-    @property
     def stage1_name(self) -> str:
         """The name of the pursuer that learned to catch the evaders of stage 1."""
         if self.evaders == ("still",):
@@ -125,13 +119,11 @@ class RunConfig:
 
 PRESETS: dict[str, RunConfig] = {
     "paper": RunConfig(),
-    "standard": replace(
-        RunConfig(),
+    "standard": RunConfig(
         fixed_target=StageConfig(env_steps=6_000_000),
         self_play=SelfPlayConfig(env_steps=8_000_000),
     ),
-    "quick": replace(
-        RunConfig(),
+    "quick": RunConfig(
         dqn=DQNConfig(width=96, depth=3, learning_rate=1e-3),
         fixed_target=StageConfig(env_steps=8_000_000, evaluations=8, evaluation_games=500),
         self_play=SelfPlayConfig(env_steps=6_000_000, evaluations=8, evaluation_games=500),

@@ -22,6 +22,11 @@ from apollonius.io.errors import InvalidInput, require, require_within
 from apollonius.learn.config import RunConfig
 
 FORMAT = "apollonius-checkpoint-2"
+_OWN = (
+    "agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json",
+    "state.json", "report.html", "config.toml",
+)  # fmt: skip
+"""A run's own files. The config is the last: until it goes a half-removed folder is still known as a run's."""
 T = TypeVar("T")
 
 
@@ -42,7 +47,8 @@ def create_run(config: RunConfig, folder: Path, force: bool = False) -> None:
             require(is_run, "folder", folder, "a run's folder, new or empty, but holds something else; choose another")
             require(force, "folder", folder, "a new folder, as this one holds a run; choose another or force it")
             with held(folder):
-                _remove_run(folder)
+                for path in (path for pattern in _OWN for path in folder.glob(pattern)):
+                    path.unlink()
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / "config.toml", tomli_w.dumps(to_dict(config)).encode())
     (folder / "agents").mkdir(exist_ok=True)
@@ -70,14 +76,6 @@ def held(folder: Path) -> Generator[None, None, None]:
 def agent_file(run: Path, name: str, percent: int = 100) -> Path:
     """Return the file of an agent: the one at the end of a run, or that at an earlier percentage of self-play."""
     return run / "agents" / f"{name}{'' if percent == 100 else f'-{percent}'}.safetensors"
-
-
-def _remove_run(folder: Path) -> None:
-    # The config goes last: until then a half-removed folder is still known as a run's.
-    own = ("agents/*.safetensors", "tables/*.safetensors", "checkpoint.safetensors", "*.jsonl", "evaluation.json")
-    for pattern in (*own, "state.json", "report.html", "config.toml"):
-        for path in folder.glob(pattern):
-            path.unlink()
 
 
 def load_config(path: Path, within: Path | None = None) -> RunConfig:
@@ -138,8 +136,6 @@ def save_checkpoint(path: Path, state: Any, standing: Standing) -> None:
 
 def load_standing(path: Path) -> Standing:
     """Return how far the run of a checkpoint is; raises InvalidInput for a missing, damaged or foreign file."""
-    if not path.is_file():
-        raise InvalidInput(f"there is no checkpoint '{path}': the run had not begun; start it with `apollonius train`.")
     with opened(path, "train again", "checkpoint") as file:
         metadata = file.metadata() or {}
     if FORMAT not in metadata:
@@ -160,7 +156,10 @@ def load_checkpoint(path: Path, template: T) -> T:
             raise InvalidInput(f"'{path}' holds another training state than its config.toml describes: train again.")
         saved = {name: file.get_tensor(name) for name in expected}
     require_finite(path, saved, "train again")
-    leaves = [_like(leaf, saved[name]) for name, leaf in expected.items()]
+    leaves = [
+        jax.random.wrap_key_data(saved[name]) if _is_key(leaf) else jnp.asarray(saved[name])
+        for name, leaf in expected.items()
+    ]
     return jax.tree.unflatten(jax.tree.structure(template), leaves)
 
 
@@ -170,7 +169,3 @@ def _is_key(leaf: Any) -> bool:
 
 def _without_key_type(leaf: Any) -> Any:
     return jax.random.key_data(leaf) if _is_key(leaf) else leaf
-
-
-def _like(leaf: Any, saved: Any) -> Any:
-    return jax.random.wrap_key_data(jnp.asarray(saved)) if _is_key(leaf) else jnp.asarray(saved)

@@ -39,8 +39,10 @@ def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
     def write(state: State) -> None:
         write_atomically(folder / STATE, to_json(asdict(state)).encode())
 
+    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
+    job = f"{array}_{task}" if array else os.environ.get("SLURM_JOB_ID", "")
     with held(folder):
-        write(ended := State("running", platform.node(), os.getpid(), _slurm_job()))
+        write(ended := State("running", platform.node(), os.getpid(), job))
         try:
             finished = train()
             ended = replace(ended, state="finished" if finished else "stopped")
@@ -51,11 +53,6 @@ def keep_state(folder: Path, train: Callable[[], bool]) -> bool:
         finally:
             with suppress(OSError):  # a full disk, of which the error itself tells
                 write(replace(ended, state="stopped") if ended.state == "running" else ended)
-
-
-def _slurm_job() -> str:
-    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
-    return f"{array}_{task}" if array else os.environ.get("SLURM_JOB_ID", "")
 
 
 def _was_killed(state: State) -> bool:

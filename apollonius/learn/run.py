@@ -6,7 +6,7 @@ so they follow the clock: a run that is killed and resumed ends with the same bi
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -59,32 +59,28 @@ class Saved(eqx.Module):
     best: Network | None
 
 
+@dataclass(eq=False)
 class Run:
     """One training run. `execute` begins it or resumes it from its checkpoint.
 
-    Args:
+    Attributes:
         config: what to train.
         folder: where; `config.toml` must already lie there (`create_run`).
         report: called after every chunk with its metrics and the share of the training that is done.
         should_stop: asked after every chunk; True saves a checkpoint and ends `execute` early.
     """
 
-    def __init__(
-        self,
-        config: RunConfig,
-        folder: Path,
-        report: Callable[[MetricsLine, float], None] = lambda line, share: None,
-        should_stop: Callable[[], bool] = lambda: False,
-    ) -> None:
-        self.config = config
-        self.folder = folder
-        self.report = report
-        self.should_stop = should_stop
-        self.game = charted(config.game, find_observation(config.learner.observation).charted)
-        self.checkpoint = folder / "checkpoint.safetensors"
-        self.metrics = folder / "metrics.jsonl"
-        self.evaders = find_pool(config.evaders, Role.EVADER, self.game)
-        self.plans = config.plans
+    config: RunConfig
+    folder: Path
+    report: Callable[[MetricsLine, float], None] = lambda line, share: None
+    should_stop: Callable[[], bool] = lambda: False
+
+    def __post_init__(self) -> None:
+        self.game = charted(self.config.game, find_observation(self.config.learner.observation).charted)
+        self.checkpoint = self.folder / "checkpoint.safetensors"
+        self.metrics = self.folder / "metrics.jsonl"
+        self.evaders = find_pool(self.config.evaders, Role.EVADER, self.game)
+        self.plans = self.config.plans
 
     @cached_property
     def settings(self) -> list[Setting]:
@@ -129,7 +125,7 @@ class Run:
         if stage == DISTILLATION:
             return Saved(start_distillation(plan, self.settings, key, networks[self.config.distillation.side]), None)
         train = train_state.start(plan, plan.stage.trained_in(self.game), key, self._fixed(stage), networks)
-        return Saved(train, _copy(train.learners[Role.PURSUER].learner.average) if stage == FIXED_TARGET else None)
+        return Saved(train, _pursuer(train) if stage == FIXED_TARGET else None)
 
     def _fixed(self, stage: str) -> dict[Role, Pool]:
         """Return the players of the side that does not learn in a stage of the curriculum."""
@@ -153,7 +149,7 @@ class Run:
             if plan.evaluates(before, standing.chunks):
                 evaluation = self._evaluate(stage, train)
                 if self._is_best(evaluation, standing):
-                    best = _copy(train.learners[Role.PURSUER].learner.average)
+                    best = _pursuer(train)
                     standing = replace(standing, best=evaluation)
             self._save_agents(train, before, standing)
             seconds = time.monotonic() - began
@@ -227,10 +223,10 @@ def train(folder: Path, should_stop: Callable[[], bool]) -> bool:
 
 def load_first(config: RunConfig, role: Role) -> Network | None:
     """Return the network that a side starts from, if the config names one; raises InvalidInput if it does not fit."""
-    name = config.first[role]
+    name = BySide(config.pursuer, config.evader)[role]
     return None if name is None else config.learner.fitted(load_network(name, role), role.name.lower(), name)
 
 
-def _copy(network: Network) -> Network:
-    """Copy the weights: a chunk consumes the state it is given."""
-    return jax.tree.map(jnp.copy, network)
+def _pursuer(train: TrainState) -> Network:
+    """Return a copy of the pursuer's network: a chunk consumes the state it is given."""
+    return jax.tree.map(jnp.copy, train.learners[Role.PURSUER].learner.average)

@@ -42,6 +42,7 @@ class Bag:
         name = f"{node}-{time.strftime('%Y%m%d-%H%M%S')}-{time.time_ns() % 10**6:06d}"
         self._bag = Writer(folder / name, version=9, storage_plugin=StoragePlugin.MCAP)
         self._bag.open()
+        self.close = self._bag.close
         self.write("export", String(data=about), time.time_ns())
 
     def write(self, topic: str, message: object, stamp: int) -> None:
@@ -51,10 +52,6 @@ class Bag:
             named = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             self._topics[topic] = self._bag.add_connection(topic, named, typestore=self._types)
         self._bag.write(self._topics[topic], stamp, serialize_message(message))
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._bag.close()
 
 
 class PursuitNode(Node):
@@ -186,11 +183,9 @@ def main():
         signal.signal(one, lambda *_: stop.append(True))
     try:
         node = PursuitNode()
-    except KeyError as missing:
-        print(f"apollonius_ros: no parameter {missing}: config/params.yaml has all of them", file=sys.stderr)
-        return 2
-    except (ValueError, OSError) as error:
-        print(f"apollonius_ros: {error}", file=sys.stderr)
+    except (KeyError, ValueError, OSError) as error:
+        missing = f"no parameter {error}: config/params.yaml has all of them"
+        print(f"apollonius_ros: {missing if isinstance(error, KeyError) else error}", file=sys.stderr)
         return 2
     while not stop:
         rclpy.spin_once(node, timeout_sec=0.1)

@@ -4,12 +4,10 @@ A `Pilot` never raises and always has a command. While it cannot trust what it k
 """
 
 import math
-import random
+import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
-
-Rows = Sequence[Sequence[float]]
 
 
 @dataclass
@@ -24,7 +22,7 @@ class Decision:
     speed: float = 0.0
     turn_rate: float = 0.0
     trouble: str = ""
-    states: Rows = ()
+    states: Sequence[Sequence[float]] = ()
     active: Sequence[bool] = ()
     bits: int = 0
     action: Sequence[float] = ()
@@ -64,7 +62,6 @@ class Pilot:
     stopped: bool = False
     speed: float = 0.0
     step: int = 0
-    _random: random.Random = field(default_factory=random.SystemRandom)
 
     def command(self, now: float) -> Decision:
         """Return the decision from now [s] on; to be called every `dt`."""
@@ -93,7 +90,7 @@ class Pilot:
         states = [self._state(*robot, now) for robot in zip(self.robots, active, strict=True)]
         if self.step == 0:
             self.player.begin()
-        bits = self._random.getrandbits(32)
+        bits = secrets.randbits(32)
         action, controls = self.player.decide(states, active, bits)
         u1, turn_rate = controls
         if not (abs(u1) <= 1.01 * facts["u1_max"] and abs(turn_rate) <= 1.01 * facts["u2_max"]):  # also where NaN
