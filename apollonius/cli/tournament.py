@@ -2,6 +2,7 @@
 
 import argparse
 
+from apollonius.agents.names import SIDES
 from apollonius.cli.options import (
     AGENT,
     add_game_options,
@@ -18,17 +19,9 @@ from apollonius.io.limits import GAMES
 
 
 def add_tournament(parser: argparse.ArgumentParser) -> None:
-    everyone = "default: all that need no file and fit the game"
-    parser.add_argument(
-        "--pursuers", type=agent_of("pursuer"), nargs="+", metavar="PURSUER", help=f"{AGENT} ({everyone})"
-    )
-    parser.add_argument(
-        "--evaders",
-        type=agent_of("evader"),
-        nargs="+",
-        metavar="EVADER",
-        help=f"the same, for the other side ({everyone})",
-    )
+    about = f"{AGENT} (default: all that need no file and fit the game)"
+    for side in SIDES:
+        parser.add_argument(f"--{side}s", type=agent_of(side), nargs="+", metavar=side.upper(), help=about)
     parser.add_argument("--games", type=count(GAMES), default=1000, help="games in each match (default: %(default)s)")
     add_game_options(parser)
     parser.add_argument("--plot", type=new_file(".png"), metavar="FILE", help="draw win rates and ratings as .png")
