@@ -75,7 +75,7 @@ def load_drive(path: Path | None) -> Drive:
 
 @dataclass
 class References:
-    """What the drives of a batch of robots are following: speed [m/s], turn rate [rad/s], and controls now in force.
+    """The speeds [m/s], turn rates [rad/s] and controls that the drives of a batch of robots follow now.
 
     It changes as they go; new controls replace those after the latency.
     """
