@@ -10,7 +10,6 @@ from apollonius.game.types import RobotState
 
 ARENA = Arena(-1.0, 3.0, 0.0, 2.0, discs=(Disc(0.0, 1.0, 0.25), Disc(2.0, 0.5, 0.3)))
 clearances = jax.jit(jax.vmap(Arena.clearance, in_axes=(None, 0, 0)))
-hits = jax.jit(Arena.hits_obstacle)
 leaves = jax.jit(Arena.is_out_of_range)
 
 
@@ -30,27 +29,6 @@ def test_clearance_is_the_distance_to_the_nearest_boundary_point():
     inside = np.any([np.hypot(*(points - (disc.x, disc.y)).T) < disc.radius for disc in ARENA.discs], axis=0)
     assert 10 < inside.sum() < 100
     np.testing.assert_allclose(clearances(ARENA, *points.T), np.where(inside, -to_boundary, to_boundary), atol=1e-3)
-
-
-@pytest.mark.parametrize("outside", [(-1.5, 1.0), (3.5, 1.0), (1.0, -0.5), (1.0, 2.5)])
-def test_clearance_is_negative_beyond_every_wall(outside):
-    assert ARENA.clearance(*jnp.asarray(outside)) == -0.5
-
-
-def test_the_clearance_along_a_step_is_the_least_of_its_places_wherever_the_walls_are():
-    arena = Arena(2.0, 6.0, -5.0, -1.0, discs=(Disc(4.0, -3.0, 0.5),))
-    ends = np.random.default_rng(2).uniform((2, -5), (6, -1), (2, 300, 2)).astype(np.float32)
-    before, after = (jax.vmap(at)(*end.T) for end in ends)
-    ours = jax.jit(jax.vmap(arena.clearance_along))(before, after)
-    places = ends[0] + np.linspace(0, 1, 401, dtype=np.float32)[:, None, None] * (ends[1] - ends[0])
-    sampled = np.asarray(clearances(arena, *places.reshape(-1, 2).T)).reshape(401, 300).min(axis=0)
-    np.testing.assert_allclose(np.maximum(ours, 0), np.maximum(sampled, 0), atol=0.01)
-    assert (sampled > 0.1).sum() > 50
-
-
-@pytest.mark.parametrize(("radius", "touches"), [(0.0, False), (0.25, False), (0.26, True)])
-def test_a_body_hits_a_disc_when_it_comes_closer_than_its_own_radius(radius, touches):
-    assert hits(ARENA, at(-0.5, 1.5), at(0.5, 1.5), radius) == touches
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.25])

@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.game.arena import Arena
 from apollonius.game.obstacle import between_nodes
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.types import RobotState
@@ -75,23 +74,6 @@ def test_along_a_step_it_is_at_most_the_least_distance_and_short_by_an_eighth_of
     assert np.all(ours[touches] < 0)
     assert np.all(ours[~touches] <= least[~touches] + 1e-3)
     assert np.all(ours >= field - length / 8 - 1e-3)
-
-
-@pytest.mark.parametrize("wall", ["straight", "diagonal"])
-def test_no_point_passes_a_wall_of_single_cells(wall):
-    occupied = np.zeros((40, 40), bool)
-    rows = np.arange(40)
-    occupied[rows, rows if wall == "diagonal" else 20] = True
-    arena = Arena(0.0, 10.0, 0.0, 10.0, map=map_of(occupied, 0.0, 0.0))
-    hits = jax.jit(jax.vmap(lambda x, y, to_x, to_y: arena.hits_obstacle(at(x, y), at(to_x, to_y), 0.0)))
-    rng = np.random.default_rng(0)
-    middle = rng.uniform(1, 9, 2000)
-    before = np.stack([middle, middle if wall == "diagonal" else np.full(2000, 5.125)], axis=1)[:, ::-1]
-    across = np.array([1, -1]) / np.sqrt(2) if wall == "diagonal" else np.array([1, 0])
-    shift = rng.uniform(0.4, 0.6, (2000, 1)) * across
-    assert np.all(hits(*np.hstack([before - shift, before + shift]).T.astype(np.float32)))
-    aside = before - 4 * shift / np.abs(shift).max()
-    assert not np.any(hits(*np.hstack([aside, aside - 0.1 * across]).clip(0.1, 9.9).T.astype(np.float32))[:100])
 
 
 def test_a_map_without_occupied_cells_has_no_obstacles_and_one_without_free_cells_is_refused():

@@ -8,40 +8,22 @@ import pytest
 
 from apollonius.game.outcome import counts_by_name, decide, evader_wins, is_captured, pursuer_wins
 from apollonius.game.types import GameState, Outcome, RobotState
+from tests.oracle.numpy_game import judge
 
 EVENTS = ("captured", "pursuer_hit", "pursuer_out", "evader_hit", "evader_out", "territory_reached", "out_of_time")
 COMBINATIONS = [dict(zip(EVENTS, flags, strict=True)) for flags in itertools.product((False, True), repeat=len(EVENTS))]
 
 
-def conditions(captured, pursuer_hit, pursuer_out, evader_hit, evader_out, territory_reached, out_of_time):
-    """When each outcome holds, written as conditions that stand on their own: no order among them."""
-    pursuer_failed, evader_failed = pursuer_hit or pursuer_out, evader_hit or evader_out
-    only_pursuer = not captured and pursuer_failed and not evader_failed
-    only_evader = not captured and evader_failed and not pursuer_failed
-    nothing = not captured and not pursuer_failed and not evader_failed
-    return {
-        Outcome.CAPTURED: captured,
-        Outcome.BOTH_FAILED: not captured and pursuer_failed and evader_failed,
-        Outcome.PURSUER_HIT_OBSTACLE: only_pursuer and pursuer_hit,
-        Outcome.PURSUER_OUT_OF_RANGE: only_pursuer and not pursuer_hit,
-        Outcome.EVADER_HIT_OBSTACLE: only_evader and evader_hit,
-        Outcome.EVADER_OUT_OF_RANGE: only_evader and not evader_hit,
-        Outcome.TERRITORY_REACHED: nothing and territory_reached,
-        Outcome.NO_RESULT: nothing and not territory_reached and out_of_time,
-        Outcome.ONGOING: nothing and not territory_reached and not out_of_time,
-    }
-
-
-@pytest.fixture(scope="module")
-def decided():
+def test_of_every_combination_of_events_that_counts_which_counts_for_the_oracle():
     columns = {event: jnp.asarray([flags[event] for flags in COMBINATIONS]) for event in EVENTS}
-    return [Outcome(int(outcome)) for outcome in jax.vmap(lambda flags: decide(**flags))(columns)]
-
-
-def test_every_combination_of_events_has_exactly_the_outcome_whose_condition_holds(decided):
+    decided = jax.vmap(lambda flags: decide(**flags))(columns)
     for flags, outcome in zip(COMBINATIONS, decided, strict=True):
-        holding = [name for name, holds in conditions(**flags).items() if holds]
-        assert holding == [outcome], flags
+        fates = [
+            "HIT_OBSTACLE" if flags[f"{side}_hit"] else "OUT_OF_RANGE" if flags[f"{side}_out"] else None
+            for side in ("pursuer", "evader")
+        ]
+        expected = judge(flags["captured"], *fates, flags["territory_reached"], flags["out_of_time"])
+        assert Outcome(int(outcome)).name == expected, flags
 
 
 def test_the_pursuer_wins_by_a_capture_or_when_the_evader_fails_alone():

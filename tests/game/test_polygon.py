@@ -24,7 +24,6 @@ HALL = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0), (2.0, 8.0), (2.0, 5.5), (3.0, 5.5), 
 """A room with walls of 1 m and a door of 1 m in the west."""
 clearances = jax.jit(jax.vmap(lambda polygon, x, y: polygon.clearance(x, y), in_axes=(None, 0, 0)))
 along = jax.jit(jax.vmap(lambda polygon, *ends: polygon.clearance_along(*ends), in_axes=(None, 0, 0)))
-hits = jax.jit(Arena.hits_obstacle)
 
 
 def at(x, y):
@@ -63,14 +62,6 @@ def test_contact_along_a_step_is_that_of_the_oracle():
     outside = theirs > 1e-4
     assert 20 < outside.sum() < 145
     np.testing.assert_allclose(ours[outside], theirs[outside], atol=1e-4)
-
-
-def test_arenas_mind_every_polygon_and_every_disc():
-    arena = Arena(polygons=(Polygon(SQUARE), Polygon(((6.0, 6.0), (8.0, 6.0), (7.0, 8.0)))))
-    assert float(arena.clearance(jnp.float32(7), jnp.float32(5))) == pytest.approx(1)
-    assert float(arena.clearance_along(at(5, 5.5), at(9, 5.5))) == pytest.approx(0.5)
-    assert hits(arena, at(0.5, 2), at(1.5, 2), 0.0)
-    assert hits(arena, at(7, 5.5), at(7, 6.5), 0.0)
 
 
 coordinate = st.integers(1, 99).map(lambda number: number / 10)

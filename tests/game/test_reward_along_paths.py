@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
 from apollonius.arenas.charting import charted
-from apollonius.arenas.suite import scenario_game
 from apollonius.game.arena import Arena
 from apollonius.game.by_side import BySide
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game, reset_batch
+from apollonius.game.game import Game
 from apollonius.game.polygon import Polygon
 from apollonius.game.reward import Reward
 from apollonius.game.teams import Teams
@@ -79,24 +77,6 @@ def test_of_a_team_the_one_with_the_shortest_way_is_paid_for():
     pursuers, evader = [robot(3.5, 3.0), robot(7.5, 3.0, 1.2, math.pi)], robot(5.0, 3.0)
     assert pay(game, pursuers, evader) == pytest.approx((0.36, -0.36), abs=1e-5)
     assert pay(replace(game, reward=LINE), pursuers, evader) == pytest.approx((0.0, 0.0), abs=1e-5)
-
-
-def test_no_step_in_a_suite_pays_more_than_the_robots_can_drive():
-    """In mazes and rooms, with bodies: ways change by what both drive, and by the chart's roughness."""
-    rules = scenario_game("suite-v1/maze-00,rooms-04")
-    body = Unicycle(radius=0.25)
-    game = charted(replace(rules, pursuer=body, evader=body, capture_distance=0.8, reward=PATHS))
-    states = jax.jit(reset_batch, static_argnames="games")(game, jax.random.key(0), games=512)
-
-    def driven(state):
-        at_top = state.robots.map(lambda side: tuple(replace(one, v=one.v + 1.2) for one in side))
-        return game.step(replace(state, robots=at_top), jnp.asarray(STAY), jnp.asarray(STAY))
-
-    after = jax.jit(jax.vmap(driven))(states)
-    paid = np.abs(after.rewards.pursuer[0])[~np.asarray(after.terminated)]
-    assert len(paid) > 400
-    assert np.mean(paid) < 3.0 * 0.24
-    assert np.max(paid) < 3.0 * 1.5
 
 
 def test_a_game_without_charts_is_refused_in_one_line():

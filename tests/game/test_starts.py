@@ -43,16 +43,6 @@ def is_uniform(values, low, high, bins=50):
     return counts.sum() == len(values) and stats.chisquare(counts).pvalue > 1e-3
 
 
-def test_every_body_has_its_clearance_from_walls_and_discs(near, apart, moving):
-    for states in (near, apart, moving):
-        for robot, body in ((states.pursuer, PURSUER), (states.evader, EVADER)):
-            to_wall = np.min([robot.x, 10 - robot.x, robot.y, 10 - robot.y], axis=0)
-            to_disc = np.hypot(robot.x - 5, robot.y - 5) - 1
-            room = np.minimum(to_wall, to_disc) - body.radius
-            assert room.min() == pytest.approx(0.3, abs=0.01)
-            assert room.min() > 0.3 - 1e-5
-
-
 @pytest.mark.parametrize("short", [0, 1, 2])
 def test_what_is_asked_for_is_enough_and_less_is_not(short):
     """Along the lower wall, in quarters of a metre, so that nothing is rounded: of either robot and between them."""

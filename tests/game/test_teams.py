@@ -1,6 +1,7 @@
-"""Games of teams: against their NumPy twin, the same whatever the order of team mates, and what must hold in each."""
+"""The rules against their NumPy twin, and what must hold in games of teams."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -23,24 +24,16 @@ from tests.oracle import numpy_teams
 
 CLEAR_CUT = 1e-4
 """Contacts closer to their threshold than this [m] may be decided either way in float32."""
-PURSUERS, EVADERS = 3, 2
+TEAMS = 3, 2
+"""Pursuers and evaders of the games of teams."""
 
 
-def to_state(places, statuses, steps):
-    robots = [RobotState(*place) for place in places]
-    return GameState(in_sides(robots), steps, status=in_sides(list(statuses)))
+def in_sides(values, sizes):
+    return BySide(tuple(values[: sizes[0]]), tuple(values[sizes[0] :]))
 
 
-def in_sides(values):
-    return BySide(tuple(values[:PURSUERS]), tuple(values[PURSUERS:]))
-
-
-to_states_each = jax.jit(jax.vmap(jax.vmap(to_state)))
-step_each = jax.jit(jax.vmap(jax.vmap(Game.step, in_axes=(None, 0, 0, 0))))
-
-
-def random_team_game(rng, profile):
-    """A small, crowded game of three against two, no two robots alike, in numbers that float32 can hold."""
+def random_game(rng, profile, sizes):
+    """A small, crowded game, no two robots alike, in numbers that float32 can hold."""
 
     def sample(low, high):
         return float(np.float32(rng.uniform(low, high)))
@@ -50,11 +43,11 @@ def random_team_game(rng, profile):
 
     corners = rng.uniform(-0.6, 0.6, 2)
     vertices = [tuple(map(float, np.float32(corners + turned))) for turned in ((0.4, 0.0), (0.0, 0.4), (-0.4, -0.4))]
-    bodies = [body() for _ in range(PURSUERS + EVADERS)]
+    (pursuer, *pursuers), (evader, *evaders) = ([body() for _ in range(size)] for size in sizes)
     return Game(
-        pursuer=bodies[0],
-        evader=bodies[PURSUERS],
-        teams=Teams(tuple(bodies[1:PURSUERS]), tuple(bodies[PURSUERS + 1 :]), mates_collide=profile == "paper"),
+        pursuer=pursuer,
+        evader=evader,
+        teams=Teams(tuple(pursuers), tuple(evaders), mates_collide=profile == "paper") if pursuers else None,
         arena=Arena(
             sample(-3.5, -3), sample(3, 3.5), sample(-4, -3), sample(3, 4),
             discs=tuple(Disc(sample(-2.5, 2.5), sample(-2.5, 2.5), sample(0.01, 0.2)) for _ in range(2)),
@@ -68,48 +61,62 @@ def random_team_game(rng, profile):
     )  # fmt: skip
 
 
-def random_status(rng, shape):
+def random_status(rng, shape, sizes):
     """Robots of which one in three is out, whatever put it out; one of either side at least is in play."""
-    status = np.where(rng.random(shape) < 0.3, rng.integers(1, len(RobotStatus), shape), 0).astype(np.int32)
-    for side in (slice(None, PURSUERS), slice(PURSUERS, None)):
+    status = np.where(rng.random((*shape, sum(sizes))) < 0.3, rng.integers(1, len(RobotStatus), (*shape, 1)), 0)
+    for side in (slice(None, sizes[0]), slice(sizes[0], None)):
         nobody = (status[..., side] > 0).all(axis=-1)
         status[..., side] *= ~nobody[..., None]
-    return status
+    return status.astype(np.int32)
 
 
 def random_places(rng, game, count):
-    """Places [x, y, v, heading] of all five robots, leaves `[count, 5, 4]`."""
+    """Places [x, y, v, heading] of all robots, one in three at either limit of its speed: `[count, robots, 4]`."""
     arena, bodies = game.arena, [body for side in game.bodies for body in side]
-    x, y = np.moveaxis(rng.uniform((arena.x_min, arena.y_min), (arena.x_max, arena.y_max), (count, 5, 2)), -1, 0)
-    v = rng.uniform([body.v_min for body in bodies], [body.v_max for body in bodies], (count, 5))
-    return np.stack([x, y, v, rng.uniform(-np.pi, np.pi, (count, 5))], axis=-1).astype(np.float32)
+    shape = count, len(bodies)
+    x, y = np.moveaxis(rng.uniform((arena.x_min, arena.y_min), (arena.x_max, arena.y_max), (*shape, 2)), -1, 0)
+    low, high = np.array([(body.v_min, body.v_max) for body in bodies]).T
+    v = np.clip(rng.uniform(2 * low - high, 2 * high - low, shape), low, high)
+    return np.stack([x, y, v, rng.uniform(-np.pi, np.pi, shape)], axis=-1).astype(np.float32)
 
 
-def actions_of(actions):
-    return [actions[..., number] for number in range(PURSUERS)], [
-        actions[..., number] for number in range(PURSUERS, PURSUERS + EVADERS)
-    ]
+@partial(jax.jit, static_argnames="sizes")
+def stepped(games, places, statuses, steps, actions, sizes):
+    """A step of each game from each of its states."""
+
+    def one(game, places, statuses, steps, actions):
+        status = in_sides(statuses, sizes) if sum(sizes) > 2 else None
+        state = GameState(in_sides([RobotState(*place) for place in places], sizes), steps, status=status)
+        return game.step(state, *in_sides(actions, sizes))
+
+    return jax.vmap(jax.vmap(one, (None, 0, 0, 0, 0)))(games, places, statuses, steps, actions)
 
 
-def stacked(games):
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
-    ("profile", "count"),
-    [("paper", 10), *(pytest.param(profile, 100, marks=pytest.mark.slow) for profile in ("paper", "zero-sum"))],
+    ("sizes", "profile", "count"),
+    [
+        ((1, 1), "paper", 80),
+        ((1, 1), "zero-sum", 80),
+        (TEAMS, "paper", 10),
+        slow(TEAMS, "paper", 100),
+        slow(TEAMS, "zero-sum", 100),
+    ],
 )
-def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
-    """Three against two, as many transitions in each arena as arenas; with the paper's rewards mates can collide."""
-    rng = np.random.default_rng(0)
-    games = [random_team_game(rng, profile) for _ in range(count)]
-    shape = (count, 2 * count if count < 100 else count)
+def test_a_step_is_what_the_numpy_twin_says(sizes, profile, count):
+    """Many transitions in each of many arenas; with the paper's rewards mates can collide."""
+    rng, robots = np.random.default_rng(0), sum(sizes)
+    games = [random_game(rng, profile, sizes) for _ in range(count)]
+    shape = count, max(20, count)
     places = np.array([random_places(rng, game, shape[1]) for game in games])
-    statuses = random_status(rng, (*shape, 5))
-    actions = rng.integers(NUM_ACTIONS, size=(*shape, 5))
+    statuses = random_status(rng, shape, sizes)
+    actions = rng.integers(NUM_ACTIONS, size=(*shape, robots))
     steps = rng.integers(39, size=shape)
-    state = to_states_each(*map(jnp.asarray, (places, statuses, steps)))
-    ours = step_each(stacked(games), state, *actions_of(jnp.asarray(actions)))
+    leaves = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *games)
+    ours = stepped(leaves, *map(jnp.asarray, (places, statuses, steps, actions)), sizes)
 
     bodies = [[body for side in game.bodies for body in side] for game in games]
     twins = []
@@ -117,11 +124,11 @@ def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
         games, bodies, places.tolist(), statuses.tolist(), steps.tolist(), actions.tolist(), strict=True
     ):
         for place, status, played, action in zip(*columns, strict=True):
-            robots = [
+            both = [
                 {"body": body, "place": tuple(here), "status": RobotStatus(now).name}
                 for body, here, now in zip(many, place, status, strict=True)
             ]
-            sides = robots[:PURSUERS], robots[PURSUERS:], played, action[:PURSUERS], action[PURSUERS:]
+            sides = *in_sides(both, sizes), played, *in_sides(action, sizes)
             twins.append(numpy_teams.step(game, *sides, mates_collide=profile == "paper"))
     clear_cut = np.array([twin.margin > CLEAR_CUT for twin in twins])
     assert clear_cut.mean() > 0.99
@@ -131,13 +138,18 @@ def test_a_step_of_teams_is_what_the_numpy_twin_says(profile, count):
 
     outcomes = np.array([Outcome[twin.outcome] for twin in twins])
     same(ours.outcome, outcomes)
+    truncated = (outcomes == Outcome.NO_RESULT) & (profile == "paper")
+    same(ours.truncated, truncated)
+    same(ours.terminated, (outcomes != Outcome.ONGOING) & ~truncated)
+    same(ours.state.steps, 1 + steps.ravel())
     possible = [outcome for outcome in Outcome if outcome != Outcome.TERRITORY_REACHED or profile == "zero-sum"]
-    if count == 100:  # 20,000 transitions by both profiles
+    if count > 10:
         assert np.bincount(outcomes[clear_cut], minlength=len(Outcome))[possible].min() > 0
-    for side, count in (("pursuer", PURSUERS), ("evader", EVADERS)):
-        for number in range(count):
+    for side, size in zip(("pursuer", "evader"), sizes, strict=True):
+        for number in range(size):
             found = [getattr(twin, f"{side}s")[number] for twin in twins]
-            same(getattr(ours.state.status, side)[number], [RobotStatus[robot["status"]] for robot in found])
+            if ours.state.status:
+                same(getattr(ours.state.status, side)[number], [RobotStatus[robot["status"]] for robot in found])
             paid = [getattr(twin, f"{side}_rewards")[number] for twin in twins]
             same(getattr(ours.rewards, side)[number], paid, atol=5e-5)
             robot = getattr(ours.state.robots, side)[number]

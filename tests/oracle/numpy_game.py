@@ -1,61 +1,8 @@
-"""The rules a second time: one game, one step, float64, plain numbers and plain ifs.
-
-A robot is a tuple (x, y, v, heading), a state a tuple (pursuer, evader, steps). Only the numbers of a `Game` are read,
-never its methods, so that a mistake must be made twice to go unseen.
-"""
+"""How a robot (x, y, v, heading) moves and what it meets, and who has won: float64, plain numbers and plain ifs."""
 
 import math
-from dataclasses import dataclass
 
 LEVELS = (-1, 0, 1)
-
-
-@dataclass(frozen=True)
-class Step:
-    """What one step led to. `margin` [m] says how far the nearest contact was from happening or not happening."""
-
-    pursuer: tuple
-    evader: tuple
-    steps: int
-    outcome: str
-    pursuer_reward: float
-    evader_reward: float
-    terminated: bool
-    truncated: bool
-    margin: float
-
-
-def step(game, state, pursuer_action, evader_action):
-    pursuer_before, evader_before, steps = state
-    pursuer = move(game.pursuer, pursuer_before, controls(game.pursuer, pursuer_action), game.dt)
-    evader = move(game.evader, evader_before, controls(game.evader, evader_action), game.dt)
-    steps = steps + 1
-
-    gap = closest_pass(pursuer_before, pursuer, evader_before, evader) - game.capture_distance
-    pursuer_gaps = gaps(game.arena, game.pursuer.radius, pursuer_before, pursuer)
-    evader_gaps = gaps(game.arena, game.evader.radius, evader_before, evader)
-    goal = game.arena.territory
-    to_goal = math.inf
-    if goal:
-        to_goal = closest_pass(evader_before, evader, (goal.x, goal.y), (goal.x, goal.y)) - goal.radius
-    outcome = judge(gap < 0, fate(*pursuer_gaps), fate(*evader_gaps), to_goal < 0, steps >= game.max_steps)
-
-    closed = distance(pursuer_before, evader_before) - distance(pursuer, evader)
-    zero_sum = game.reward.profile == "zero-sum"
-    pay = zero_sum_rewards if zero_sum else paper_rewards
-    pursuer_reward, evader_reward = pay(game.reward, outcome, closed)
-    truncated = outcome == "NO_RESULT" and not zero_sum
-    return Step(
-        pursuer=pursuer,
-        evader=evader,
-        steps=steps,
-        outcome=outcome,
-        pursuer_reward=pursuer_reward,
-        evader_reward=evader_reward,
-        terminated=outcome != "ONGOING" and not truncated,
-        truncated=truncated,
-        margin=min(abs(number) for number in (gap, *pursuer_gaps, *evader_gaps, to_goal)),
-    )
 
 
 def controls(body, action):
@@ -161,14 +108,6 @@ def winds_around(vertices, place):
     return abs(total) > math.pi
 
 
-def fate(to_disc, to_wall):
-    if to_disc < 0:
-        return "HIT_OBSTACLE"
-    if to_wall < 0:
-        return "OUT_OF_RANGE"
-    return None
-
-
 def judge(captured, pursuer_fate, evader_fate, reached, out_of_time):
     if captured:
         return "CAPTURED"
@@ -183,20 +122,6 @@ def judge(captured, pursuer_fate, evader_fate, reached, out_of_time):
     if out_of_time:
         return "NO_RESULT"
     return "ONGOING"
-
-
-def paper_rewards(reward, outcome, closed):
-    """Eq. 8, 9: the cases in the paper's order."""
-    if outcome == "CAPTURED":
-        return reward.capture, -reward.capture
-    if outcome == "TERRITORY_REACHED":
-        return -reward.capture, reward.capture
-    pursuer, evader = reward.progress * closed, -reward.progress * closed
-    if outcome.startswith("PURSUER") or outcome == "BOTH_FAILED":
-        pursuer = -reward.failure
-    if outcome.startswith("EVADER") or outcome == "BOTH_FAILED":
-        evader = -reward.failure
-    return pursuer, evader
 
 
 def zero_sum_rewards(reward, outcome, closed):

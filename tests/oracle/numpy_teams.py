@@ -1,7 +1,8 @@
-"""The rules of teams a second time: one step, float64, plain numbers and plain ifs, robot by robot.
+"""The rules a second time: one step, float64, plain numbers and plain ifs, robot by robot.
 
 A robot is a dictionary: its body's limits, its place (x, y, v, heading) and its status. How one robot alone moves, and
-how near it comes to what stands about, is what the twin of the game of two says (`numpy_game`).
+how near it comes to what stands about, is in `numpy_game`. Only the numbers of a `Game` are read, never its methods, so
+that a mistake must be made twice to go unseen.
 """
 
 import math
@@ -14,7 +15,7 @@ FAILURES = ("HIT_OBSTACLE", "OUT_OF_RANGE", "HIT_MATE")
 
 @dataclass(frozen=True)
 class Step:
-    """What one step led to; `margin` [m] as in the twin of the game of two."""
+    """What one step led to. `margin` [m] says how far the nearest contact was from happening or not happening."""
 
     pursuers: list
     evaders: list

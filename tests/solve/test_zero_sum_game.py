@@ -14,7 +14,7 @@ from apollonius.game.types import Outcome, RobotState, Role
 from apollonius.solve.grid import make_grid
 from apollonius.solve.motion import HORIZON, motion_of
 from apollonius.solve.zero_sum_game import first_events, make_zero_sum_game
-from tests.oracle import numpy_game as oracle
+from tests.oracle import numpy_teams
 from tests.solve.small import SMALL
 
 STEPS, GAMES = 8, 12
@@ -45,14 +45,14 @@ def courses(role, numbers):
 
 def expected_event(pursuer, evader, first, second):
     """The outcome's name and the step in which the rules' twin ends the game; ongoing after all steps otherwise."""
-    state = (tuple(map(float, pursuer)), tuple(map(float, evader)), 0)
+    sides = [[{"body": FAST, "place": tuple(map(float, one)), "status": "ACTIVE"}] for one in (pursuer, evader)]
     margin = np.inf
     for number in range(1, STEPS + 1):
-        step = oracle.step(GAME, state, first, second)
+        step = numpy_teams.step(GAME, *sides, number - 1, [first], [second])
         margin = min(margin, step.margin)
         if step.outcome != "ONGOING":
             return step.outcome, number, margin
-        state = (step.pursuer, step.evader, number)
+        sides = step.pursuers, step.evaders
     return "ONGOING", STEPS, margin
 
 
