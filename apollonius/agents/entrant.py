@@ -2,12 +2,12 @@
 
 import json
 import os
-import socket
-import struct
 import subprocess
 import time
 from contextlib import suppress
+from multiprocessing import Pipe
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import equinox as eqx
@@ -32,7 +32,7 @@ DECISION_SECONDS = 0.01
 START_SECONDS = 60.0
 """Time until the process answers for the first time [s]."""
 _MOST_BYTES = 1 << 26
-_LONGEST_LINE = 1 << 12
+_LONGEST_ANSWER = 1 << 12
 _OF_A_ROBOT = 6
 """Numbers of a robot in the observation `state`."""
 
@@ -63,7 +63,7 @@ class EntrantProcess:
         self._sizes = {STATE: _OF_A_ROBOT * robots} | {name: one.size for name, one in OBSERVATIONS.items()}
         about = {"suffix": path.suffix, "bytes": len(self.content), "observations": self._sizes, "game": game}
         self._about = to_json(about).encode()
-        self._running: subprocess.Popen[bytes] | None = None
+        self._running = self._line = None
         self.seconds, self.decisions, self.reason = 0.0, 0, ""
         try:
             said = self.begin(0)
@@ -84,36 +84,40 @@ class EntrantProcess:
         self.forfeited: set[int] = set()
         self._step, self._slots = 0, slots
         variables = {"PATH": os.defpath, "HOME": os.sep, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._line, theirs = socket.socketpair()
+        self._line, theirs = Pipe()
         with theirs:
             self._running = subprocess.Popen(
-                [self._python, "-I", entrant_process.__file__], stdin=theirs.fileno(), stdout=theirs.fileno(),
+                [self._python, "-I", entrant_process.__file__], stdin=theirs.fileno(), stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE, bufsize=0, cwd=os.sep, env=variables, start_new_session=True,
             )  # fmt: skip
-        return json.loads(self._exchange(self._about + b"\n" + self.content, None, START_SECONDS))
+        return json.loads(self._exchange(self._about + b"\n" + self.content, _LONGEST_ANSWER, START_SECONDS))
 
     def end(self) -> None:
         """End the process and all that it has started in its session."""
-        if self._running:
+        if self._running and self._line:
             with self._running, self._line, suppress(ProcessLookupError):
                 os.killpg(self._running.pid, 9)
-            self._running = None
+        self._running = self._line = None  # as it can be sent to another process
 
     def ask(self, seen: Any, steps: Any, arenas: Any) -> np.ndarray:
         """Return the actions of all rows of a batch; those that are not asked brake."""
-        seen, steps, arenas = np.asarray(seen, np.float32), np.asarray(steps), np.asarray(arenas)
+        seen, steps = np.ascontiguousarray(seen, np.float32), np.asarray(steps)
         brake = np.array(BRAKE_STRAIGHT, np.int32) if self.is_discrete else np.array([-1.0, 0.0], np.float32)
         actions = np.broadcast_to(brake, (len(seen), *np.shape(brake))).copy()
-        width = 2 ** max(self._slots - 1, 0).bit_length()
-        slots = np.arange(len(seen)) % max(width, 1)
+        slots = np.arange(len(seen)) % 2 ** max(self._slots - 1, 0).bit_length()
         lost = np.isin(slots, list(self.forfeited))
         (rows,) = np.nonzero((slots < self._slots) & (steps == self._step) & ~lost)
         self._step += 1
         if not len(rows):
             return actions
+        labels = np.stack([np.arange(len(seen)), steps, np.asarray(arenas)], axis=1).astype(np.uint32)
+        words, began = np.hstack([labels, seen.view(np.uint32)])[rows].tobytes(), time.perf_counter()
         try:
-            actions[rows] = self._answer(seen, np.stack([np.arange(len(seen)), steps, arenas]), rows)
-        except Failure as reason:
+            answer = self._exchange(words, actions[rows].nbytes, max(1.0, DECISION_SECONDS * len(rows)))
+            actions[rows] = np.frombuffer(answer, actions.dtype).reshape(-1, *np.shape(brake))
+            self.seconds += time.perf_counter() - began
+            self.decisions += len(rows)
+        except (Failure, ValueError) as reason:  # an answer of another size, too
             self.reason = self.reason or str(reason)
             self.forfeited |= set(slots[rows].tolist())
             self.end()
@@ -123,44 +127,30 @@ class EntrantProcess:
         actions[~fits] = brake
         return actions
 
-    def _answer(self, seen: np.ndarray, labels: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        parts = [struct.pack("<I", len(rows)), labels[:, rows].astype("<u4").tobytes(), seen[rows].tobytes()]
-        began, shape = time.perf_counter(), (len(rows),) if self.is_discrete else (len(rows), 2)
-        answer = self._exchange(b"".join(parts), 4 * int(np.prod(shape)), max(1.0, DECISION_SECONDS * len(rows)))
-        self.seconds += time.perf_counter() - began
-        self.decisions += len(rows)
-        return np.frombuffer(answer, np.int32 if self.is_discrete else np.float32).reshape(shape)
-
-    def _exchange(self, message: bytes, size: int | None, seconds: float) -> bytes:
-        """Send a message and return the answer, of a size or a line; raises Failure without one in time."""
-        answer, end = bytearray(), time.monotonic() + seconds
+    def _exchange(self, message: bytes, most: int, seconds: float) -> bytes:
+        """Send a message and return the answer, of at most so many bytes; raises Failure without one in time."""
+        assert self._running and self._line, "a process that has ended is asked no more"
+        began, end = time.monotonic(), Timer(seconds, os.killpg, (self._running.pid, 9))
+        end.start()
         try:
-            self._line.settimeout(seconds)
-            self._line.sendall(message)
-            while len(answer) < size if size is not None else not answer.endswith(b"\n"):
-                self._line.settimeout(max(end - time.monotonic(), 1e-6))
-                part = self._line.recv(1 << 16)
-                answer += part
-                if not part or (size is None and len(answer) > _LONGEST_LINE):
-                    raise Failure(self._last_words())
-        except TimeoutError as late:
-            raise Failure(f"no answer within {seconds:g} s") from late
-        except OSError as gone:
-            raise Failure(self._last_words()) from gone
-        if size is not None and len(answer) > size:
-            raise Failure("an answer that is too long")
-        return bytes(answer)
+            self._line.send_bytes(message)
+            return self._line.recv_bytes(most)
+        except (EOFError, OSError) as gone:
+            end.cancel()
+            late = time.monotonic() - began >= seconds
+            raise Failure(f"no answer within {seconds:g} s" if late else self._last_words(gone)) from gone
+        finally:
+            end.cancel()
 
-    def _last_words(self) -> str:
-        """Return the last line of what a process that ends has complained about, or that it ended."""
-        assert self._running is not None, "a process that has ended is asked no more"
-        assert self._running.stderr is not None, "which is a pipe"
+    def _last_words(self, error: Exception) -> str:
+        """Return the last line of what a process that ends has complained about, or that it ended, or the error."""
+        assert self._running and self._running.stderr, "which is a pipe"
         with suppress(subprocess.TimeoutExpired):
             self._running.wait(1.0)
         os.set_blocking(self._running.stderr.fileno(), False)
-        said = self._running.stderr.read(1 << 16) or b""
-        lines = said.decode(errors="replace").strip().splitlines()
-        return shown(lines[-1] if lines else f"it ended with status {self._running.poll()}")
+        lines = (self._running.stderr.read(1 << 16) or b"").decode(errors="replace").strip().splitlines()
+        status = self._running.poll()
+        return shown(lines[-1] if lines else error if status is None else f"it ended with status {status}")
 
 
 class Entrant(AbstractPolicy):

@@ -1,8 +1,8 @@
 """The process of an agent from outside. It runs apart from the package, of which it imports nothing.
 
-The judge sends one line of JSON and the agent's file, and gets one line of JSON: the observation that the agent reads
-and the kind of its actions. Then a request is the number of its rows, then all slots, all steps and all arenas, as
-little-endian `uint32`, and the observations as `float32`; its answer is an `int32` for each row, or two `float32`.
+Messages are those of `multiprocessing.connection`. The first is a line of JSON and the agent's file, and its answer JSON:
+the observation that the agent reads and the kind of its actions. Then a request is a row for each decision: slot, step
+and arena as `uint32` and the observation as `float32`; its answer is an `int32` for each row, or two `float32`.
 """
 
 import contextlib
@@ -13,6 +13,7 @@ import resource
 import struct
 import sys
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from typing import Any
 
 Act = Callable[..., Any]
@@ -30,31 +31,26 @@ STATE = "state"
 
 
 def main() -> None:
-    """Shut this process in, load the agent, and answer until the judge closes the pipe."""
-    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1):  # what the agent prints is no answer
-        os.dup2(nowhere, stream)
-    about = json.loads(requests.readline())
-    content = requests.read(about["bytes"])
+    """Shut this process in, load the agent, and answer until the judge ends it."""
+    line = Connection(os.dup(0))
+    os.dup2(os.open(os.devnull, os.O_RDWR), 0)  # the agent has no way to it
+    first, _, content = line.recv_bytes().partition(b"\n")
+    about = json.loads(first)
     for kind, most in LIMITS.items():
         resource.setrlimit(kind, (most, most))
     isolated = _shut_in([sys.prefix, sys.base_prefix, *_SYSTEM])
     load = _load_python if about["suffix"] == ".py" else _load_onnx
     act, said = load(content, about)
-    answers.write(json.JSONEncoder().encode(said | {"isolated": isolated}).encode() + b"\n")
-    answers.flush()
+    line.send_bytes(json.JSONEncoder().encode(said | {"isolated": isolated}).encode())
     import numpy as np
 
     size, kind = about["observations"][said["observation"]], np.int32 if said["actions"] == "discrete" else np.float32
     shape = () if said["actions"] == "discrete" else (2,)
-    while head := requests.read(4):
-        (rows,) = struct.unpack("<I", head)
-        labels = np.frombuffer(requests.read(12 * rows), "<u4").reshape(3, rows).astype(np.int64)
-        seen = np.frombuffer(requests.read(4 * rows * size), "<f4").reshape(rows, size)
-        actions = np.asarray(act(seen, *labels)).astype(kind, casting="same_kind")
-        answers.write(np.ascontiguousarray(actions.reshape(rows, *shape)).tobytes())
-        answers.flush()
+    while True:
+        words = np.frombuffer(line.recv_bytes(), np.uint32).reshape(-1, 3 + size)
+        seen = words[:, 3:].copy().view(np.float32)
+        actions = np.asarray(act(seen, *words[:, :3].T.astype(np.int64))).astype(kind, casting="same_kind")
+        line.send_bytes(actions.reshape(len(words), *shape).tobytes())
 
 
 def _load_python(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, str]]:
@@ -62,10 +58,8 @@ def _load_python(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, 
     exec(compile(content, "entrant.py", "exec"), names)  # in this process, for that is what it is there for
     if "begin" in names:
         names["begin"](about["game"])
-    return names["act"], {
-        "observation": names.get("OBSERVATION", STATE),
-        "actions": names.get("ACTIONS", "discrete"),
-    }
+    said = {"observation": names.get("OBSERVATION", STATE), "actions": names.get("ACTIONS", "discrete")}
+    return names["act"], said
 
 
 def _load_onnx(content: bytes, about: dict[str, Any]) -> tuple[Act, dict[str, str]]:
