@@ -63,7 +63,7 @@ class EntrantProcess:
         self._sizes = {STATE: _OF_A_ROBOT * robots} | {name: one.size for name, one in OBSERVATIONS.items()}
         about = {"suffix": path.suffix, "bytes": len(self.content), "observations": self._sizes, "game": game}
         self._about = to_json(about).encode()
-        self._running = self._line = None
+        self._running: tuple[subprocess.Popen[bytes], Any] | None = None
         self.seconds, self.decisions, self.reason = 0.0, 0, ""
         try:
             said = self.begin(0)
@@ -84,20 +84,22 @@ class EntrantProcess:
         self.forfeited: set[int] = set()
         self._step, self._slots = 0, slots
         variables = {"PATH": os.defpath, "HOME": os.sep, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._line, theirs = Pipe()
+        line, theirs = Pipe()
         with theirs:
-            self._running = subprocess.Popen(
+            process = subprocess.Popen(
                 [self._python, "-I", entrant_process.__file__], stdin=theirs.fileno(), stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE, bufsize=0, cwd=os.sep, env=variables, start_new_session=True,
             )  # fmt: skip
+        self._running = process, line
         return json.loads(self._exchange(self._about + b"\n" + self.content, _LONGEST_ANSWER, START_SECONDS))
 
     def end(self) -> None:
         """End the process and all that it has started in its session."""
-        if self._running and self._line:
-            with self._running, self._line, suppress(ProcessLookupError):
-                os.killpg(self._running.pid, 9)
-        self._running = self._line = None  # as it can be sent to another process
+        if self._running:
+            process, line = self._running
+            with process, line, suppress(ProcessLookupError):
+                os.killpg(process.pid, 9)
+        self._running = None
 
     def ask(self, seen: Any, steps: Any, arenas: Any) -> np.ndarray:
         """Return the actions of all rows of a batch; those that are not asked brake."""
@@ -129,28 +131,30 @@ class EntrantProcess:
 
     def _exchange(self, message: bytes, most: int, seconds: float) -> bytes:
         """Send a message and return the answer, of at most so many bytes; raises Failure without one in time."""
-        assert self._running and self._line, "a process that has ended is asked no more"
-        began, end = time.monotonic(), Timer(seconds, os.killpg, (self._running.pid, 9))
+        assert self._running is not None, "a process that has ended is asked no more"
+        process, line = self._running
+        began, end = time.monotonic(), Timer(seconds, os.killpg, (process.pid, 9))
         end.start()
         try:
-            self._line.send_bytes(message)
-            return self._line.recv_bytes(most)
+            line.send_bytes(message)
+            return line.recv_bytes(most)
         except (EOFError, OSError) as gone:
             end.cancel()
             late = time.monotonic() - began >= seconds
-            raise Failure(f"no answer within {seconds:g} s" if late else self._last_words(gone)) from gone
+            raise Failure(f"no answer within {seconds:g} s" if late else _last_words(process, gone)) from gone
         finally:
             end.cancel()
 
-    def _last_words(self, error: Exception) -> str:
-        """Return the last line of what a process that ends has complained about, or that it ended, or the error."""
-        assert self._running and self._running.stderr, "which is a pipe"
-        with suppress(subprocess.TimeoutExpired):
-            self._running.wait(1.0)
-        os.set_blocking(self._running.stderr.fileno(), False)
-        lines = (self._running.stderr.read(1 << 16) or b"").decode(errors="replace").strip().splitlines()
-        status = self._running.poll()
-        return shown(lines[-1] if lines else error if status is None else f"it ended with status {status}")
+
+def _last_words(process: subprocess.Popen[bytes], error: Exception) -> str:
+    """Return the last line of what a process that ends has complained about, or that it ended, or the error."""
+    assert process.stderr is not None, "which is a pipe"
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(1.0)
+    os.set_blocking(process.stderr.fileno(), False)
+    lines = (process.stderr.read(1 << 16) or b"").decode(errors="replace").strip().splitlines()
+    status = process.poll()
+    return shown(lines[-1] if lines else error if status is None else f"it ended with status {status}")
 
 
 class Entrant(AbstractPolicy):

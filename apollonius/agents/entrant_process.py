@@ -1,8 +1,8 @@
 """The process of an agent from outside. It runs apart from the package, of which it imports nothing.
 
-Messages are those of `multiprocessing.connection`. The first is a line of JSON and the agent's file, and its answer JSON:
-the observation that the agent reads and the kind of its actions. Then a request is a row for each decision: slot, step
-and arena as `uint32` and the observation as `float32`; its answer is an `int32` for each row, or two `float32`.
+Messages are those of `multiprocessing.connection`. The first is a line of JSON and the agent's file; its answer, JSON,
+is the observation that the agent reads and the kind of its actions. Then a request is a row for each decision, slot,
+step and arena as `uint32` and the observation as `float32`; its answer is an `int32` for each row, or two `float32`.
 """
 
 import contextlib

@@ -4,6 +4,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from apollonius.cli.values import agent_of, count, known_game, new_folder, requi
 from apollonius.io.document import to_json
 from apollonius.io.errors import require
 from apollonius.io.limits import GAME_FILES, GAMES, RECORDS, SEED, Counted
-from apollonius.io.workers import WORKERS
+from apollonius.io.workers import WORKERS, Run, run_jobs
 
 if TYPE_CHECKING:
     from apollonius.agents.kind import Named
@@ -49,6 +50,11 @@ def add_game_options(parser: argparse.ArgumentParser) -> None:
 def add_workers(parser: argparse.ArgumentParser, of: str, default: str | None = "processes") -> None:
     about = f"where {of} run: in processes of this machine, on slurm, or on ray (default: {default or 'here'})"
     parser.add_argument("--on", type=workers, choices=WORKERS, default=default, help=about)
+
+
+def jobs_run(options: argparse.Namespace, logs: Path | None = None) -> Run | None:
+    """Return what runs jobs where `--on` says, with a folder for what they print on Slurm; None for here."""
+    return partial(run_jobs, report=options.display.tell, on=options.on, logs=logs) if options.on else None
 
 
 def chosen_rules(options: argparse.Namespace) -> list[str]:

@@ -1,6 +1,7 @@
 """`apollonius reproduce`: the whole evaluation of the paper."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from apollonius.cli.options import LENGTHS, add_workers, command, finish
@@ -8,6 +9,7 @@ from apollonius.cli.values import count, new_folder
 from apollonius.io.errors import require_extra
 from apollonius.io.interrupts import go_on
 from apollonius.io.limits import GAMES, SEEDS
+from apollonius.io.workers import run_jobs
 
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +35,8 @@ def run_reproduce(options: argparse.Namespace) -> int:
     go_on(f"go on with: {command('reproduce', *asked, '--resume')}")
 
     display.begin("reproducing the paper")
-    reproduce(folder, options.budget, options.seeds, options.resume, options.games, on=options.on)
+    run = partial(run_jobs, on=options.on, logs=folder / "slurm")
+    reproduce(folder, options.budget, options.seeds, options.resume, options.games, run=run)
     display.end()
     finish(folder / "report.md", folder / "results.json", then=command("report", folder / "seed-0" / "curriculum"))
     return 0

@@ -1,7 +1,7 @@
 """`apollonius runs` and `track`: how far training runs are, and their metrics sent to a tracker; training as jobs."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -67,7 +67,7 @@ def run_track(options: argparse.Namespace) -> int:
     return 0
 
 
-def train_and_judge(folder: Path, should_stop: Callable[[], bool]) -> bool:
+def train_and_judge(folder: Path) -> bool:
     """Train the run of a folder, from its checkpoint if it has one, and judge it; return False if it was stopped."""
     from apollonius.evaluate.pairings import JUDGED_GAMES, evaluate_run
     from apollonius.learn.config import DISTILLATION
@@ -75,7 +75,7 @@ def train_and_judge(folder: Path, should_stop: Callable[[], bool]) -> bool:
     from apollonius.learn.run import train
 
     config = load_config(folder / "config.toml")
-    finished = train(folder, should_stop)
+    finished = train(folder)
     if finished and config.stages != DISTILLATION:
         evaluate_run(folder, config.game, JUDGED_GAMES, lambda match, result: None)
     return finished

@@ -12,6 +12,7 @@ from apollonius.cli.options import (
     chosen_rules,
     command,
     finish,
+    jobs_run,
     warn,
 )
 from apollonius.cli.values import agent_of, count, new_file
@@ -35,28 +36,24 @@ def run_tournament(options: argparse.Namespace) -> int:
     from apollonius.catalogue import find_player, player_names
     from apollonius.cli.terminal import tournament_table
     from apollonius.evaluate.match import Match, MatchResult, starting
-    from apollonius.evaluate.tournament import play_tournament, play_tournament_on
+    from apollonius.evaluate.tournament import play_tournament
     from apollonius.game.by_side import BySide
     from apollonius.game.types import ROLES
 
     game, starts = starting(find_game(options.game), options.starts)
     asked = BySide(options.pursuers, options.evaders)
     names = ROLES.map(lambda role: asked[role] or player_names(role, game))
-    pursuers, evaders = ([find_player(name, role, game) for name in names[role]] for role in ROLES)
-    warn(options, game, (*pursuers, *evaders))
+    players = ROLES.map(lambda role: [find_player(name, role, game) for name in names[role]])
+    warn(options, game, (*players.pursuer, *players.evader))
 
     def tell(match: Match, result: MatchResult) -> None:
         if not options.json:
             who = " against ".join(player.name for player in match.players)
             options.display.tell(f"{who}: {result.pursuer_win_rate:.1%}")
 
-    options.display.begin(f"playing {len(pursuers) * len(evaders)} matches", compiles=True)
-    report = options.display.report
-    if options.on:
-        settings = options.game, options.games, options.seed, options.starts
-        tournament = play_tournament_on(options.on, names, settings, options.display.tell)
-    else:
-        tournament = play_tournament(game, pursuers, evaders, options.games, options.seed, tell, starts, report)
+    options.display.begin(f"playing {len(players.pursuer) * len(players.evader)} matches", compiles=True)
+    asked_for = game, players, options.games, options.seed, starts
+    tournament = play_tournament(*asked_for, tell, options.display.report, jobs_run(options))
     if options.plot:
         from apollonius.show.matches import draw_tournament
 

@@ -197,7 +197,7 @@ def _train_and_judge(config: "RunConfig", folder: Path, display: "Display", to: 
     trackers += [Tracker(to, folder, config)] if to else []
     display.begin("training", compiles=True)
     try:
-        with asked_to_stop() as run.should_stop:
+        with asked_to_stop():
             finished = run.execute()
     finally:
         for track in trackers:

@@ -53,7 +53,7 @@ def advise(game: Game, games: int, seed: int = 0, report: Report = lambda done, 
     """
     panel = PANELS["team" if game.teams else "lidar" if game.sensors else "full"]
     players = ROLES.map(lambda role: [find_player(name, role, game) for name in panel[role.name.lower()]])
-    tournament = play_tournament(game, *players.pair, games, seed, report=report)
+    tournament = play_tournament(game, players, games, seed, report=report)
     rates = tournament.win_rates
     least = BySide(rates.min(axis=1), 1 - rates.max(axis=0))
     first = least.map(lambda each: int(np.argmax(each)))

@@ -21,6 +21,7 @@ from apollonius.game.outcome import PURSUER_WINS, counts_by_name, evader_winning
 from apollonius.game.types import ROLES, GameState, Outcome, Scalar
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import GAMES, SEED
+from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report, Results, play_out
 from apollonius.play.replay import Replay, as_rows, trace
 from apollonius.solve.viability import doomed_start_rate, solve_viability, viable_starts
@@ -144,8 +145,18 @@ def play_matches(
     on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
     play: Callable[..., MatchResult] = play_match,
+    run: Run | None = None,
 ) -> list[MatchResult]:
-    """Play matches one after the other; `report` has the games of all together. Errors are those of `play_match`."""
+    """Play matches one after the other, or each as a job; `report` has the games of all together.
+
+    Args:
+        run: runs the matches as jobs; None for here.
+
+    Raises:
+        InvalidInput: as `play_match` and `run_jobs`.
+    """
+    if run:
+        return run([Job(" against ".join(one.name for one in match.players), play, (match,)) for match in matches])
     results, total = list[MatchResult](), sum(match.games for match in matches)
     for match in matches:
         before = sum(result.games for result in results)

@@ -5,8 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,14 +12,12 @@ import scipy  # its parts are loaded where they are used
 from jaxtyping import Float
 
 from apollonius.agents.kind import Named
-from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_match, play_matches
-from apollonius.evaluate.result import read_result
+from apollonius.evaluate.match import Match, MatchResult, StartFilter, play_matches
 from apollonius.evaluate.statistics import Z
 from apollonius.game.by_side import BySide
 from apollonius.game.game import Game
-from apollonius.io.document import parse_json, to_json, write_atomically
 from apollonius.io.errors import require
-from apollonius.io.workers import Job, run_jobs
+from apollonius.io.workers import Run
 from apollonius.play.playout import Report
 
 SCALE = 400 / log(10)
@@ -108,64 +104,22 @@ class Tournament:
 
 def play_tournament(
     game: Game,
-    pursuers: Sequence[Named],
-    evaders: Sequence[Named],
+    players: BySide[Sequence[Named]],
     games: int,
     seed: int,
-    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     starts: StartFilter = StartFilter.ALL,
+    on_match: Callable[[Match, MatchResult], None] = lambda match, result: None,
     report: Report = lambda done, total: None,
+    run: Run | None = None,
 ) -> Tournament:
     """Play a match of every pursuer with every evader, as `play_matches`. All matches have the same starts.
 
     Raises:
-        InvalidInput: unless there is a player on either side, no name twice; and as `play_match`.
+        InvalidInput: unless there is a player on either side, no name twice; and as `play_matches`.
     """
-    names = _each_once(*([player.name for player in players] for players in (pursuers, evaders)))
-    matches = [Match(game, BySide(*pair), games, seed, starts) for pair in itertools.product(pursuers, evaders)]
-    return _in_rows(names, play_matches(matches, on_match, report))
-
-
-def play_tournament_on(
-    workers: str,
-    names: BySide[Sequence[str]],
-    settings: tuple[str, int, int, str | None],
-    report: Callable[[str], None],
-) -> Tournament:
-    """Play a tournament of players by name as `play_tournament` does, each match as a job.
-
-    Args:
-        workers: one of `apollonius.io.workers.WORKERS`.
-        settings: the game's name, the number of games in a match, their seed, and which starts, as of `starting`.
-        report: called with a line whenever a match ends.
-
-    Raises:
-        InvalidInput: as `play_tournament` and `run_jobs`.
-        KeyboardInterrupt: when the jobs were stopped; what has been played is lost.
-    """
-    names, (game, *rest) = _each_once(*names), settings
-    with TemporaryDirectory(prefix=".apollonius-", dir=Path.cwd()) as folder:  # where workers elsewhere find it, too
-        files = {pair: Path(folder) / f"{i}.json" for i, pair in enumerate(itertools.product(*names))}
-        jobs = [Job(" against ".join(pair), play_to_file, (file, game, *pair, *rest)) for pair, file in files.items()]
-        run_jobs(jobs, report, workers, Path(folder))
-        results = [read_result(parse_json(file.read_bytes(), str(file)), str(file)) for file in files.values()]
-    return _in_rows(names, results)
-
-
-def play_to_file(file: Path, *rest: Any) -> bool:
-    """Play a match as a job that writes its result; arguments as those of `Match.of_names`."""
-    *of, _ = rest  # a match is too short to be stopped
-    write_atomically(file, to_json(play_match(Match.of_names(*of)).to_dict()).encode())
-    return True
-
-
-def _each_once(pursuers: Sequence[str], evaders: Sequence[str]) -> BySide[Sequence[str]]:
-    for side, names in (("pursuers", pursuers), ("evaders", evaders)):
-        require(names and len(set(names)) == len(names), side, ", ".join(names) or "none", "one at least, each once")
-    return BySide(pursuers, evaders)
-
-
-def _in_rows(names: BySide[Sequence[str]], results: Sequence[MatchResult]) -> Tournament:
-    count = len(names.evader)
-    rows = tuple(tuple(results[first : first + count]) for first in range(0, len(results), count))
-    return Tournament(tuple(names.pursuer), tuple(names.evader), rows)
+    names = players.map(lambda side: tuple(player.name for player in side))
+    for side, named in zip(("pursuers", "evaders"), names, strict=True):
+        require(named and len({*named}) == len(named), side, ", ".join(named) or "none", "one at least, each once")
+    matches = [Match(game, BySide(*pair), games, seed, starts) for pair in itertools.product(*players)]
+    results = iter(play_matches(matches, on_match, report, run=run))
+    return Tournament(*names.pair, tuple(tuple(next(results) for _ in names.evader) for _ in names.pursuer))

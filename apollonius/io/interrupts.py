@@ -28,6 +28,8 @@ _going_on = ""
 _shown: list[Callable[[], None]] = []
 _answered = threading.Event()
 _heard: list[int] = []
+_asked: list[int] = []
+_parent: int | None = None
 _leaving = threading.Lock()
 
 
@@ -53,29 +55,35 @@ def status() -> int | None:
 
 
 @contextmanager
-def asked_to_stop(again: bool = True) -> Generator[Callable[[], bool], None, None]:
-    """Let the block ask whether to stop, instead of interrupting it, so that it can save its work first.
+def asked_to_stop(again: bool = True, parent: int | None = None) -> Generator[None, None, None]:
+    """Let the block ask whether it is `asked` to stop, instead of interrupting it, so that it can save its work first.
 
-    A second signal interrupts it where `again` is set.
+    Args:
+        again: interrupt it at a second signal.
+        parent: number of the process without which it is to stop, too.
     """
-    numbers: list[int] = []
+    global _parent
 
     def hear(number: int, frame: FrameType | None) -> None:
-        numbers.append(number)
-        if again and len(numbers) > 1:
+        _asked.append(number)
+        if again and len(_asked) > 1:
             raise KeyboardInterrupt
 
-    def asked() -> bool:
-        if numbers:
-            _answered.set()  # so that the listening thread lets the program save its work
-        return bool(numbers)
-
     before = [(number, signal.signal(number, hear)) for number in SIGNALS]
+    _parent = parent
     try:
-        yield asked
+        yield
     finally:
         for number, handler in before:
             signal.signal(number, handler)
+        _asked.clear()
+
+
+def asked() -> bool:
+    """Return whether to stop, within a block of `asked_to_stop`; elsewhere a signal interrupts at once."""
+    if _asked:
+        _answered.set()  # so that the listening thread lets the program save its work
+    return bool(_asked) or _parent not in (None, os.getppid())
 
 
 def listen(says: bool = True) -> None:

@@ -27,6 +27,7 @@ from apollonius.game.game import sample_starts
 from apollonius.game.outcome import counts_by_name
 from apollonius.game.types import ROLES, Outcome, Role
 from apollonius.io.errors import InvalidInput
+from apollonius.io.interrupts import asked
 from apollonius.learn import loop, train_state
 from apollonius.learn.config import DISTILLATION, FIXED_TARGET, SELF_PLAY, STAGES, RunConfig
 from apollonius.learn.distillation import distillation, start_distillation
@@ -67,13 +68,13 @@ class Run:
         config: what to train.
         folder: where; `config.toml` must already lie there (`create_run`).
         report: called after every chunk with its metrics and the share of the training that is done.
-        should_stop: asked after every chunk; True saves a checkpoint and ends `execute` early.
+        should_stop: called after every chunk; True saves a checkpoint and ends `execute` early.
     """
 
     config: RunConfig
     folder: Path
     report: Callable[[MetricsLine, float], None] = lambda line, share: None
-    should_stop: Callable[[], bool] = lambda: False
+    should_stop: Callable[[], bool] = asked
 
     def __post_init__(self) -> None:
         self.game = charted(self.config.game, find_observation(self.config.learner.observation).charted)
@@ -216,9 +217,9 @@ class Run:
         save_agent(agent, agent_file(self.folder, name, percent))
 
 
-def train(folder: Path, should_stop: Callable[[], bool]) -> bool:
+def train(folder: Path) -> bool:
     """Train the run of a folder, from its checkpoint if it has one; return False if it was stopped."""
-    return Run(load_config(folder / "config.toml"), folder, should_stop=should_stop).execute()
+    return Run(load_config(folder / "config.toml"), folder).execute()
 
 
 def load_first(config: RunConfig, role: Role) -> Network | None:

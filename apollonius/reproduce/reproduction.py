@@ -5,7 +5,7 @@ from pathlib import Path
 
 from apollonius.io.errors import InvalidInput, require
 from apollonius.io.limits import SEEDS, STUDY_GAMES
-from apollonius.io.workers import Job, run_jobs
+from apollonius.io.workers import Job, Run, run_jobs
 from apollonius.learn.config import PRESETS
 from apollonius.learn.folder import agent_file, create_run, load_config
 from apollonius.learn.run import train
@@ -24,7 +24,7 @@ def reproduce(
     resume: bool,
     games: int = 10_000,
     report: Callable[[str], None] = print,
-    on: str = "processes",
+    run: Run = run_jobs,
 ) -> None:
     """Train the agents of seeds from 0 by a preset, make every section and write the report.
 
@@ -41,7 +41,7 @@ def reproduce(
     require(resume or is_new, "folder", folder, "a new one, as this one is not empty; choose another or resume it")
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder, budget, PRESETS[budget], tuple(range(seeds)), games)
-    _train_missing(study, report, on)
+    _train_missing(study, report, run)
     findings = []
     for section in SECTIONS:
         findings.append(section(study))
@@ -49,7 +49,7 @@ def reproduce(
     write_report(study, findings)
 
 
-def _train_missing(study: Study, report: Callable[[str], None], on: str) -> None:
+def _train_missing(study: Study, report: Callable[[str], None], run: Run) -> None:
     """Train the runs that are not finished, or resume them, several at a time.
 
     Raises:
@@ -65,5 +65,4 @@ def _train_missing(study: Study, report: Callable[[str], None], on: str) -> None
         if not all(agent_file(folder, agent).is_file() for agent in agents):
             missing.append(folder)
     report(f"{len(missing)} of {len(study.trainings())} trainings to do")
-    jobs = [Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing]
-    run_jobs(jobs, report, on, study.folder / "slurm")
+    run([Job(f"the training in '{one}'", train, (one.absolute(),)) for one in missing])

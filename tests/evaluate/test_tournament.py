@@ -46,14 +46,14 @@ def players():
 
 @pytest.fixture
 def tournament(players, played):
-    return play_tournament(GAME, *players, games=40, seed=3)
+    return play_tournament(GAME, BySide(*players), games=40, seed=3)
 
 
 def test_every_cell_is_the_match_of_its_two_players_on_the_same_starts(players, played):
     told, reported = [], []
     found = play_tournament(
-        GAME, players[0], players[1][:1], 40, 3, lambda match, result: told.append((match, result)), StartFilter.VIABLE,
-        lambda *numbers: reported.append(numbers),
+        GAME, BySide(players[0], players[1][:1]), 40, 3, StartFilter.VIABLE,
+        lambda match, result: told.append((match, result)), lambda *numbers: reported.append(numbers),
     )  # fmt: skip
     pairs = [BySide(pursuer, players[1][0]) for pursuer in players[0]]
     assert played == [Match(GAME, pair, 40, 3, StartFilter.VIABLE) for pair in pairs]
@@ -96,15 +96,15 @@ def test_the_command_draws_the_tournament(tmp_path, capsys):
 def test_a_side_without_players_or_with_one_twice_is_refused(players):
     pursuers, evaders = players
     with pytest.raises(InvalidInput, match="evaders = none"):
-        play_tournament(GAME, pursuers, [], games=1, seed=0)
+        play_tournament(GAME, BySide(pursuers, []), games=1, seed=0)
     with pytest.raises(InvalidInput, match=r"pursuers = random, random .* each once"):
-        play_tournament(GAME, pursuers[:1] * 2, evaders, games=1, seed=0)
+        play_tournament(GAME, BySide(pursuers[:1] * 2, evaders), games=1, seed=0)
 
 
 def test_matches_as_jobs_come_to_the_same(tmp_path, monkeypatch, capsys):
     """Here one after the other in this process; as JSON but for players' names nothing differs."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(WORKERS, "processes", lambda jobs, asked, logs: ((job, job.run(asked)) for job in jobs))
+    monkeypatch.setitem(WORKERS, "processes", lambda jobs, logs: ((job, job.run()) for job in jobs))
     arguments = ["tournament", "--pursuers", "random", "pure-pursuit", "--evaders", "still", "--games", "3", "--json"]
     assert main(arguments) == main([*arguments, "--on", "processes"]) == 0
     alone, as_jobs = (json.loads(line) for line in capsys.readouterr().out.splitlines())
