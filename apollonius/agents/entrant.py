@@ -93,6 +93,11 @@ class EntrantProcess:
         self._running = process, line
         return json.loads(self._exchange(self._about + b"\n" + self.content, _LONGEST_ANSWER, START_SECONDS))
 
+    def add(self, other: "EntrantProcess") -> None:
+        """Add what came of rounds that another process of the agent played."""
+        self.seconds, self.decisions = self.seconds + other.seconds, self.decisions + other.decisions
+        self.reason = self.reason or other.reason
+
     def end(self) -> None:
         """End the process and all that it has started in its session."""
         if self._running:
@@ -181,6 +186,11 @@ class Entrant(AbstractPolicy):
         given = numbers, memory, jnp.asarray(seen.chart.member)
         action = jax.pure_callback(process.ask, jax.ShapeDtypeStruct(*kind), *given, vmap_method="broadcast_all")
         return action, memory + 1
+
+
+def process_of(policy: AbstractPolicy) -> EntrantProcess | None:
+    """Return the process that a player asks; None for a player of the package."""
+    return policy.process if isinstance(policy, Entrant) else None
 
 
 def _state(seen: View) -> Float[Array, " numbers"]:

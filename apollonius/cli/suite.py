@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from apollonius.cli.options import AGENT, add_json, answer, command, finish
+from apollonius.cli.options import AGENT, add_json, add_workers, answer, command, finish, jobs_run
 from apollonius.cli.values import existing_file, known_entrant, new_file
 from apollonius.evaluate.names import PANELS
 from apollonius.io.errors import require
@@ -25,6 +25,7 @@ def add_suite(parser: argparse.ArgumentParser) -> None:
     judged.add_argument(
         "--out", type=new_file(".json"), default=Path("card.json"), help="file to write, a new one (default: card.json)"
     )
+    add_workers(judged, "rounds", None)
     judged.set_defaults(run=run_judge)
     checked = actions.add_parser("verify", help="play games of a card again, and refuse one that does not come out")
     checked.add_argument("card", type=existing_file, metavar="CARD")
@@ -49,7 +50,8 @@ def run_judge(options: argparse.Namespace) -> int:
     require(options.side or not outside, "--side", None, "given for an agent from outside: pursuer or evader")
     role = Role[options.side.upper()] if outside else side_of(options.agent, options.side)
     options.display.begin("playing the benchmark", compiles=True)
-    card = judge(Benchmark(options.track, role), options.agent, str(options.python.absolute()), options.display.report)
+    asked_for = Benchmark(options.track, role), options.agent, str(options.python.absolute())
+    card = judge(*asked_for, options.display.report, jobs_run(options))
     write_atomically(options.out, to_json(asdict(card)).encode())
     _answer(options, card)
     finish(options.out, then=command("suite", "verify", options.out), json=options.json)

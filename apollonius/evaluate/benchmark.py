@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt32
 
-from apollonius.agents.entrant import Entrant, EntrantProcess
+from apollonius.agents.entrant import Entrant, EntrantProcess, process_of
 from apollonius.agents.kind import Named
 from apollonius.agents.names import SEARCHING, SHIELDED, ZOO
 from apollonius.arenas.charting import charted
@@ -144,7 +144,7 @@ class Benchmark:
     def play(self, agent: Named, opponent: str, seed: int) -> Round:
         """Play a round."""
         match = self._match(agent, opponent, seed)
-        process = agent.policy.process if isinstance(agent.policy, Entrant) else None
+        process = process_of(agent.policy)
         if process:
             process.begin(match.games)
         slots = match.games if process else _SLOTS
@@ -194,8 +194,7 @@ class Benchmark:
 
     def microseconds(self, agent: Named) -> float:
         """Return the time of a decision [us], of a package's player as one of a round's first ones, all at once."""
-        if isinstance(agent.policy, Entrant):
-            process = agent.policy.process
+        if process := process_of(agent.policy):
             return _rounded(1e6 * process.seconds / max(process.decisions, 1))
         match = self._match(agent, self.panel[0], 0)
         starts, key = begin(match)

@@ -6,12 +6,12 @@ again comes out bit for bit or is refused.
 
 import secrets
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Literal
 
-from apollonius.agents.entrant import Entrant
+from apollonius.agents.entrant import EntrantProcess, process_of
 from apollonius.agents.kind import Named
 from apollonius.arenas.record import from_dict
 from apollonius.evaluate.benchmark import Benchmark, Round, Score, file_of
@@ -20,6 +20,7 @@ from apollonius.game.types import Outcome, Role
 from apollonius.io.cache import environment
 from apollonius.io.document import parse_json, read_bytes
 from apollonius.io.errors import require
+from apollonius.io.workers import Job, Run
 from apollonius.play.playout import Report
 
 
@@ -46,13 +47,19 @@ class SuiteCard:
         return Benchmark(self.track, Role[self.side.upper()])
 
 
-def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None) -> SuiteCard:
-    """Play all rounds of an agent, by its name or its file, and return its card; errors as of `Benchmark.find`."""
+def judge(
+    benchmark: Benchmark, name: str, python: str, report: Report = lambda done, total: None, run: Run | None = None
+) -> SuiteCard:
+    """Play all rounds of an agent, by its name or its file, here or as jobs, and return its card.
+
+    Raises:
+        InvalidInput: as `Benchmark.find`, and where jobs failed.
+    """
     agent, side = benchmark.find(name, python), "pursuer" if benchmark.role == Role.PURSUER else "evader"
     rounds: dict[str, tuple[Round, ...]] = dict.fromkeys(benchmark.panel, ())
-    for opponent, played in _play(benchmark, agent, range(ROUNDS), report):
+    for opponent, played in _play(benchmark, agent, range(ROUNDS), report, run):
         rounds[opponent] += (played,)
-    process = agent.policy.process if isinstance(agent.policy, Entrant) else None
+    process = process_of(agent.policy)
     return SuiteCard(
         agent.name, file_of(name)[1], side, benchmark.track, benchmark.score(rounds),
         benchmark.microseconds(agent), environment(), benchmark.digests, rounds,
@@ -60,12 +67,24 @@ def judge(benchmark: Benchmark, name: str, python: str, report: Report = lambda 
     )  # fmt: skip
 
 
-def _play(benchmark: Benchmark, agent: Named, seeds: Sequence[int], report: Report) -> Iterator[tuple[str, Round]]:
+def _play(
+    benchmark: Benchmark, agent: Named, seeds: Sequence[int], report: Report, run: Run | None = None
+) -> Iterator[tuple[str, Round]]:
     """Yield each opponent with a round for each seed."""
-    rounds, games = list(product(benchmark.panel, seeds)), len(benchmark.arenas)
-    for number, (opponent, seed) in enumerate(rounds, start=1):
-        yield opponent, benchmark.play(agent, opponent, seed)
-        report(number * games, len(rounds) * games)
+    rounds, process = list(product(benchmark.panel, seeds)), process_of(agent.policy)
+    alone = replace(benchmark)  # without the games and players that it has found
+    jobs = [Job(f"seed {pair[1]} against {pair[0]}", _play_apart, (alone, agent, *pair)) for pair in rounds]
+    played = run(jobs) if run else (_play_apart(benchmark, agent, *pair) for pair in rounds)
+    for number, ((opponent, _), (one, other)) in enumerate(zip(rounds, played, strict=True), start=1):
+        if process and other and run:
+            process.add(other)
+        yield opponent, one
+        report(number, len(rounds))
+
+
+def _play_apart(benchmark: Benchmark, agent: Named, opponent: str, seed: int) -> tuple[Round, EntrantProcess | None]:
+    """Return a round, and the process that asked an agent from outside, which elsewhere is another one."""
+    return benchmark.play(agent, opponent, seed), process_of(agent.policy)
 
 
 def load_card(path: Path) -> SuiteCard:
