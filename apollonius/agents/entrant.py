@@ -135,7 +135,7 @@ class EntrantProcess:
         return actions
 
     def _exchange(self, message: bytes, most: int, seconds: float) -> bytes:
-        """Send a message and return the answer, of at most so many bytes; raises Failure without one in time."""
+        """Send a message and return the answer, of `most` bytes at most; raises Failure without one in time."""
         assert self._running is not None, "a process that has ended is asked no more"
         process, line = self._running
         began, end = time.monotonic(), Timer(seconds, os.killpg, (process.pid, 9))
