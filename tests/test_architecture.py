@@ -80,35 +80,3 @@ def test_no_file_of_a_room_is_in_a_circle_wherever_its_imports_stand(room):
     files = {module: source for module, source in sources().items() if room_of(module) == room}
     needs = {module: imported(ast.parse(text), files) & set(files) - {module} for module, text in files.items()}
     graphlib.TopologicalSorter(needs).prepare()
-
-
-def walks(document):
-    """The files that each walk of a document passes, in order."""
-    sections = document.split("\n## From ")[1:]
-    return {section.splitlines()[0]: re.findall(r"^\d+\. `([^`]+)`", section, re.MULTILINE) for section in sections}
-
-
-def knows(path, other):
-    """Whether a file imports another one, Python or JavaScript."""
-    text = (REPOSITORY / path).read_text()
-    if path.endswith(".js"):
-        return f'from "./{Path(other).name}"' in text
-    known = other.removesuffix(".py").replace("/", ".")
-    return known in imported(ast.parse(text), {known})
-
-
-WALKS = walks(HOUSE)
-
-
-@pytest.mark.parametrize("walk", WALKS)
-def test_a_walk_through_the_house_never_goes_back_up(walk):
-    files = WALKS[walk]
-    assert len(files) >= 3
-    for number, path in enumerate(files[1:], start=1):
-        assert any(knows(before, path) for before in files[:number]), f"nothing above imports {path}"
-
-
-def test_ten_files_explain_the_house():
-    listed = re.findall(r"`([^`]+\.py)`", HOUSE.partition("\n## Ten ")[2].partition("\n## ")[0])
-    assert len(listed) == 10
-    assert sum(len((REPOSITORY / path).read_text().splitlines()) for path in listed) <= 1_500

@@ -8,19 +8,13 @@ import numpy as np
 import pytest
 
 from apollonius.agents.classical import Uniform
-from apollonius.agents.greedy import SquashedMean
 from apollonius.agents.pool import solo
-from apollonius.catalogue import find_player
-from apollonius.evaluate.match import play_match
-from apollonius.exploit.attack import best_response
-from apollonius.game.presets import make_game
 from apollonius.game.types import Role
 from apollonius.learn.learner_config import SACConfig
 from apollonius.learn.loop import play_and_learn
 from apollonius.learn.stage_config import Plan, SelfPlayConfig, StageConfig
 from apollonius.learn.train_state import start
 from tests.learn.tiny import CHUNK, GAME, SMALL
-from tests.matches import a_match
 
 SAC = SACConfig(**SMALL, learning_starts=CHUNK, critics_first=8)
 
@@ -42,22 +36,6 @@ def test_a_game_keeps_its_noise_for_as_many_steps_as_the_config_says_and_each_si
         assert (levels == levels[:, :1]).all()
         assert np.unique(levels[:, 0, :, 0]).size == 8 * 64
     assert (chased != fled).all()
-
-
-@pytest.mark.slow
-def test_a_pursuer_learns_to_catch_a_standing_evader():
-    """In an arena without discs, within 300,000 env steps, more often than random actions do by chance."""
-    config = SACConfig(width=64, depth=2, games=64, env_steps_per_update=64, learning_starts=10_000, n_step=8)
-    plan = Plan(config, StageConfig(env_steps=300_000))
-    game = make_game("paper")
-    game = replace(game, arena=replace(game.arena, discs=()), capture_distance=0.6)
-    still = find_player("still", Role.EVADER, game).policy
-    network = best_response(plan, game, still, Role.PURSUER, seed=0)
-    learned, random = (
-        play_match(a_match(game, policy, still, 200, seed=5)) for policy in (SquashedMean(network), Uniform())
-    )
-    assert random.outcomes["captured"] < 30
-    assert learned.outcomes["captured"] > 100
 
 
 def test_a_side_remembers_continuous_actions_and_learns_from_them():

@@ -23,7 +23,6 @@ from apollonius.learn.run import Run
 from apollonius.learn.stage_config import DistillationConfig
 from apollonius.learn.teacher import COSTLIEST, DEEPEST, STEEPNESS, Clearance, Teacher, make_settings
 from apollonius.solve.motion import motion_of
-from apollonius.solve.safety import solve_safety
 from apollonius.solve.solving import reference_grid
 from tests.acting import of_views
 from tests.learn.test_run import agents, assert_same_end, begin, metrics, stop_after
@@ -102,29 +101,6 @@ def test_where_room_is_short_what_a_teacher_prefers_counts_in_proportion(visited
     behind = -jnp.arange(9.0) / 10
     cost = np.minimum(STEEPNESS * (0.025 - LEFT), COSTLIEST)
     np.testing.assert_allclose(room.weighed(behind, visited.evader), behind / 4 - cost, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_what_leaves_too_little_room_is_worth_less(visited):
-    grid, hold = reference_grid(GAME, Role.EVADER)
-    table = solve_safety(GAME, Role.EVADER, grid, hold).table
-    room = Clearance(motion_of(GAME, Role.EVADER, 2), grid, table, 0.1)
-    moving = jax.jit(query_states)(GAME, visited, jax.random.key(1))
-    left = np.asarray(of_views(lambda view: room.after(view.own.state, jnp.arange(9)), GAME, moving, Role.EVADER))
-    most = left.max(axis=1, keepdims=True)
-    wanted = np.arange(NUM_ACTIONS) - 4.0  # hard left and full ahead: into the wall, where there is one
-    values = np.asarray(teacher_of(wanted, room).values(GAME, moving, Role.EVADER))
-    clear, doomed = left.min(axis=1) > 0.1, most[:, 0] < 0
-    assert 0.2 < clear.mean() < 0.9
-    assert 0 < doomed.mean() < 0.5
-    unheeding = np.asarray(teacher_of(wanted).values(GAME, moving, Role.EVADER))
-    np.testing.assert_allclose(values[clear], unheeding[clear], atol=1e-6)
-    price = 10 * np.minimum(STEEPNESS * (np.minimum(most, 0.1) - np.minimum(left, 0.1)), COSTLIEST)
-    np.testing.assert_allclose(values[doomed], 4 - price[doomed], atol=1e-4)
-    np.testing.assert_allclose(values.max(axis=1), 4, atol=1e-5)
-    short = (most[:, 0] < 0.05) & (most[:, 0] - left[:, -1] > 0.02)
-    assert short.any()
-    assert np.all(values[short, -1] < 4), "whatever the player says, not on towards the wall"
 
 
 @pytest.fixture(scope="module")

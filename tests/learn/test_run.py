@@ -1,6 +1,5 @@
 """A training run in its folder: its files, and that stopping it in any way changes nothing."""
 
-import errno
 import json
 import os
 import platform
@@ -169,24 +168,6 @@ def test_two_processes_never_train_in_one_folder(tmp_path):
             with pytest.raises(InvalidInput, match="is being trained by another process: wait for it"):
                 begins()
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-
-
-@pytest.mark.usefixtures("checkpoint_after_every_chunk")
-def test_a_full_disk_spares_the_last_checkpoint(uninterrupted, tmp_path, monkeypatch):
-    folder = begin(tmp_path / "run")
-    assert not Run(RUN, folder, should_stop=stop_after(2)).execute()
-    checkpoint = (folder / "checkpoint.safetensors").read_bytes()
-
-    def fail(number):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", fail)
-        with pytest.raises(OSError, match="No space left"):
-            Run(RUN, folder).execute()
-    assert (folder / "checkpoint.safetensors").read_bytes() == checkpoint
-    assert Run(RUN, folder).execute()
-    assert_same_end(folder, uninterrupted)
 
 
 @pytest.fixture

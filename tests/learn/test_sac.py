@@ -151,9 +151,3 @@ def test_actor_and_temperature_take_steps_of_adam():
         for one, other in zip(*map(jax.tree.leaves, ((after.network, after.log_temperature), expected)), strict=True):
             np.testing.assert_allclose(one, other, atol=1e-6)
         now = after
-
-
-@pytest.mark.parametrize(("log_density", "rises"), [(3.0, True), (1.0, False)], ids=["too sure", "too random"])
-def test_the_temperature_rises_where_entropy_is_wanting(log_density, rises):
-    slope = sac.temperature_slope(jnp.asarray(log_density), target_entropy=-2.0)
-    assert (slope < 0) == rises

@@ -5,10 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.game.arena import Arena
 from apollonius.game.dynamics import Unicycle
-from apollonius.game.game import Game
-from apollonius.game.starts import Starts
 from apollonius.game.types import GameState, RobotState, Role
 from apollonius.io import limits
 from apollonius.io.errors import InvalidInput
@@ -17,7 +14,6 @@ from apollonius.solve.joint import interpolate, make_duel, solve_duel, value_bef
 from apollonius.solve.motion import HORIZON
 from apollonius.solve.players import SaddlePolicy
 from apollonius.solve.zero_sum_game import make_zero_sum_game
-from tests.oracle import numpy_chase
 from tests.oracle import numpy_duel as oracle
 from tests.solve.small import BODY, CRAMPED, FEW, FEWER, HOLD, SMALL, as_matrix
 
@@ -27,13 +23,6 @@ MORE = (5, 7, 3, 6)
 def zero_sum_game(game, role, counts, hold=HOLD):
     grids = (make_grid(game.arena, game.pursuer, counts), make_grid(game.arena, game.evader, counts))
     return make_zero_sum_game(game, grids, hold, role)
-
-
-def solved(game, role, counts, tolerance=1e-4, **options):
-    """The value for a side before it moves, by its node and the other's, and the duel and table it is from."""
-    duel = make_duel(zero_sum_game(game, role, counts, **options))
-    moved = solve_duel(duel, tolerance=tolerance).table
-    return np.asarray(as_matrix(value_before_move(duel, moved))), duel, moved
 
 
 @pytest.mark.parametrize("role", [Role.PURSUER, pytest.param(Role.EVADER, marks=pytest.mark.slow)])
@@ -57,15 +46,6 @@ def test_the_table_is_that_of_brute_force(robot, captures, role):
     states = jax.vmap(GameState.of_two)(*duel.zero_sum_game.pair(own, other), jnp.zeros(len(pairs[0]), jnp.int32))
     sure = SaddlePolicy(duel.zero_sum_game, found.table).best_value(states)
     np.testing.assert_allclose(sure, before[pairs], atol=1e-5)
-
-
-@pytest.mark.slow
-def test_the_upper_value_is_nowhere_less_than_the_lower():
-    (lower, _, _), (upper, _, _) = (solved(SMALL, role, MORE) for role in Role)
-    assert np.min(-upper.T - lower) >= -5e-3
-    assert np.mean(-upper.T - lower) > 0.01
-    assert np.any(lower > 0.5)
-    assert np.any(-upper < -0.5)
 
 
 def test_between_nodes_the_value_is_multilinear():
@@ -93,29 +73,3 @@ def test_what_cannot_be_solved_is_refused(monkeypatch):
     monkeypatch.setattr(limits, "available_memory", lambda: 4096 * 1000)
     with pytest.raises(InvalidInput, match=r"grid = 5x7x3x6 needs .* GiB of memory and this machine has 0.0 GiB"):
         make_duel(zero_sum_game(SMALL, Role.PURSUER, MORE))
-
-
-RUNNER = Unicycle(v_max=1.2, u1_max=0.3, u2_max=0.0, radius=0.05)
-LINE = Game(
-    pursuer=RUNNER,
-    evader=RUNNER,
-    arena=Arena(x_max=numpy_chase.LENGTH, y_max=0.6),
-    capture_distance=0.31,
-    starts=Starts(clearance=0.1),
-)
-"""A chase along a line: in a second each action leads from a place of 0.15 m and 0.3 m/s to another."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("role", Role)
-def test_on_a_lattice_no_side_is_promised_more_than_the_exact_value(role):
-    """Nothing is interpolated there, so that the rules alone decide; a pursuer that would crash later has captured."""
-    table, duel, _ = solved(LINE, role, (numpy_chase.PLACES, 3, 5, 3), 1e-4, hold=10)
-    place, speed = np.meshgrid(np.arange(1, numpy_chase.PLACES - 1), np.arange(5), indexing="ij")
-    node = np.ravel_multi_index((speed, 0 * place, place, 0 * place + 1), duel.first.grid.shape).ravel()
-    state = (place * 5 + speed).ravel()
-    exact = numpy_chase.values(pursuing=role == Role.PURSUER, horizon=HORIZON)[np.ix_(state, state)]
-    found = table[np.ix_(node, node)]
-    assert np.max(found - exact) < 1e-4
-    assert np.mean(found > exact - 0.06) > 0.9  # a hold is lost at its beginning and won at its end
-    assert 0.05 < np.mean(exact > 0) < 0.95

@@ -32,8 +32,6 @@ OPPONENTS = {
     Role.PURSUER: FleeAware.for_side(SMALL, Role.EVADER),
     Role.EVADER: PurePursuit.for_side(SMALL, Role.PURSUER),
 }
-AHEAD = 7
-"""The action that accelerates straight ahead."""
 
 
 def search(role, holds, width=NUM_ACTIONS, opponent=None, hold=HOLD, game=SMALL):

@@ -7,10 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from apollonius.agents.classical import Uniform
-from apollonius.agents.shield import Shielded
 from apollonius.arenas.charting import charted
-from apollonius.evaluate.match import StartFilter, play_match
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.types import GameState, RobotState, Role
@@ -19,7 +16,6 @@ from apollonius.solve import viability as module
 from apollonius.solve.grid import iterate, make_grid
 from apollonius.solve.safety import solve_safety, steered_brakes
 from apollonius.solve.viability import TableClearance, Viability, doomed_start_rate, solve_viability, viable_starts
-from tests.matches import a_match
 from tests.oracle import numpy_solver as oracle
 from tests.solve.small import BODY, MOVING, SMALL, TINY, as_table
 
@@ -44,15 +40,6 @@ def test_the_table_is_that_of_brute_force():
     shares = [sweep.share(told[0].residual) for sweep in told]
     assert (shares[0], shares[-1]) == (0, 1)
     assert 0 < shares[1] < 1
-
-
-@pytest.mark.slow
-def test_behind_the_kernels_shield_no_robot_fails_from_a_viable_start(solved):
-    game = replace(MOVING, max_steps=100)
-    players = [Shielded(Uniform(), steered_brakes(game, role, GRID, solved.table)) for role in Role]
-    result = play_match(a_match(game, *players, games=100, seed=1, starts=StartFilter.VIABLE))
-    assert result.outcomes["captured"] + result.outcomes["no_result"] == 100
-    assert result.doomed_start_rate == 0
 
 
 @pytest.mark.slow

@@ -2,13 +2,10 @@
 
 from functools import cache
 
-import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_edt
 
 from apollonius.game.types import Role
-from tests.oracle import hj_air3d
-from tests.solve.two_cars import FINER, SPEEDS, Setting, captured, cells_apart, truth
+from tests.solve.two_cars import SPEEDS, Setting, captured, cells_apart, truth
 
 pytestmark = pytest.mark.slow
 
@@ -33,16 +30,3 @@ def test_the_solver_captures_two_cars_where_they_can_be_captured_within_a_cell(f
 def test_other_games_are_more_than_a_cell_away(found, played, other):
     pursuer, evader = SPEEDS[played]
     assert max(cells_apart(SETTING, found[pursuer, ..., evader], TRUTH(SETTING, SPEEDS[other]))) > 1
-
-
-@pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("speeds", [SPEEDS["both fast"], SPEEDS["faster pursuer"]], ids=["both fast", "faster pursuer"])
-def test_hj_reachability_says_the_same(found, speeds):
-    pytest.importorskip("hj_reachability")
-    pursuer, evader = speeds
-    expected = TRUTH(SETTING, speeds, hj_air3d.least_distance)
-    assert max(cells_apart(SETTING, found[pursuer, ..., evader], expected)) <= 1
-    ours = TRUTH(SETTING, speeds)
-    apart = [distance_transform_edt(psi) for psi in (*expected, *~expected)]
-    wrong = np.concatenate([expected & ~ours, ~expected & ours])
-    assert np.max(apart * wrong) / FINER <= 0.5

@@ -1,11 +1,6 @@
-"""The game of two cars in an arena whose walls are too far to matter, and how far apart two capture sets are.
-
-`python -m tests.solve.two_cars 12.25 21 16 4` compares the solver with the oracle on another grid: the arena's half
-width [m], nodes from wall to wall, headings, and holds to the horizon. `whole` after them takes moves for whole cells.
-"""
+"""The game of two cars in an arena whose walls are too far to matter, and how far apart two capture sets are."""
 
 import math
-import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,17 +96,3 @@ def cells_apart(setting, found, expected):
         for away, wrong in ((~expected, found & ~expected[inside]), (expected, ~found & expected[inside]))
     )
     return float(too_large), float(too_small)
-
-
-def main(size, places, headings, holds, *whole):
-    setting = Setting(float(size), int(places), int(headings), int(holds))
-    for role in Role:
-        found = captured(setting, role, whole_cells=bool(whole))
-        for name, speeds in SPEEDS.items():
-            pursuer, evader = speeds
-            too_large, too_small = cells_apart(setting, found[pursuer, ..., evader], truth(setting, speeds))
-            print(f"{role.name} first, {name}: {too_large:.2f} cells too large, {too_small:.2f} too small", flush=True)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
