@@ -1,9 +1,7 @@
 """Players of all kinds in C and in the page, against the package's own; and the files that a robot's program reads."""
 
-import os
 import subprocess
 from dataclasses import replace
-from shutil import which
 
 import equinox as eqx
 import jax
@@ -11,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import apollonius
 from apollonius.agents.built_in import PLAYERS
 from apollonius.agents.names import zoo_names
 from apollonius.agents.trained import find_trained
@@ -22,11 +19,9 @@ from apollonius.export import writing
 from apollonius.export.c import FLAGS, Compiled
 from apollonius.export.parity import Cases, _is_as_good, cases_of, compare, reference
 from apollonius.export.player import find_exportable, side_of
-from apollonius.export.translate import translated
 from apollonius.export.writing import check, program_of, write_c
-from apollonius.game.game import reset_batch
 from apollonius.game.scenario import stack_arenas
-from apollonius.game.types import Outcome, Role
+from apollonius.game.types import Role
 from apollonius.io.errors import InvalidInput
 from tests.export.test_translate import needs_gcc
 from tests.web.test_parity import as_on_the_page, ask, needs_node
@@ -224,34 +219,24 @@ def test_a_program_reads_the_files_and_drives_in_any_game_of_that_size(tmp_path,
         assert [float(word) for word in said.split()] == pytest.approx(
             [int(made["action"]), *map(float, made["controls"])]
         )
-    if which("valgrind"):
-        subprocess.run([*compiler, "plain", "-g"], check=True, cwd=tmp_path)
-        assert output("valgrind", "-q", "--error-exitcode=9", "./plain") == said
-
-
-def test_a_function_of_ones_own_becomes_c():
-    def law(limits, state):
-        """Turn towards the origin, at a share of the largest turn rate."""
-        bearing = jnp.arctan2(-state[1], -state[0]) - state[2]
-        return limits["turn"] * jnp.sin(bearing)
-
-    files = apollonius.translate(law, {"turn": 0.8}, jnp.zeros(3), name="home")
-    assert sorted(files) == ["home.c", "home.h"]
-    assert "void home(const home_limits *limits, const float *state, float *result);" in files["home.h"]
 
 
 @needs_gcc
 def test_the_command_writes_files_and_says_what_they_are(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(writing, "STATES", 100)
     out = tmp_path / "chaser.c"
-    assert main(["export", "P_stage1", "--to", "c", "--out", str(out), "--constants"]) == 0
+    assert main(["export", "intercept", "--to", "c", "--out", str(out), "--constants"]) == 0
     files = ["chaser.c", "chaser.game", "chaser.h", "chaser.robot.json"]
     assert sorted(path.name for path in tmp_path.iterdir()) == files
     said = capsys.readouterr()
-    assert "The pursuer P_stage1\nchecked in" in said.out
+    assert "The pursuer intercept\nchecked in" in said.out
     assert "us\n" in said.out
     text = out.with_suffix(".h").read_text()
-    for words in ("The pursuer P_stage1 of a pursuit-evasion game, 1 v 1.", "state: x [m]", "chaser.game: the structs"):
+    for words in (
+        "The pursuer intercept of a pursuit-evasion game, 1 v 1.",
+        "state: x [m]",
+        "chaser.game: the structs",
+    ):
         assert words in text
     assert "chaser_player" not in text
 
@@ -275,39 +260,3 @@ def test_what_cannot_be_exported_is_refused_in_one_line(words, tmp_path, monkeyp
     *_, last = capsys.readouterr().err.strip().splitlines()
     assert REFUSED[words] in last
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-@needs_gcc
-def test_whole_games_in_c_end_as_the_packages_and_a_shield_holds_in_them():
-    games = int(os.environ.get("GAMES", "300"))
-    pursuer, evader = exportable("paper", "shielded:P_pool"), exportable("paper", "E_optimal")
-
-    def play(pursuer_policy, evader_policy, game, start):
-        """Return how a whole game ends, and after how many steps."""
-
-        def step(now):
-            state, _ = now
-            robots = [jnp.stack(jax.tree.leaves(robot)) for robot in (state.pursuer, state.evader)]
-            given = game, jnp.stack(robots), None, (), jnp.uint32(0)
-            own = pursuer.decide(pursuer_policy, *given)["action"]
-            given = game, jnp.stack(robots[::-1]), None, (), jnp.uint32(0)
-            other = evader.decide(evader_policy, *given)["action"]
-            after = game.step(state, own, other)
-            return after.state, after.outcome
-
-        state, outcome = jax.lax.while_loop(lambda now: now[1] == Outcome.ONGOING, step, (start, jnp.int32(0)))
-        return {"outcome": outcome, "steps": state.steps}
-
-    given = pursuer.policy, evader.policy, pursuer.game
-    starts = jax.device_get(reset_batch(pursuer.game, jax.random.key(0), games))
-    first = jax.tree.map(lambda leaf: leaf[0], starts)
-    compiled = Compiled(translated(play, *given, first, name="played"))
-    ends = [compiled(*given, jax.tree.map(lambda leaf: leaf[place], starts)) for place in range(games)]  # noqa: B023
-    outcomes = np.array([int(outcome) for outcome, _ in ends])
-    crashes = {Outcome.PURSUER_HIT_OBSTACLE, Outcome.PURSUER_OUT_OF_RANGE, Outcome.BOTH_FAILED}
-    assert not crashes.intersection(outcomes.tolist())
-    print({Outcome(one).name: int((outcomes == one).sum()) for one in np.unique(outcomes)})
-    batch = jax.jit(jax.vmap(play, in_axes=(None, None, None, 0)))
-    same = np.asarray(batch(*given, jax.tree.map(lambda leaf: leaf[:50], starts))["outcome"]) == outcomes[:50]
-    assert same.mean() >= 0.9  # rounding parts long games

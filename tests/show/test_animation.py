@@ -24,7 +24,7 @@ from apollonius.show import style
 from apollonius.show.animation import LINE, MARGIN, Captioned, frames, save_animation
 from apollonius.show.canvas import SIZE, Canvas, save_side_by_side
 from apollonius.show.fog import fog
-from apollonius.show.palette import PAPER
+from apollonius.show.palette import OBSTACLE, PAPER
 from tests.show.conftest import BLUE, RED, WHITE, colour_at
 
 STEPS = 12
@@ -101,26 +101,15 @@ def test_fog_is_what_a_side_believed_while_the_game_was_played(words_of):
     assert fog(replace(replay, game=make_game("paper"))) is None
 
 
-@pytest.mark.parametrize("active", [(True, True), (False, True), (True, False)])
-def test_a_turned_game_is_a_turned_picture(active):
-    """But for pixels on edges, partly of one colour and partly of another, and one at the end of a line."""
-    game = make_game("territory")
-    disc, ring, corners = game.arena.discs[0], game.arena.territory, ((1.0, 5.0), (3.0, 5.0), (1.0, 6.0))
-    moves = np.array([[2, 3, 1, 0.4, 8, 6, 1, 2], [3, 3.5, 1, 0.9, 7.5, 7, 1, 2.5]])
-    pictures = []
-    for turned in (False, True):
-        if turned:
-            disc, ring = (replace(one, x=8 - one.y, y=one.x) for one in (disc, ring))
-            corners = tuple((8 - y, x) for x, y in corners)
-            moves = moves[:, [1, 0, 2, 3, 5, 4, 6, 7]] * np.tile([-1, 1, 1, 1], 2) + np.tile([8, 0, 0, np.pi / 2], 2)
-        size = {"x_max": 8.0, "y_max": 10.0} if turned else {"x_max": 10.0, "y_max": 8.0}
-        arena = replace(game.arena, **size, discs=(disc,), territory=ring, polygons=(Polygon(corners),))
-        canvas = Canvas(replace(game, arena=arena, capture_distance=1.0))
-        for robots in moves:
-            canvas.move(robots.tolist(), active)
-        pictures.append(canvas.picture())
-    ours, theirs = np.asarray(pictures[0].transpose(Image.Transpose.ROTATE_90), int), np.asarray(pictures[1], int)
-    assert (np.abs(ours - theirs).max(axis=2) > 110).sum() <= 1
+def test_obstacles_and_the_territory_are_where_they_are(replay):
+    arena = make_game("territory").arena
+    polygon, (disc, *_), goal = Polygon(((1.0, 8.0), (3.0, 8.0), (1.0, 9.0))), arena.discs, arena.territory
+    game = replace(replay.game, arena=replace(arena, discs=(disc,), polygons=(polygon,)))
+    picture, grey = next(frames(replace(replay, game=game))), ImageColor.getrgb(OBSTACLE)
+    inside = (disc.x + 0.8 * disc.radius, disc.y), (1.2, 8.8), (2.8, 8.05)
+    outside = (disc.x + 1.2 * disc.radius, disc.y), (2.8, 8.8), (goal.x, goal.y)
+    assert [colour_at(picture, *place) for place in (*inside, *outside)] == [grey] * 3 + [WHITE] * 3
+    assert colour_at(picture, goal.x + goal.radius, goal.y) != WHITE
 
 
 def test_pictures_side_by_side_are_whole_and_so_are_their_captions(tmp_path):

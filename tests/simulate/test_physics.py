@@ -4,22 +4,18 @@ import sys
 from dataclasses import replace
 from xml.etree import ElementTree
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from apollonius.game.arena import Arena, Disc
 from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game
-from apollonius.game.occupancy import OccupancyMap
 from apollonius.game.polygon import Polygon
 from apollonius.game.presets import make_game
-from apollonius.game.starts import Starts
 from apollonius.io.errors import InvalidInput
 from apollonius.simulate.drive import Drive
 from apollonius.simulate.physics import Physics, mjcf
 from tests.car import Car
-from tests.simulate.test_drive import IDEAL
 from tests.test_extending import WALL, WithCapsules
 
 pytest.importorskip("mujoco")
@@ -40,11 +36,6 @@ def test_robots_are_placed_as_they_are_measured():
     assert physics.measure(physics.place(HERE)) == pytest.approx(HERE, abs=1e-12)
 
 
-def test_a_step_of_the_game_is_divided_evenly():
-    physics = Physics(replace(PAPER, dt=0.012), Drive(latency=0.0))
-    assert (physics.steps, physics.step) == (3, pytest.approx(0.004))
-
-
 def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
     after = drive_on(Physics(PAPER, Drive()), HERE[:1], 0.5, 0.4, 3.0)
     x, y, v, heading = after[0, :4]
@@ -54,12 +45,6 @@ def test_the_robot_goes_as_fast_and_turns_as_far_as_its_wheels_say():
     ideal = (2 + radius * (np.sin(1.7) - np.sin(0.5)), 5 - radius * (np.cos(1.7) - np.cos(0.5)))
     assert np.hypot(x - ideal[0], y - ideal[1]) < 0.1
     assert after[0, 6] == pytest.approx(0.0, abs=0.01)  # the evader's wheels were told to stand
-
-
-def test_without_grip_the_wheels_spin_and_the_robot_stays_behind():
-    slippery = drive_on(Physics(PAPER, Drive(friction=0.02, lag=0.0)), HERE[:1], 1.0, 0.0, 1.0)
-    assert slippery[0, 2] < 0.3
-    assert drive_on(Physics(PAPER, IDEAL), HERE[:1], 1.0, 0.0, 1.0)[0, 2] > 0.95
 
 
 @pytest.mark.parametrize(("radius", "stops"), [(0.2, True), (0.0, False)])
@@ -111,12 +96,6 @@ def test_robots_weigh_what_the_drive_says_and_have_a_shell_where_the_game_gives_
     assert mass == pytest.approx(12.0)
     assert numbers(found["pursuer shell"]["size"])[0] == pytest.approx(0.19)
     assert "evader shell" not in found
-
-
-def on_a_map():
-    cells = OccupancyMap(jnp.ones((4, 4)), 0.0, 0.0, 0.1, "none.yaml", "")
-    starts = Starts(clearance=0.0, separation=0.05)
-    return replace(PAPER, arena=Arena(0.0, 0.3, 0.0, 0.3, map=cells), capture_distance=0.01, starts=starts)
 
 
 @pytest.mark.parametrize(

@@ -67,12 +67,6 @@ const answers = {
     }
     return { rows, outcomes, statuses };
   }),
-  agent({ path, game: rules, role, observations, rows }) {
-    const network = read(path);
-    const chosen = (player) => rows.map((row) => game.actionLevels(player(rules, asState(rules, row), { role, number: 0 })[0]));
-    const outputs = observations.map((observation) => [...players.outputs(network, observation)]);
-    return { outputs, levels: chosen(players.atBest(network)), shielded: chosen(players.shielded(players.atBest(network))) };
-  },
   /** What players do: actions, or pairs of levels. */
   plays: (all) => all.map(({ name, game: rules, role, rows, statuses }) => {
     const { act } = findPlayer({ name }, role);

@@ -14,16 +14,14 @@ import pytest
 
 from apollonius.agents.built_in import BY_CHART, PLAYERS
 from apollonius.agents.classical import AbstractClassical
-from apollonius.agents.network import apply, make_actor, make_network
+from apollonius.agents.network import make_actor, make_network
 from apollonius.agents.shield import MARGIN, brakes
-from apollonius.agents.store import describe, load_agent, save_agent
-from apollonius.agents.trained import ZOO
+from apollonius.agents.store import describe, save_agent
 from apollonius.arenas.charting import charted
 from apollonius.arenas.file import find_game, game_names, load_game
 from apollonius.arenas.record import to_dict
-from apollonius.catalogue import find_player
 from apollonius.game.arena import Arena, Disc
-from apollonius.game.dynamics import Unicycle, action_levels
+from apollonius.game.dynamics import Unicycle
 from apollonius.game.game import Game, reset_batch
 from apollonius.game.occupancy import OccupancyMap, distance_field
 from apollonius.game.polygon import Polygon
@@ -288,31 +286,6 @@ def test_a_pursuer_in_fog_searches_where_it_has_seen_nobody_of_late(foggy):
     ages = [one["age"] for one in ask(knowledge={"game": record, "role": "pursuer", "rows": as_rows(states).tolist()})]
     assert len(found["seen"]) == sum(age <= 1.05 for age in ages)
     assert len({act for act, age in zip(found["acts"], ages, strict=True) if age > 1.05}) > 1
-
-
-@pytest.mark.parametrize("name", ["smooth", slow("plain"), slow("P_pool")])
-def test_networks_and_shields_choose_the_same_actions(name, request):
-    path = ZOO / "P_pool.safetensors" if name == "P_pool" else request.getfixturevalue(name)
-    (game, rows), role = drawn("paper", 2000), Role[load_agent(path).header.role.upper()]
-    agent, guarded = (find_player(f"{prefix}{path}", role, game).policy for prefix in ("", "shielded:"))
-
-    @jax.jit
-    def expected(row):
-        view = look(game, as_state(row, jnp.asarray(0)), role)
-        seen = agent.observation(view)
-        own, behind_shield = (
-            jnp.stack(action_levels(player(player.observation(view), player.memory, jnp.uint32(0))[0]))
-            for player in (agent, guarded)
-        )
-        return seen, apply(agent.network.layers, seen), own, behind_shield
-
-    seen, outputs, own, behind_shield = map(np.asarray, jax.vmap(expected)(jnp.asarray(rows)))
-    asked = {"path": str(path), "game": to_dict(game), "role": role.name.lower()}
-    answer = ask(agent=asked | {"observations": seen.tolist(), "rows": rows.tolist()})
-    np.testing.assert_allclose(answer["outputs"], outputs, atol=1e-4)
-    np.testing.assert_allclose(answer["levels"], own, atol=1e-5)
-    np.testing.assert_allclose(answer["shielded"], behind_shield, atol=1e-5)
-    assert 50 < np.any(own != behind_shield, axis=1).sum() < len(rows)
 
 
 def test_replays_play_again_in_the_package(smooth, plain, tmp_path):

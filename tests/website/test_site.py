@@ -94,17 +94,6 @@ def test_home_leads_to_the_same_game_on_the_whole_screen_and_back(browser, addre
         assert tab.inner_text("#goal").startswith("5. "), "another level, chosen in the frame"
 
 
-def test_the_slider_at_home_shows_a_hunter_that_learned(browser, address):
-    with opened(browser, address, "index.html") as tab:
-        game = tab.frame_locator("iframe.wide")
-        tab.locator("iframe.wide").scroll_into_view_if_needed()
-        game.locator("#go:enabled").wait_for()
-        assert game.locator("#learning output").inner_text() == "0 %"
-        game.locator("#learning input").fill("4")
-        playwright.expect(game.locator("#go")).to_have_text("Pause", timeout=20_000)
-        assert game.locator("#goal").inner_text().startswith("Red: after 100 % of its training")
-
-
 def test_the_gallery_leads_to_a_game_in_its_arena(browser, address):
     with opened(browser, address, "reference/arenas.html") as tab:
         tab.locator("a.play[href*=office]").click()
@@ -117,10 +106,3 @@ def test_what_is_searched_for_is_found(browser, address):
         tab.locator("#search-results li a").first.wait_for()
         links = tab.locator("#search-results li a").evaluate_all("links => links.map(link => link.href)")
         assert any("reference/api/game.html" in link for link in links)
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_pages_are_as_light_or_dark_as_the_reader_likes(browser, address, theme):
-    with opened(browser, address, "reference/rules.html", color_scheme=theme) as tab:
-        red = tab.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0]")
-        assert (int(red) > 127) == (theme == "light")
